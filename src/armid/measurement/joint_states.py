@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from armid.errors import Finding, RecordingError
 from armid.maths.median import median
 from armid.measurement.columns.channels import LISTED
+from armid.measurement.columns.joint_names import comparison
 from armid.values import Array
 
 FIELDS = ("position", "velocity", "effort")
@@ -138,10 +139,13 @@ def _chosen(filled: Sequence[Publisher], wanted: Sequence[str], path: Path, topi
             chosen.append(each)
             needed -= set(each.names)
     if needed:
+        compared = "" if chosen else f" {comparison(names_of(filled), wanted, 'the description')}"
         raise RecordingError(
-            f"{path}: nobody publishes {', '.join(name for name in wanted if name in needed)} on {topic}.",
+            f"{path}: nobody publishes {', '.join(name for name in wanted if name in needed)} on {topic}.{compared}",
             possible=f"joints there: {', '.join(names_of(filled))}",
-            remedy="rename with joints = { file name = robot joint }, and lock joints that were not recorded.",
+            remedy=("" if chosen else "give the description of the recorded arm; or ")
+            + "rename with joints = { file name = robot joint }, and lock joints that were not "
+            "recorded.",
         )
     return chosen
 

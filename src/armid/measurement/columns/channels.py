@@ -8,6 +8,7 @@ import numpy as np
 
 from armid.errors import Finding, RecordingError
 from armid.maths.median import median
+from armid.measurement.columns.joint_names import comparison
 from armid.measurement.log_format import LogFormat
 from armid.measurement.recording import Recording
 from armid.robot.robot import Held, Robot
@@ -84,10 +85,13 @@ def _targets(recording: Recording, log_format: LogFormat, robot: Robot) -> list[
         parts = [
             f"{what}: {', '.join(x)}" for what, x in (("missing", missing), ("extra", extra), ("twice", twice)) if x
         ]
+        none = not set(robot.joint_names) & set(targets)
+        compared = f" {comparison(channels, robot.joint_names, robot.name)}" if none else ""
         raise RecordingError(
-            f"{recording.source} does not have the joints of {robot.name} ({'; '.join(parts)}).",
+            f"{recording.source} does not have the joints of {robot.name} ({'; '.join(parts)}).{compared}",
             possible=f"joints {', '.join(robot.joint_names)}; channels {', '.join(channels)}",
-            remedy="rename with joints = { file name = robot joint }, leave a channel out by an empty name, and lock "
+            remedy=("give the description of the recorded arm; or " if none else "")
+            + "rename with joints = { file name = robot joint }, leave a channel out by an empty name, and lock "
             "joints that were not recorded.",
         )
     return targets

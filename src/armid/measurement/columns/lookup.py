@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from armid.errors import Finding, RecordingError
 from armid.measurement.columns.clocks import Values, evenly_growing, unit_of_step
 from armid.measurement.columns.guesses import ClockRequest, Guess, guess_columns, shortened
+from armid.measurement.columns.joint_names import other_arm, refuse_other_joints
 from armid.measurement.columns.units import factors, is_current, overruled, stated_units, unit_fields
 from armid.measurement.columns.unread import effort_possible, no_such_column, positions_missing
 from armid.measurement.log_format import PRESETS, QUANTITIES, LogFormat
@@ -96,19 +97,23 @@ def select(
     ):
         guess = _guess(present, open_, chosen, log_format, robot, path, matrices=matrices, values=values)
         chosen |= guess.columns
+    labels = _labels(log_format, robot)[0]
+    if robot is not None and not guess.joints and (not chosen["q"] or "q" in guess.columns):
+        refuse_other_joints(names, log_format, robot, labels, chosen["q"], path)
     if not chosen["q"]:
-        raise positions_missing(present, chosen, log_format, path, robot, _labels(log_format, robot)[0])
+        raise positions_missing(present, chosen, log_format, path, robot, labels)
     if log_format.drive_gain is not None and "effort" not in log_format.columns and log_format.preset is None:
         _refuse_two_efforts(chosen["effort"], present, path)
     guessed = _as_fields(guess, log_format, robot) | unit_fields(chosen, log_format)
     contradicted = overruled(chosen, log_format)
-    findings = _findings(guess, guessed, chosen, contradicted)
+    doubt = "" if robot is None or guess.joints else other_arm(guess.columns.get("q", ()), labels, robot.name)
+    findings = _findings(guess, guessed, chosen, contradicted, doubt)
     if contradicted:
         remedy = "correct the names of the columns, or leave out what was given"
         findings += (Finding("units-of-header", "warning", "", " ".join(contradicted.values()), remedy),)
     if values is not None and _lacks_clock(chosen, log_format):
         findings += _possible_clocks(present, chosen, values, log_format)
-    findings += effort_possible(list(present), chosen, log_format, _labels(log_format, robot)[0])
+    findings += effort_possible(list(present), chosen, log_format, labels)
     return Selection(**chosen, guessed=guessed, findings=findings)
 
 
@@ -235,12 +240,17 @@ def _as_fields(guess: Guess, log_format: LogFormat, robot: Robot | None) -> dict
 
 
 def _findings(
-    guess: Guess, guessed: Mapping[str, Any], chosen: Mapping[str, tuple[str, ...]], contradicted: Collection[str]
+    guess: Guess,
+    guessed: Mapping[str, Any],
+    chosen: Mapping[str, tuple[str, ...]],
+    contradicted: Collection[str],
+    doubt: str,
 ) -> tuple[Finding, ...]:
     """Findings about guessed columns and units, with the lines of a study that state them."""
     units = stated_units(chosen, contradicted)
     sentences = [f"By the names of the columns: {'; '.join(guess.reasons)}."] if guess.columns else []
     sentences += [f"By their names, {units}."] if units else []
+    sentences += [doubt] if doubt else []
     if not sentences:
         return ()
     plain: dict[str, Any] = {
@@ -249,7 +259,7 @@ def _findings(
     if guess.columns:
         every: Mapping[str, tuple[str, ...]] = guessed["columns"]
         plain["columns"] = {name: each[0] if len(each) == 1 else list(each) for name, each in every.items()}
-    severity = "warning" if guess.commanded else "info"
+    severity = "warning" if guess.commanded or doubt else "info"
     code = "columns-guessed" if guess.columns else "units-of-header"
     return (Finding(code, severity, "", " ".join(sentences), lines(**plain) if plain else ""),)
 

@@ -202,7 +202,7 @@ def named(column: str, labels: Sequence[str]) -> list[ColumnName]:
         measured = unit_of(unit) if unit else next((UNITS[word] for word in form if word in ANGLES), None)
         if unit and measured is None:
             return []  # another quantity
-        quantity = _quantity(form)
+        quantity = quantity_of(form)
         by_unit = quantity is None and isinstance(channel, str) and channel != "" and _is_torque(unit)
         quantity = "effort" if by_unit else quantity
         if quantity is None or OTHER & set(form) or (quantity == "current" and channel == ""):
@@ -260,7 +260,7 @@ def _channels(parts: Sequence[str], labels: Sequence[str], *, by_unit: bool) -> 
         name = words(label)
         for k in range(len(parts) - len(name) + 1):
             form = [*parts[:k], "*", *parts[k + len(name) :]]
-            if list(parts[k : k + len(name)]) == name and (by_unit or _quantity(form)):
+            if list(parts[k : k + len(name)]) == name and (by_unit or quantity_of(form)):
                 return [(label, form)]
     numbers = [k for k, word in enumerate(parts) if word.isdigit()]
     if not numbers:
@@ -268,7 +268,7 @@ def _channels(parts: Sequence[str], labels: Sequence[str], *, by_unit: bool) -> 
     return [(int(parts[k]), [*parts[:k], "*", *parts[k + 1 :]]) for k in numbers]
 
 
-def _quantity(form: Sequence[str]) -> str | None:
+def quantity_of(form: Sequence[str]) -> str | None:
     """Quantity that the words of a name state without ambiguity."""
     found = {quantity for quantity, known in QUANTITIES.items() if set(known) & set(form)}
     if "dot" in form and found == {"q"}:

@@ -1,0 +1,95 @@
+"""A log that names another arm's joints is told so and is never read in their order."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from armid.errors import RecordingError
+from armid.measurement.columns.channels import in_joint_order
+from armid.measurement.columns.joint_names import stated_joints
+from armid.measurement.columns.lookup import Selection, select
+from armid.measurement.joint_states import Publisher, joined
+from armid.measurement.log_format import LogFormat
+from armid.measurement.recording import Recording
+from armid.remedy import Remedy
+from armid.robot import load_robot
+from armid.study.remedies import as_option
+
+UR = ("shoulder_pan_joint", "shoulder_lift_joint", "elbow_joint", "wrist_1_joint", "wrist_2_joint", "wrist_3_joint")
+SEVEN = ("base", "upperarm", "forearm", "wr1", "wr2", "wr3", "flange")
+IIWA = load_robot("iiwa14-r820")
+
+
+def columns(joints: Sequence[str], form: str = "{joint}_{quantity}") -> list[str]:
+    quantities = ("position", "velocity", "effort")
+    return ["time", *(form.format(joint=joint, quantity=quantity) for quantity in quantities for joint in joints)]
+
+
+def read(joints: Sequence[str], log_format: LogFormat | None = None, form: str = "{joint}_{quantity}") -> Selection:
+    return select(columns(joints, form), log_format or LogFormat(), Path("log.csv"), IIWA)
+
+
+@pytest.mark.parametrize("form", ["{joint}_{quantity}", "{quantity}.{joint}", "actual_{quantity}/{joint}"])
+def test_another_arms_names_are_listed_beside_the_arms(form: str):
+    with pytest.raises(RecordingError) as caught:
+        read(UR, form=form)
+    assert f"The log names joints {', '.join(UR)}; {IIWA.name} has A1, A2, A3, A4, A5, A6, A7: none match." in str(
+        caught.value
+    )
+    assert "description of the recorded arm" in caught.value.remedy
+
+
+def test_as_many_joints_are_not_read_by_their_order():
+    with pytest.raises(RecordingError, match="none match") as caught:
+        read(SEVEN)
+    (part,) = [each for each in Remedy.read(caught.value.remedy).parts if not isinstance(each, str)]
+    option = as_option(part.text)
+    assert option is not None and f"q={','.join(f'{joint}_position' for joint in SEVEN)}" in option
+    read(SEVEN, LogFormat(**part.keys))  # the lines that the error offers are accepted
+
+
+def test_a_part_of_the_names_is_counted():
+    with pytest.raises(RecordingError, match="4 of 7 match") as caught:
+        read(("A1", "A2", "A3", "A4", "wrist", "hand", "flange"))
+    assert "--lock A5 --lock A6 --lock A7" in caught.value.remedy
+
+
+def test_numbered_names_of_another_arm_are_a_warning():
+    (finding,) = read([f"panda_joint{k}" for k in range(1, 8)]).findings
+    assert finding.severity == "warning" and "none match" in finding.evidence
+    assert "by their numbers" in finding.evidence
+    with pytest.raises(RecordingError, match="none match"):
+        read([f"panda_joint{k}" for k in range(1, 7)])
+
+
+@pytest.mark.parametrize("name", ["joint{}", "axis_{}", "J{}", "A{}", "lbr_A{}"])
+def test_numbers_alone_and_the_arms_own_names_are_read(name: str):
+    assert [finding.severity for finding in read([name.format(k) for k in range(1, 8)]).findings] == ["info"]
+
+
+def test_a_gripper_beside_numbered_joints_is_no_other_arm():
+    assert len(read([*(f"joint{k}" for k in range(1, 8)), "left_finger", "right_finger"]).q) == 7
+
+
+def test_named_channels_of_another_arm():
+    q = np.zeros((5, 6))
+    with pytest.raises(RecordingError, match="none match") as caught:
+        in_joint_order(Recording(time=np.arange(5.0), q=q, joint_names=UR), LogFormat(), IIWA)
+    assert "description of the recorded arm" in caught.value.remedy
+
+
+def test_joint_states_of_another_arm():
+    with pytest.raises(RecordingError, match="none match"):
+        joined([Publisher(UR)], IIWA.joint_names, (), Path("bag"), "/joint_states")
+
+
+def test_the_joint_is_what_the_quantity_leaves_of_a_name():
+    assert stated_joints(["wrist_1_joint_position", "position.elbow", "shoulderPos [deg]", "tool_x"], "q") == {
+        "wrist_1_joint": "wrist_1_joint_position",
+        "elbow": "position.elbow",
+        "shoulder": "shoulderPos [deg]",
+    }
