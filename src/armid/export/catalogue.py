@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Protocol
 from armid.catalogue import Catalogue
 
 if TYPE_CHECKING:
+    from armid.errors import OutputError
     from armid.export.types import (
         Body,
         Content,
@@ -54,6 +55,11 @@ class Exporter(Protocol):
     @staticmethod
     def write(content: Content) -> WrittenDescription:
         """File with the content: the edited description if there is one, else a new file."""
+        ...
+
+    @staticmethod
+    def missing_limits(robot: Robot) -> OutputError | None:
+        """Error for limits that a new file needs and the arm lacks; `None` where it lacks none."""
         ...
 
     @staticmethod

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Generator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -20,6 +21,7 @@ from armid.export.source import find_source, unseen_recordings
 from armid.export.standard_values import values_to_write
 from armid.export.types import Body, Content, DescriptionSource
 from armid.export.verification import Prediction, places_of, verify, without_place
+from armid.remedy import Remedy
 from armid.robot.robot import InertialParameters, Link, Robot
 from armid.runs.run import Run
 from armid.study.records import finding_record, to_json
@@ -96,14 +98,16 @@ def export_run(
     _refuse_options(source, limits, bodies, lumped=lumped)
     placeless = set[int]() if bodies is None else set(range(run.robot.n)) - {body.link for body in bodies}
     carried = carried_by([] if lumped else bodies or [], run.robot.n)
-    theta, kind, findings = values_to_write(
-        run, placeless, carried, nearest=nearest, allow_unphysical=allow_unphysical
-    )
-    guessed = refuse_unidentified(run, theta, placeless, allowed=allow_unidentified)
-    content, shared = _content(run, exporter, theta, source, bodies, limits or {}, lumped=lumped)
-    findings = (*(source.findings if bodies is not None else ()), *findings, *guessed, *shared)
-    unphysical = unphysical_names(content, placeless, bodies or ())
-    findings = (*findings, *refuse_unphysical(run, unphysical, allowed=allow_unphysical))
+    robot = with_limits(run.robot, limits or {})
+    with _beside(exporter.missing_limits(robot) if bodies is None else None):
+        theta, kind, findings = values_to_write(
+            run, placeless, carried, nearest=nearest, allow_unphysical=allow_unphysical
+        )
+        guessed = refuse_unidentified(run, theta, placeless, allowed=allow_unidentified)
+        content, shared = _content(run, exporter, theta, source, bodies, robot, lumped=lumped)
+        findings = (*(source.findings if bodies is not None else ()), *findings, *guessed, *shared)
+        unphysical = unphysical_names(content, placeless, bodies or ())
+        findings = (*findings, *refuse_unphysical(run, unphysical, allowed=allow_unphysical))
     written = exporter.write(content)
     verified = verify(
         exporter, written, content, run, theta, unseen_recordings(run, data), unphysical=bool(unphysical)
@@ -114,6 +118,21 @@ def export_run(
     findings = (*findings, *far, *written.findings, *_sidecar_only(run, exporter, side.name), *verified.findings)
     edited = "" if bodies is None else source.path
     return Exported(path, side, to, edited, kind, verified.checks, verified.predictions, findings)
+
+
+@contextmanager
+def _beside(missing: OutputError | None) -> Generator[None]:
+    """Adds missing limits to an error about the values, so that one message names everything that is missing."""
+    try:
+        yield
+    except OutputError as error:
+        if missing is None:
+            raise
+        raise OutputError(
+            f"{error.problem} {missing.problem}",
+            possible="; ".join(part for part in (error.possible, missing.possible) if part),
+            remedy=Remedy(*Remedy.read(error.remedy).parts, f" Besides, {missing.remedy}"),
+        ) from error
 
 
 def _exporter(to: str) -> Exporter:
@@ -133,17 +152,17 @@ def _content(
     theta: Array,
     source: DescriptionSource,
     bodies: Sequence[Body] | None,
-    limits: Mapping[tuple[str, str], float | tuple[float, float]],
+    robot: Robot,
     *,
     lumped: bool,
 ) -> tuple[Content, tuple[Finding, ...]]:
     """Content to be written, and findings about the distribution of inertia among the description's bodies."""
-    robot = _identified(run, theta)
+    robot = _identified(run, robot, theta)
     joints = {
         name: {term: value for term, value in values.items() if term in exporter.PLACES}
         for name, values in places_of(run.model, theta).items()
     }
-    content = Content(with_limits(robot, limits), joints)
+    content = Content(robot, joints)
     if bodies is None:
         return content, ()
     links = [link.inertial or InertialParameters.zero() for link in robot.links]
@@ -209,14 +228,14 @@ def _bodies(exporter: Exporter, source: DescriptionSource, robot: Robot) -> list
     return exporter.bodies(source, exporter.read(source.data, source.locked), robot)
 
 
-def _identified(run: Run, theta: Array) -> Robot:
-    """Arm with the identified inertias of its links."""
+def _identified(run: Run, robot: Robot, theta: Array) -> Robot:
+    """The arm with the identified inertias of its links."""
     vectors = theta[run.model.inertial_columns].reshape(-1, 10)
     links = [
         Link(link.name, InertialParameters.from_vector(vector))
-        for link, vector in zip(run.robot.links, vectors, strict=True)
+        for link, vector in zip(robot.links, vectors, strict=True)
     ]
-    return replace(run.robot, links=tuple(links))
+    return replace(robot, links=tuple(links))
 
 
 def _sidecar_only(run: Run, exporter: Exporter, side: str) -> list[Finding]:

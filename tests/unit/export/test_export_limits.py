@@ -69,11 +69,37 @@ def test_joints_with_stops_ask_for_theirs(tmp_path):
         export_run(made, "urdf", tmp_path / "out.urdf")
     assert not (tmp_path / "out.urdf").exists() and not list(tmp_path.glob("*.armid.json"))
     option = caught.value.remedy.partition("--limit ")[2]
-    assert option == "lift.effort=100,slide.velocity=2,slide.effort=100,slide.position=-0.5:0.5"
+    assert (
+        option
+        == "turn.velocity=2,turn.effort=100,lift.effort=100,slide.velocity=2,slide.effort=100,slide.position=-0.5:0.5"
+    )
     exported = export_run(made, "urdf", tmp_path / "out.urdf", limits=parse_limits([option]))
     found = limits(exported.path)
     assert [float(x) for x in found["slide"].values()] == [-0.5, 0.5, 100.0, 2.0]
     assert float(found["lift"]["velocity"]) == 2.0 and float(found["lift"]["effort"]) == 100.0
+
+
+def test_everything_that_is_missing_is_asked_for_at_once(tmp_path):
+    """One option line, also of a continuous joint, which needs no limits; no finding asks for more afterwards."""
+    made = run(tmp_path, turn="effort = 5", lift="velocity = 2")
+    with pytest.raises(OutputError, match=r"some of lift \(and of turn") as caught:
+        export_run(made, "urdf", tmp_path / "out.urdf")
+    option = caught.value.remedy.partition("--limit ")[2]
+    assert option == "turn.velocity=2,lift.effort=100"
+    exported = export_run(made, "urdf", tmp_path / "out.urdf", limits=parse_limits([option]))
+    assert "limits-unknown" not in {finding.code for finding in exported.findings}
+
+
+def test_limits_are_asked_for_beside_what_else_hinders(tmp_path, monkeypatch):
+    def refuse(*_, **__):
+        raise OutputError(
+            "Torques do not determine the mass.", possible="--allow-unidentified", remedy="give masses."
+        )
+
+    monkeypatch.setattr("armid.export.write.refuse_unidentified", refuse)
+    with pytest.raises(OutputError, match=r"Unknown mass\. A URDF needs limits") as caught:
+        export_run(run(tmp_path, lift=""), "urdf", tmp_path / "out.urdf")
+    assert caught.value.remedy.startswith("give masses. Besides, ") and "lift.effort=100" in caught.value.remedy
 
 
 def test_no_limit_of_zero_anywhere(tmp_path):

@@ -98,6 +98,22 @@ def write(content: Content) -> WrittenDescription:
     return WrittenDescription(document.edited(), _relative_meshes(document))
 
 
+def missing_limits(robot: Robot) -> OutputError | None:
+    """Error for joints with stops that lack a limit; its option to paste has the limits of other joints, too."""
+    without = [joint for joint in robot.joints if _has_stops(joint) and _missing(joint)]
+    if not without:
+        return None
+    option = _example([joint for joint in robot.joints if _missing(joint)])
+    endless = [joint.name for joint in robot.joints if not _has_stops(joint) and not _has_limits(joint)]
+    return OutputError(
+        f"A URDF needs limits of effort and velocity for each joint with position limits; the description "
+        f"lacks some of {', '.join(joint.name for joint in without)}"
+        + (f" (and of {', '.join(endless)}, where the format does not need them)." if endless else "."),
+        possible="mjcf and sdf need none",
+        remedy=f"give the missing limits of the arm: {option}",
+    )
+
+
 def read(data: bytes, locked: Mapping[str, float]) -> Robot:
     """Arm of a URDF."""
     return reader.read(data.decode(), source="the written file", locked=locked, tip=None)
@@ -212,7 +228,8 @@ def _relative_meshes(document: Document) -> tuple[Finding, ...]:
 def _fresh(content: Content) -> WrittenDescription:
     """New URDF of links with inertia and without shapes."""
     robot = content.robot
-    _refuse_unlimited(robot)
+    if (missing := missing_limits(robot)) is not None:
+        raise missing
     names = unique_names([link.name for link in robot.links])
     base, tip = unique_names(["base_link", robot.tip.name], names)
     fixed = unique_names([f"{tip}_fixed"], robot.joint_names)[0]
@@ -284,23 +301,6 @@ EXAMPLES = {"velocity": "2", "effort": "100", "position": "-0.5:0.5"}
 
 def _example(joints: Sequence[Joint]) -> str:
     return "--limit " + ",".join(each for joint in joints for each in _missing(joint))
-
-
-def _refuse_unlimited(robot: Robot) -> None:
-    """Check that all limits required by the format are known.
-
-    Raises:
-        OutputError: Such joints; the message has an option to paste.
-    """
-    without = [joint for joint in robot.joints if _has_stops(joint) and _missing(joint)]
-    if without:
-        names = ", ".join(joint.name for joint in without)
-        raise OutputError(
-            f"A URDF needs limits of effort and velocity for each joint with position limits; the description "
-            f"lacks some of {names}.",
-            possible="mjcf and sdf need none",
-            remedy=f"give the missing limits of the arm: {_example(without)}",
-        )
 
 
 def _origin(pose: Array) -> str:
