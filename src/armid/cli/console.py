@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import re
 import sys
 import time
 from collections.abc import Generator, Sequence
@@ -20,6 +21,7 @@ from rich.table import Table
 from armid.cli.hints import hint
 from armid.errors import ArmidError, Finding
 from armid.notebook import names_apart
+from armid.remedy import Remedy
 from armid.study.compare import MethodTable
 from armid.study.identify import Progress as ReportProgress
 from armid.validation.prediction import Score, Validation
@@ -36,6 +38,9 @@ SHORT_TITLES = {"validation": "valid.", "earlier run": "earlier"}
 
 MESH_MESSAGE_INTERVAL = 2.0
 """Time until the first message that meshes are being read, and between two such messages [s]."""
+
+OPTION = re.compile(r"(?<!\S)--[a-z]|\barmid [a-z]|\b[a-z_]+ = \S")
+"""An option, a command or a key of a study in a remedy."""
 
 MAX_RECORDING_COLUMNS = 2
 """Largest number of recordings with a column each; more share a column with their root mean square."""
@@ -66,11 +71,13 @@ def print_error(error: ArmidError) -> None:
     if error.possible:
         console.print(f"[dim]possible:[/] {escape(error.possible)}")
     if error.remedy:
-        console.print(f"[bold]hint:[/] {escape(error.remedy)}")
+        console.print(f"[bold]hint:[/] {escape(error.remedy)}", soft_wrap=to_paste(error.remedy))
 
 
 def print_findings(findings: Sequence[Finding], *, shapes: bool = False) -> None:
-    """Prints findings, one line each, errors first, without duplicates, after flushing standard output.
+    """Prints findings, errors first, without duplicates, after flushing standard output.
+
+    A remedy to paste stands below its finding, in lines that are not wrapped.
 
     Args:
         findings: Findings of the command.
@@ -82,10 +89,26 @@ def print_findings(findings: Sequence[Finding], *, shapes: bool = False) -> None
     printed = [finding for finding in dict.fromkeys(findings) if shapes or finding.code not in SHAPE_FINDINGS]
     for finding in sorted(printed, key=lambda finding: list(colours).index(finding.severity)):
         prefix = f"{finding.channel}: " if finding.channel else ""
-        separator = "; " if finding.remedy and finding.evidence[-1:] not in (".", ";") else " "
-        text = separator.join(part for part in (prefix + finding.evidence, hint(finding.remedy)) if part)
+        remedy = hint(finding.remedy)
+        below = to_paste(remedy)
+        separator = "; " if remedy and not below and finding.evidence[-1:] not in (".", ";") else " "
+        text = separator.join(part for part in (prefix + finding.evidence, "" if below else remedy) if part)
         colour = colours[finding.severity]
         console.print(f"[{colour}]{finding.severity}[/] [{colour}]{finding.code}[/] {escape(text)}")
+        if below:
+            print_to_paste(console, remedy)
+
+
+def to_paste(remedy: str) -> bool:
+    """Test of a remedy for lines of a study or options of the command line, which wrapping would break."""
+    parts = remedy.parts if isinstance(remedy, Remedy) else Remedy.read(remedy).parts
+    return any(not isinstance(part, str) for part in parts) or OPTION.search(remedy) is not None
+
+
+def print_to_paste(console: Console, remedy: str) -> None:
+    """Print a remedy in its own lines, without wrapping."""
+    for line in remedy.splitlines():
+        console.print(f"  {line}", style="bold", soft_wrap=True, markup=False)
 
 
 @contextmanager

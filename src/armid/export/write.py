@@ -90,8 +90,7 @@ def export_run(
     Raises:
         OutputError: The file is of another origin, cannot be written or would differ from the model; none is written.
     """
-    exporter = _exporter(to)
-    source = find_source(run, description)
+    exporter, source = _exporter(to), find_source(run, description)
     path = Path(out) if out is not None else _default(run, source, exporter)
     _refuse_target(path, source, None if out is None else run)
     bodies = _bodies(exporter, source, run.robot) if source.format == to else None
@@ -105,15 +104,14 @@ def export_run(
         )
         guessed = refuse_unidentified(run, theta, placeless, allowed=allow_unidentified)
         content, shared = _content(run, exporter, theta, source, bodies, robot, lumped=lumped)
-        findings = (*(source.findings if bodies is not None else ()), *findings, *guessed, *shared)
         unphysical = unphysical_names(content, placeless, bodies or ())
-        findings = (*findings, *refuse_unphysical(run, unphysical, allowed=allow_unphysical))
+        refused = refuse_unphysical(run, unphysical, allowed=allow_unphysical)
+    findings = (*(source.findings if bodies is not None else ()), *findings, *guessed, *shared, *refused)
     written = exporter.write(content)
     verified = verify(
         exporter, written, content, run, theta, unseen_recordings(run, data), unphysical=bool(unphysical)
     )
-    record = side_record(run, content, theta, written.data, path.name, kind)
-    side = _write_both(path, written.data, to_json(record) + "\n")
+    side = _write_both(path, written.data, side_record(run, content, theta, written.data, path.name, kind))
     far = far_bodies(run, content, None if lumped or bodies is None else carriers(bodies), kind, shared)
     findings = (*findings, *far, *written.findings, *_sidecar_only(run, exporter, side.name), *verified.findings)
     edited = "" if bodies is None else source.path
@@ -256,11 +254,11 @@ def _sidecar_only(run: Run, exporter: Exporter, side: str) -> list[Finding]:
     return findings
 
 
-def _write_both(path: Path, data: bytes, record: str) -> Path:
+def _write_both(path: Path, data: bytes, record: Mapping[str, Any]) -> Path:
     """Writes both files or neither; returns the path of the sidecar file."""
     side = path.with_name(f"{path.name}{SIDE}")
     before = side.read_bytes() if side.is_file() else None
-    replace_file(side, record)
+    replace_file(side, to_json(record) + "\n")
     try:
         replace_file(path, data)
     except OutputError:

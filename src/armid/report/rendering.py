@@ -15,6 +15,9 @@ if TYPE_CHECKING:
 PACKAGES = ("jinja2", "plotly")
 """Packages that a page with plots needs."""
 
+INLINE = 40
+"""Largest number of characters of code within a sentence; longer code would be broken between lines."""
+
 
 def require_extra(*names: str) -> None:
     """Check that the packages needed by a page are installed, by default those of a page with plots.
@@ -43,11 +46,15 @@ def environment() -> Environment:
 
 
 def _coded(text: str) -> str:
-    """Text as HTML; parts in backticks become code."""
+    """Text as HTML; parts in backticks become code, lines and long parts a block that scrolls sideways."""
     from markupsafe import Markup, escape
 
+    inline, block = Markup("<code>{}</code>"), Markup('<pre tabindex="0"><code>{}</code></pre>')
     parts = re.split("`([^`]+)`", text)
-    return Markup("").join(Markup("<code>{}</code>").format(p) if k % 2 else escape(p) for k, p in enumerate(parts))
+    return Markup("").join(
+        (block if "\n" in part or len(part) > INLINE else inline).format(part) if k % 2 else escape(part)
+        for k, part in enumerate(parts)
+    )
 
 
 def text_of(name: str) -> str:

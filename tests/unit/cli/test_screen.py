@@ -10,15 +10,18 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from armid.cli.console import print_error, validation_table
+from armid.cli.commands.doctor import _report
+from armid.cli.console import print_error, print_findings, validation_table
 from armid.cli.parameter_tables import friction_selection_table, print_links
-from armid.errors import ArmidError
+from armid.errors import ArmidError, Finding
 from armid.estimation.estimate import Estimate
 from armid.estimation.friction.selection import FrictionSelection, SelectionEvidence
 from armid.estimation.link_properties import link_table
 from armid.estimation.prior import CHOSEN, GIVEN, weight_finding
 from armid.estimation.standard_fit import PriorUse
+from armid.measurement.remedy import lines
 from armid.model.terms import Hysteresis, Stribeck
+from armid.study.diagnosis import Diagnosis
 from armid.study.friction_method import with_origin_of_weight
 from armid.validation.prediction import Score, Validation
 from cranes import CRANE, estimate, model, problem
@@ -63,6 +66,28 @@ def test_a_weight_that_the_choice_of_friction_brought_was_given_by_nobody(weight
     assert found.findings[0].evidence.endswith(f"independent samples ({how}).")
     assert found.fit.standard is not None and found.fit.standard.prior.how == how
     assert with_origin_of_weight(with_weight(weight), None).findings[0].evidence.endswith("(given).")
+
+
+LONG = ", ".join(f'"panda_joint{k}_position"' for k in range(1, 8))
+
+
+@pytest.mark.parametrize("width", ["40", "80", "120"])
+def test_a_remedy_to_paste_is_not_broken(
+    width: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    monkeypatch.setenv("COLUMNS", width)
+    remedies = (lines(columns={"q": LONG.replace('"', "").split(", ")}), f"give --columns 'q={LONG}'")
+    print_findings([Finding("x", "warning", "", "Evidence.", remedy) for remedy in remedies])
+    _report((Diagnosis("log.csv", tuple(Finding("x", "info", "", "Evidence.", remedy) for remedy in remedies)),))
+    said = capsys.readouterr()
+    for text in (said.err, said.out):
+        printed_lines = [line.strip() for line in text.splitlines()]
+        assert all(line in printed_lines for remedy in remedies for line in remedy.splitlines())
+
+
+def test_a_sentence_stays_in_the_line_of_its_finding(capsys: pytest.CaptureFixture[str]):
+    print_findings([Finding("x", "info", "", "Evidence.", "record longer.")])
+    assert capsys.readouterr().err == "info x Evidence. record longer.\n"
 
 
 def score(path: str, size: float) -> Score:

@@ -92,9 +92,7 @@ def test_everything_that_is_missing_is_asked_for_at_once(tmp_path):
 
 def test_limits_are_asked_for_beside_what_else_hinders(tmp_path, monkeypatch):
     def refuse(*_, **__):
-        raise OutputError(
-            "Torques do not determine the mass.", possible="--allow-unidentified", remedy="give masses."
-        )
+        raise OutputError("Unknown mass.", possible="--allow-unidentified", remedy="give masses.")
 
     monkeypatch.setattr("armid.export.write.refuse_unidentified", refuse)
     with pytest.raises(OutputError, match=r"Unknown mass\. A URDF needs limits") as caught:

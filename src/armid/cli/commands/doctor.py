@@ -112,11 +112,11 @@ def _without_study(
 
 
 def _report(diagnoses: tuple[Diagnosis, ...]) -> None:
-    """Print a table of findings for each recording."""
+    """Print a table of findings for each recording, and beneath it the remedies to paste, without wrapping."""
     from rich.markup import escape
     from rich.table import Table
 
-    from armid.cli.console import output_console
+    from armid.cli.console import output_console, print_to_paste, to_paste
     from armid.doctor import EFFECTS
 
     console = output_console()
@@ -128,8 +128,13 @@ def _report(diagnoses: tuple[Diagnosis, ...]) -> None:
         table = Table(title=escape(each.path), title_justify="left", header_style="bold", show_lines=True)
         for name in ("", "finding", "channel", "evidence, effect and remedy"):
             table.add_column(name, overflow="fold")
+        below = [f for f in each.findings if to_paste(f.remedy)]
         for f in each.findings:
-            parts = [escape(f.evidence), f"[dim]{escape(EFFECTS.get(f.code, ''))}[/]", f"[bold]{escape(f.remedy)}[/]"]
+            remedy = "remedy: below the table" if f in below else f.remedy
+            parts = [escape(f.evidence), f"[dim]{escape(EFFECTS.get(f.code, ''))}[/]", f"[bold]{escape(remedy)}[/]"]
             text = "\n".join(part for part in parts if part and not part.startswith("[bold][/]"))
             table.add_row(f"[{colours[f.severity]}]{f.severity}[/]", f.code, escape(f.channel), text)
         console.print(table)
+        for f in below:
+            console.print(f"remedy of {f.code}{f' ({escape(f.channel)})' if f.channel else ''}:")
+            print_to_paste(console, f.remedy)

@@ -26,6 +26,6 @@ def remedy_words(finding: Finding) -> str:
     remedy = finding.remedy
     if not isinstance(remedy, Remedy) or not remedy.keys:
         return remedy[:1].upper() + remedy[1:]
-    lines = " and ".join(f"`{part.text}`" for part in remedy.parts if isinstance(part, Assignment))
+    lines = "`" + "\n".join(part.text for part in remedy.parts if isinstance(part, Assignment)) + "`"
     table = f" in [{remedy.table}]" if remedy.table else ""
     return f"In the study: {lines}{table}" + (f": {remedy.note}" if remedy.note else "")
