@@ -93,6 +93,19 @@ LOOKS = pytest.mark.parametrize(
 """Sizes and colours have nothing to do with each other, so that each is looked at once."""
 
 
+@pytest.mark.parametrize("width", [360, 800, 1400])
+def test_no_caption_fact_or_command_is_cut_off(width: int, report: Path, chromium: Browser):
+    tab = chromium.open(report, size=(width, 900))
+    beyond = (
+        "[...document.querySelectorAll('caption:not(.hidden) span, .facts dd, .commands dt, .commands dd')]"
+        ".filter((each) => each.getClientRects().length && each.getBoundingClientRect().right > innerWidth)"
+        ".map((each) => each.textContent)"
+    )
+    assert tab.run(beyond) == []
+    assert is_inside(tab)
+    assert_quiet(tab, report)
+
+
 @LOOKS
 @pytest.mark.parametrize("page", ["report", "preflight"])
 def test_every_plot_is_drawn(
