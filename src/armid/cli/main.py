@@ -36,7 +36,7 @@ from armid.cli.motion.preview import preview
 from armid.cli.motion.simulate import simulate
 from armid.cli.next_step import next_step
 from armid.errors import ArmidError
-from armid.threads import prefer_one_thread
+from armid.threads import keep_freed_memory, prefer_one_thread
 
 BAD_INPUT = 2
 INTERRUPTED = 130
@@ -118,6 +118,7 @@ for command in COMMANDS:
 def main(arguments: list[str] | None = None) -> None:
     """Run the command line; errors of armid become one message and exit code 2."""
     prefer_one_thread()
+    keep_freed_memory()
     raw_arguments = sys.argv[1:] if arguments is None else arguments
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, TextIOWrapper):  # escapes what the terminal cannot show, as Greek letters

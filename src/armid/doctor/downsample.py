@@ -128,13 +128,11 @@ def downsample(recording: Recording, cutoff: float | None = None) -> Downsampled
         return DownsampledLog((run,), Band(), 1.0, 1.0)
     pieces, _ = stretches(recording, CUTOFFS[0])
     noise = np.max([position_noise(piece.q, piece.time) for piece in pieces], axis=0)
-    longest = max(pieces, key=lambda piece: piece.samples)
-    rate = longest.rate
+    longest = max(range(len(pieces)), key=lambda k: pieces[k].samples)
+    rate = pieces[longest].rate
     even = [resample_uniform(piece, None, 0.0, each=False) for piece in pieces]
     if cutoff is None:
-        cutoff = min(
-            max(automatic_cutoff(resample_uniform(longest, None, 0.0, each=False).q, rate), CUTOFFS[0]), CUTOFFS[1]
-        )
+        cutoff = min(max(automatic_cutoff(even[longest].q, rate), CUTOFFS[0]), CUTOFFS[1])
     cutoff = min(cutoff, 0.1 * rate)
     processing = ProcessingOptions(cutoff=cutoff, decimate=ROWS_RATE * cutoff, derivatives="central", trim=0.25)
     runs: list[ObservedRun] = []

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -251,9 +251,9 @@ def solve_products(
     n, b = rows.n, rows.count
     # Products of all parameters and torque, zero for parameters that a joint's torque does not depend on.
     whole = np.zeros((n, b + 1, b + 1))
-    for P, parameters, each in zip(pairs, rows.parameters, whole, strict=True):
-        places = np.append(parameters, b)
-        each[places[:, None], places] = P
+    whole.reshape(-1)[_places(b, tuple(own.astype(np.int32, copy=False).tobytes() for own in rows.parameters))] = (
+        np.concatenate(pairs, axis=None)
+    )
     if sign is not None:
         whole[:, b] *= sign[:, None]
         whole[:, :, b] *= sign[:, None]
@@ -272,6 +272,21 @@ def solve_products(
         if (np.abs(sigma - before) < SETTLED * sigma).all():
             break
     return -both[:b], sigma
+
+
+@lru_cache(maxsize=32)
+def _places(count: int, parameters: tuple[bytes, ...]) -> NDArray[np.intp]:
+    """Places of the entries of all joints' products among those of all parameters and torque.
+
+    Args:
+        count: Number b of parameters.
+        parameters: Those of each joint.
+    """
+    result: list[NDArray[np.intp]] = []
+    for j, own in enumerate(parameters):
+        places = np.append(np.frombuffer(own, dtype=np.int32).astype(np.intp), count)
+        result.append((((count + 1) * (j * (count + 1) + places))[:, None] + places).reshape(-1))
+    return np.concatenate(result)
 
 
 def _residual(table: Array, parameters: NDArray[np.int32], x: Array, count: int) -> Array:

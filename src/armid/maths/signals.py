@@ -12,6 +12,7 @@ Signals run along axis 0 unless stated otherwise: shape (N,) or (N, ...).
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 
 import numpy as np
 
@@ -305,7 +306,14 @@ def _circular(response: Array, x: Array, orders: Sequence[int]) -> list[Array]:
 
 
 def _grid_gain(filter: Array, length: int) -> Array:
-    """Gain on the grid of a real FFT of `length`; longer taps wrap around."""
+    """Gain on the grid of a real FFT of `length`; longer taps wrap around. The last few are remembered."""
+    return _gain_of(filter.tobytes(), filter.shape, length)
+
+
+@lru_cache(maxsize=16)
+def _gain_of(content: bytes, shape: tuple[int, ...], length: int) -> Array:
+    """The same from the numbers of a filter."""
+    filter = np.frombuffer(content).reshape(shape)
     if filter.ndim == 2:
         return gain(filter, frequencies(length))
     wrapped = np.zeros(length)

@@ -100,7 +100,8 @@ def spline(time: Array, x: Array, at: Array) -> Array:
     shape = (-1,) + (1,) * (x.ndim - 1)
     h = np.diff(time)[k].reshape(shape)
     s = (at - time[k]).reshape(shape) / h
-    begin, end, first, last = x[k], x[k + 1], h * slopes[k], h * slopes[k + 1]
+    begin, end = np.take(x, k, axis=0), np.take(x, k + 1, axis=0)
+    first, last = h * np.take(slopes, k, axis=0), h * np.take(slopes, k + 1, axis=0)
     rise = end - begin
     return begin + s * (first + s * (3.0 * rise - 2.0 * first - last + s * (first + last - 2.0 * rise)))
 

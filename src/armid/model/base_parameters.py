@@ -7,6 +7,7 @@ on other random states.
 
 from __future__ import annotations
 
+from collections import deque
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,7 +20,9 @@ from armid.model.identifiable_structure import SPAN_TOLERANCE, echelon, paramete
 from armid.model.linear_combination import linear_combination
 from armid.model.motion import Motion
 from armid.model.parameter_name import ParameterName, parameter_names
+from armid.model.terms.term import Term
 from armid.notebook import Displayed, Summary
+from armid.robot.robot import Robot
 from armid.threads import one_blas_thread
 from armid.values import Array, array
 
@@ -123,13 +126,31 @@ class BaseParameters(Displayed):
         return self.regrouping @ array(standard, (len(self.standard_names),), "standard parameters")
 
 
-@one_blas_thread
+_recent: deque[tuple[Robot, tuple[Term, ...], BaseParameters]] = deque(maxlen=8)
+"""Arm, terms and base parameters of the last models."""
+
+
 def find_base_parameters(model: DynamicsModel) -> BaseParameters:
     """Base parameters of a model under its robot's gravity; of dependent columns the one nearest to the base is kept.
+
+    Those of the last few models are remembered, by their arm and terms.
 
     Raises:
         ModelError: The geometry and the torques on random states disagree.
     """
+    if model.load_parameters is not None:
+        return _find(model)
+    for robot, terms, base in tuple(_recent):
+        if robot is model.robot and terms == model.terms:
+            return base
+    base = _find(model)
+    _recent.append((model.robot, model.terms, base))
+    return base
+
+
+@one_blas_thread
+def _find(model: DynamicsModel) -> BaseParameters:
+    """Base parameters of a model that is not remembered."""
     p, inertial = len(model.parameters), model.inertial_columns
     terms = np.setdiff1d(np.arange(p), inertial)
     kept, regrouping = np.arange(p), np.eye(p)

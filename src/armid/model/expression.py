@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -227,6 +228,7 @@ def derivative(expression: Expression, by: str) -> Expression:
     return result
 
 
+@lru_cache(maxsize=1024)
 def symbols(expression: Expression) -> frozenset[str]:
     """Names of the symbols in an expression."""
     if isinstance(expression.head, str) and not expression.arguments:

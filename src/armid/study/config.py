@@ -314,12 +314,14 @@ def _model_choice(table: Mapping[str, Any]) -> ModelChoice:
 
 def _estimation_choice(table: Mapping[str, Any], method: str) -> EstimationChoice:
     """Method, by default the one given, and options; each estimator's options stand under its name."""
-    owner = {option: name for name, kind in ESTIMATORS.items() for option in getattr(kind, "__slots__", ())}
-    chosen = str(table.get("method", method))
-    owner |= dict.fromkeys(getattr(ESTIMATORS.get(chosen), "__slots__", ()), chosen)
-    for key in sorted(table.keys() & owner.keys()):
-        raise StudyError(f"[estimation] has no key {key!r}.", remedy=f"write it in [estimation.{owner[key]}].")
-    _known(table, ("method", *PER_RECORDING, *ESTIMATORS), "[estimation]")
+    possible = ("method", *PER_RECORDING, *ESTIMATORS)
+    if unknown := sorted(table.keys() - set(possible)):  # only then are all estimators imported
+        owner = {option: name for name, kind in ESTIMATORS.items() for option in getattr(kind, "__slots__", ())}
+        chosen = str(table.get("method", method))
+        owner |= dict.fromkeys(getattr(ESTIMATORS.get(chosen), "__slots__", ()), chosen)
+        for key in (key for key in unknown if key in owner):
+            raise StudyError(f"[estimation] has no key {key!r}.", remedy=f"write it in [estimation.{owner[key]}].")
+    _known(table, possible, "[estimation]")
     options = {name: value for name, value in table.items() if name in ESTIMATORS}
     for name, value in options.items():
         _require(isinstance(value, Mapping), f"[estimation] {name}", "a table of options", value)

@@ -46,7 +46,9 @@ def check(evidence: LogEvidence) -> list[Finding]:
         model = DynamicsModel(evidence.robot, tuple(t for t in state.model.terms if not isinstance(t, RotorInertia)))
     if model.nodes:
         return []
-    study_state = LogState(model, find_base_parameters(model), state.log)
+    study_state = state
+    if model.robot is not state.model.robot or model.terms != state.model.terms:
+        study_state = LogState(model, find_base_parameters(model), state.log)
     names, rows = study_state.base.names, study_state.rows
     G = np.zeros((rows.count, rows.count))
     for j, P in enumerate(products(rows)):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from armid.information.column_source import column_source
 from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics import DynamicsModel
 from armid.remedy import Remedy, setting
+from armid.robot.robot import Robot
 from armid.validation.gravity_sign import gravity_sign_finding
 from armid.values import Array
 
@@ -185,12 +187,18 @@ def _rounded(wide: _GravityRows, g: Array, cost: float, axes: Array) -> tuple[Ar
     return (nearest, straight) if straight < cost + ALIKE else (g, cost)
 
 
+@lru_cache(maxsize=4)
+def _askew(robot: Robot) -> Robot:
+    """The arm under a gravity along no axis, the same for all logs of an arm."""
+    return robot.with_gravity(ASKEW)
+
+
 class _GravityRows:
     """Rows for any gravity, by linearity of the columns in it."""
 
     def __init__(self, state: LogState) -> None:
         robot, terms = state.model.robot, state.model.terms
-        base = find_base_parameters(DynamicsModel(robot.with_gravity(ASKEW), terms))
+        base = find_base_parameters(DynamicsModel(_askew(robot), terms))
 
         def rows(gravity: tuple[float, float, float]) -> QuickRows:
             return make_rows(column_source(DynamicsModel(robot.with_gravity(gravity), terms), base), state.log)
