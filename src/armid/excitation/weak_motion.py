@@ -17,6 +17,7 @@ from armid.excitation.design.objective import Objective
 from armid.excitation.design.sensitivity import Columns
 from armid.excitation.design.sqp import DescentProblem, about_start, utilisation
 from armid.excitation.limits.joint_limits import Limits
+from armid.robot.body_names import BodyPair
 from armid.robot.kinematics import forward_kinematics
 from armid.values import Array
 
@@ -142,7 +143,7 @@ def _reasons(
         poses = forward_kinematics(robot, basis.excitation(larger).at(times).q)
         for pair, kept in zip(collision.measured, collision.kept, strict=True):
             if too_close(collision.shapes, pair, float(kept), poses).any():
-                label = " - ".join(collision.shapes[k].name for k in pair)
+                label = BodyPair(*(collision.shapes[k].name for k in pair))
                 found.append((1.0, f"distance of {label}", "collision"))
     found.sort(key=lambda each: -each[0])
     reasons: list[str] = []

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
@@ -167,7 +166,7 @@ def show_approaches(designed: Checked) -> Section | None:
         mark = "" if each.kept else " ▲"
         rows.append(
             (
-                TableCell(links_of(each.pair), kind="name"),
+                TableCell(each.pair.links, kind="name"),
                 TableCell(fixed(distance, 0) + mark, distance),
                 TableCell(each.measured),
                 TableCell("all poses", each.time) if each.constant else TableCell(fixed(each.time, 2), each.time),
@@ -199,16 +198,11 @@ def show_approaches(designed: Checked) -> Section | None:
     return Section("Closest approaches", {"skipped": skipped, "why": NOT_LOOKED_AT}, (table,))
 
 
-def links_of(pair: str) -> str:
-    """Names of the two links of a pair of bodies, without the bodies' numbers."""
-    return re.sub(r" \(\d+\)", "", pair)
-
-
 def nearest_of_links(approaches: Sequence[ClosestApproach]) -> list[ClosestApproach]:
     """Closest approach of each pair of links over all their bodies, nearest first, constant distances last."""
     nearest: dict[str, ClosestApproach] = {}
     for each in sorted(approaches, key=lambda approach: (approach.kept, approach.constant, approach.distance)):
-        nearest.setdefault(links_of(each.pair), each)
+        nearest.setdefault(each.pair.links, each)
     return sorted(nearest.values(), key=lambda approach: (approach.constant, approach.distance))
 
 

@@ -16,6 +16,7 @@ import numpy as np
 
 from armid.errors import ArmidError, Finding
 from armid.maths.spatial import homogeneous
+from armid.robot.body_names import BodyName
 from armid.robot.mjcf_plain import Plain
 from armid.robot.pinocchio_model import pinocchio
 from armid.robot.shapes import (
@@ -25,7 +26,6 @@ from armid.robot.shapes import (
     looks_missing,
     meshes_missing,
     rotation_with_z,
-    shape_name,
 )
 from armid.robot.xml import numbers
 from armid.values import Array
@@ -75,7 +75,7 @@ def shapes_of_mjcf(
         link, placement = carriers.get(body, (-1, np.eye(4)))
         touches = (geom.get("contype", "1"), geom.get("conaffinity", "1")) != ("0", "0")
         count[body, touches] += 1
-        name = shape_name(body or "world", count[body, touches])
+        name = BodyName(body or "world", count[body, touches])
         shape = _shape(name, geom, meshes)
         if shape is None:
             (missing if touches else unseen)[name] = geom.get("mesh", "")

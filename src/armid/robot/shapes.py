@@ -62,11 +62,6 @@ class Shape:
         return replace(self, link=link, placement=placement @ self.placement)
 
 
-def shape_name(link: str, number: int) -> str:
-    """Name of the n-th shape of a link, from 1: the link's name, from the second on with the number."""
-    return link if number == 1 else f"{link} shape {number}"
-
-
 def capsule_between(name: str, link: int, begin: ArrayLike, end: ArrayLike, radius: float) -> Shape:
     """Capsule between two points (3,) of a link [m]."""
     a, b = array(begin, (3,), "from"), array(end, (3,), "to")

@@ -13,9 +13,10 @@ import numpy as np
 
 from armid.errors import Finding, RobotError
 from armid.maths.spatial import axis_rotation, homogeneous, rpy_rotation
+from armid.robot.body_names import BodyName
 from armid.robot.packages import file_of
 from armid.robot.robot import Robot
-from armid.robot.shapes import Kind, Shape, looks_missing, meshes_missing, shape_name
+from armid.robot.shapes import Kind, Shape, looks_missing, meshes_missing
 from armid.robot.xml import numbers
 from armid.values import Array
 
@@ -46,7 +47,7 @@ def shapes_of_urdf(
             if geometry is None or not len(geometry):
                 continue
             joint, placement = _carrier(name, above, robot, locked, source)
-            label = shape_name(name, number)
+            label = BodyName(name, number)
             try:
                 form, size, path = _geometry(geometry[0], source, f"the {kind} of {label!r}")
                 if form == "mesh" and not path:

@@ -15,6 +15,7 @@ from armid.report.preview.approach import bodies_to_watch, closest
 from armid.report.preview.clip import clip_of_motion
 from armid.report.preview.page import Preview, render_preview
 from armid.robot import Robot, load_robot
+from armid.robot.body_names import BodyName, BodyPair
 from armid.robot.kinematics import forward_kinematics
 from armid.study.plans.preflight_text import constant_text
 
@@ -62,7 +63,7 @@ def test_the_list_begins_with_the_closest_pair_whose_distance_changes(robot: Rob
     assert last.constant and last.distance == pytest.approx(GAP, abs=MEASURED) and last.kept
     assert changing and not any(each.constant for each in changing)
     assert changing[0].distance == min(each.distance for each in changing) > GAP
-    assert [each.pair for each in nearest_of_links((last, *changing))][-1] == last.pair
+    assert [each.pair.links for each in nearest_of_links((last, *changing))].count(last.pair.links) == 1
     assert constant_text([last]).endswith(f"(required distance): {last.pair} 2.0 mm ({1000 * last.asked:.1f} mm)")
 
 
@@ -96,8 +97,8 @@ def test_an_arm_in_one_pose_has_no_constant_distances(robot: Robot, motion: Moti
 def test_links_with_a_body_at_constant_distance_are_named_by_the_one_that_comes_closest():
     found = nearest_of_links(
         [
-            ClosestApproach("base - hand", 0.001, 0.0, 0.0005, constant=True),
-            ClosestApproach("base - hand (2)", 0.030, 1.0, 0.02),
+            ClosestApproach(BodyPair("base", "hand"), 0.001, 0.0, 0.0005, constant=True),
+            ClosestApproach(BodyPair("base", BodyName("hand", 2)), 0.030, 1.0, 0.02),
         ]
     )
-    assert [each.pair for each in found] == ["base - hand (2)"]
+    assert [each.pair for each in found] == [BodyPair("base", BodyName("hand", 2))]

@@ -25,7 +25,7 @@ from armid.report.heading import commands_of
 from armid.report.page import render
 from armid.report.plots.arm_picture import skeleton
 from armid.report.plots.traces import PlotRange
-from armid.report.preflight_page import links_of, nearest_of_links
+from armid.report.preflight_page import nearest_of_links
 from armid.report.sections.bodies import show_bodies
 from armid.report.sections.links import show_links
 from armid.report.sections.parameters import show_parameters
@@ -33,6 +33,7 @@ from armid.report.sections.residuals import show_residuals
 from armid.report.sections.torque import show_torque
 from armid.report.tables import Column, Table, TableCell
 from armid.robot import Robot, load_robot
+from armid.robot.body_names import BodyName, BodyPair
 from armid.runs.run import load_run
 from armid.study.provenance import RunOrigin
 from paged import understood
@@ -306,13 +307,13 @@ def test_the_page_speaks_the_words_of_the_field(html: str, bodies: PageData):
 def test_links_of_several_bodies_are_one_pair_and_the_worst_of_it_is_shown():
     found = nearest_of_links(
         [
-            ClosestApproach("base_link (2) - gripper_link (3)", 0.030, 1.0, 0.02),
-            ClosestApproach("base_link - gripper_link", 0.040, 2.0, 0.05),
-            ClosestApproach("upper_arm - gripper_link (2)", 0.010, 3.0, 0.02),
+            ClosestApproach(BodyPair(BodyName("base_link", 2), BodyName("gripper_link", 3)), 0.030, 1.0, 0.02),
+            ClosestApproach(BodyPair("base_link", "gripper_link"), 0.040, 2.0, 0.05),
+            ClosestApproach(BodyPair("upper_arm", BodyName("gripper_link", 2)), 0.010, 3.0, 0.02),
         ]
     )
     # One that comes too close is not hidden behind a nearer one that may.
-    assert [(links_of(each.pair), each.distance) for each in found] == [
+    assert [(each.pair.links, each.distance) for each in found] == [
         ("upper_arm - gripper_link", 0.010),
         ("base_link - gripper_link", 0.040),
     ]

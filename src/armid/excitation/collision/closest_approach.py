@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from armid.excitation.collision.coal import distances, too_close, whole
 from armid.excitation.collision.collision_model import CollisionOptions
 from armid.excitation.collision.convex_hulls import parts_of
+from armid.robot.body_names import BodyPair
 from armid.values import Array
 
 RATE = 250.0
@@ -57,7 +58,7 @@ class ClosestApproach:
             closely past each other.
     """
 
-    pair: str
+    pair: BodyPair
     distance: float
     time: float
     asked: float
@@ -91,7 +92,7 @@ def closest_approaches(
             found.append(ClosestApproach(label, distance, float(times[at]), asked, by, constant[k]))
     for k, (pair, kept) in enumerate(zip(collision.measured, collision.kept, strict=True), len(collision.pairs)):
         distance, at = _by_triangles(collision, pair, float(kept), poses)
-        label = " - ".join(collision.shapes[i].name for i in pair)
+        label = BodyPair(*(collision.shapes[i].name for i in pair))
         found.append(ClosestApproach(label, distance, float(times[at]), float(kept), "triangles", constant[k]))
     return tuple(sorted(found, key=lambda each: (each.constant, each.distance)))
 

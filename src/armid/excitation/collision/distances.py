@@ -22,6 +22,7 @@ from armid.excitation.limits.constraints import States
 from armid.excitation.limits.workspace import SCALE, carried_by, point_gradient
 from armid.kernel.tree import Tree
 from armid.maths.spatial import homogeneous
+from armid.robot.body_names import BodyPair
 from armid.robot.shapes import Shape, rotation_with_z
 from armid.values import Array
 
@@ -65,10 +66,10 @@ class CollisionBodies:
         return np.flatnonzero(np.diff(self.groups, prepend=-1))
 
     @property
-    def labels(self) -> tuple[str, ...]:
+    def labels(self) -> tuple[BodyPair, ...]:
         """Names of the pairs of bodies."""
         every = (*self.capsules, *self.solids)
-        return tuple(f"{every[a].name} - {every[b].name}" for a, b in self.pairs[self.first])
+        return tuple(BodyPair(every[a].name, every[b].name) for a, b in self.pairs[self.first])
 
     def links(self, side: int) -> list[int]:
         """Links of the first (side 0) or the second (side 1) bodies of the pairs."""
@@ -241,7 +242,7 @@ class Clearance:
     spare: Array | float = 0.0
 
     @property
-    def labels(self) -> tuple[str, ...]:
+    def labels(self) -> tuple[BodyPair, ...]:
         """Names of the pairs."""
         return self.bodies.labels
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import re
 import xml.etree.ElementTree as ET
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from armid.errors import ArmidError, did_you_mean
+from armid.robot.body_names import BodyPair, link_of
 from armid.robot.joint_selection import matching
 
 
@@ -63,31 +63,28 @@ def ignored_of_srdf(path: Path | str) -> tuple[IgnoredBodies, ...]:
     return found
 
 
-def ignored_pairs(ignored: Sequence[IgnoredBodies], labels: Sequence[str], bodies: Sequence[str]) -> dict[int, str]:
+def ignored_pairs(
+    ignored: Sequence[IgnoredBodies], pairs: Sequence[BodyPair], bodies: Sequence[str]
+) -> dict[int, str]:
     """Numbers of the pairs that are left out, with who asked for it.
 
     Args:
         ignored: What is left out.
-        labels: Names of the pairs of bodies, `A - B`.
-        bodies: Names of the bodies; the link, and ` shape 2` and so on for further bodies of it.
+        pairs: Names of the pairs of bodies.
+        bodies: Names of the bodies.
 
     Raises:
         ArmidError: No body has a name.
     """
     links = dict.fromkeys(link_of(name) for name in bodies)
     found: dict[int, str] = {}
-    pairs = [tuple(label.split(" - ", 1)) for label in labels]
     for each in ignored:
         sides = [_bodies_of(name, bodies, tuple(links), each) for name in (each.first, each.second)]
-        for k, (a, b) in enumerate(pairs):
+        for k, pair in enumerate(pairs):
+            a, b = pair.first, pair.second
             if (a in sides[0] and b in sides[1]) or (a in sides[1] and b in sides[0]):
                 found.setdefault(k, each.reason)
     return found
-
-
-def link_of(body: str) -> str:
-    """Link that has a body."""
-    return re.sub(r" (shape \d+|\(\d+\))$", "", body)
 
 
 def _bodies_of(name: str, bodies: Sequence[str], links: tuple[str, ...], each: IgnoredBodies) -> set[str]:

@@ -64,9 +64,10 @@ import numpy as np
 
 from armid.errors import Finding, RobotError, did_you_mean
 from armid.maths.spatial import homogeneous, rotation_x, rotation_z, rpy_rotation
+from armid.robot.body_names import BodyName
 from armid.robot.joint_selection import JointOutline, SelectedJoint
 from armid.robot.robot import EARTH_GRAVITY, Frame, InertialParameters, Joint, Link, Robot
-from armid.robot.shapes import Shape, capsule_between, shape_name
+from armid.robot.shapes import Shape, capsule_between
 from armid.robot.xml import check_locked
 from armid.values import Array
 
@@ -219,7 +220,7 @@ def _capsules(data: dict[str, Any], where: str, name: str, link: int, to_end: Ar
         table = _Table(given, f"{where}, capsule {number}")
         table.only(("from", "to", "radius"))
         table.require(("from", "to", "radius"))
-        label = shape_name(name, number)
+        label = BodyName(name, number)
         body = capsule_between(label, link, table.vector("from", 3), table.vector("to", 3), table.number("radius"))
         result.append(body.on(link, to_end))
     return result
