@@ -10,7 +10,7 @@ import numpy as np
 
 from armid.doctor.downsample import downsample
 from armid.doctor.explanation import Explanation, LogState
-from armid.doctor.remedy_trial import BY_ERROR_ALONE, RemedyTrial, try_remedy
+from armid.doctor.remedy_trial import RemedyTrial, try_remedy
 from armid.doctor.stuck_channels import stuck_stretches, without_stuck
 from armid.errors import Finding
 from armid.maths.median import median
@@ -124,7 +124,7 @@ class LogEvidence:
     def _holds(self, before: LogState, each: Explanation) -> bool:
         """True if held-out motion supports an explanation, or does not contradict one with further evidence."""
         trial = self._trial(before, each.after)
-        return trial.helps if each.code in BY_ERROR_ALONE else not trial.harms
+        return trial.helps if each.by_error_alone else not trial.harms
 
     def trial_of(self, accepted: Explanation) -> RemedyTrial:
         """Held-out errors without and with an accepted explanation."""

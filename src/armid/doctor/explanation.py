@@ -255,6 +255,8 @@ class Explanation:
         remedy: Makes the lines of a study that correct the fault, combined with the log format of the evidence.
         after: The log with the fault corrected.
         confirmed: Independent check on the log, where there is one; made for the first fault alone.
+        by_error_alone: True if the error is the only evidence, so that the held-out error must fall, too. Signs of
+            torques, zeros and gravity also show in friction, inertias and weights.
     """
 
     code: str
@@ -265,3 +267,4 @@ class Explanation:
     remedy: Callable[[LogEvidence], str]
     after: LogState
     confirmed: Callable[[LogEvidence], bool] | None = None
+    by_error_alone: bool = False

@@ -32,26 +32,6 @@ WORTH = 0.002
 WORSE = 0.01
 """Rise of the log error from which an explanation is rejected, whatever other evidence there is for it."""
 
-UNTRIED: Mapping[str, str] = {
-    "clock-missing": "without it the log cannot be read",
-    "degrees": "as it stands the log lies outside all limits",
-    "clock-unit": "without it the log cannot be read",
-    "clock-rate": "without it the log cannot be read",
-    "value-missing": "without it the log cannot be read",
-    "channel-dead": "the rows that it leaves out hold no measurement",
-    "saturation": "the rows that it leaves out hold no measurement",
-    "standstill": "rows at rest are little of any error",
-    "velocity-mismatch": "the comparison derives velocities from positions",
-    "period-misaligned": "the comparison averages no repetitions",
-    "rows-not-consecutive": "rows that do not follow each other leave no motion out",
-}
-"""By code: why the remedy is not tested on held-out motion."""
-
-
-BY_ERROR_ALONE = frozenset({"channel-delay", "degrees", "joint-order", "position-sign"})
-"""Explanations whose only evidence is the error, so that the held-out error must fall, too. Signs of torques, zeros
-and gravity also show in friction, inertias and weights."""
-
 
 @dataclass(frozen=True, slots=True)
 class RemedyTrial:
@@ -123,10 +103,15 @@ def heldout_error(rows: QuickRows, judged: NDArray[np.bool_] | None = None) -> f
     return float(np.mean(np.log(np.sqrt(np.maximum(error, tiny) / np.maximum(size, tiny)))))
 
 
-def with_reason(finding: Finding) -> Finding:
-    """The finding, with the reason where its remedy was not tested though it is no work by hand."""
+def with_reason(finding: Finding, reasons: Mapping[str, str]) -> Finding:
+    """The finding, with the reason where its remedy was not tested though it is no work by hand.
+
+    Args:
+        finding: The finding.
+        reasons: By code: why the remedy is not tested.
+    """
     code, remedy = finding.code, finding.remedy
-    if not isinstance(remedy, Remedy) or not remedy.keys or remedy.judged or code not in UNTRIED:
+    if not isinstance(remedy, Remedy) or not remedy.keys or remedy.judged or code not in reasons:
         return finding
-    evidence = f"{finding.evidence} Not tried on left-out motion: {UNTRIED[code]}."
+    evidence = f"{finding.evidence} Not tried on left-out motion: {reasons[code]}."
     return replace(finding, evidence=evidence, remedy=remedy.marked())

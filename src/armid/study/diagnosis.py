@@ -9,9 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from armid.doctor import EFFECTS, EXPLAINS, SEVERITIES, LogEvidence, examine
-from armid.doctor.checks.dynamics.channel_delay import explain as explain_delay
-from armid.doctor.checks.dynamics.contact import explain as explain_contact
+from armid.doctor import CHECKS, SEVERITIES, LogEvidence, checks_of, effects, examine, explanations_of
+from armid.doctor.check import Scope
 from armid.doctor.checks.signals.motor_side import explain as explain_scale
 from armid.doctor.explanation import LogState
 from armid.errors import ArmidError, EstimationError, Finding, RecordingError
@@ -40,28 +39,6 @@ which angles read as degrees are accepted as such; angles of motors fail this ev
 
 USUAL = ProcessingOptions()
 """Default processing options."""
-
-OF_LOG = ("channel-dead", "saturation", "filtered-before-logging", "velocity-mismatch")
-"""Checks of every log in an identification; gaps, jitter and repetitions are reported by the processing."""
-
-OF_READING = (
-    "motor-side",
-    "degrees",
-    "torque-sign",
-    "position-sign",
-    "joint-order",
-    "gravity-direction",
-    "position-offset",
-    "rotor-inertia-missing",
-)
-"""Checks with a model that an identification makes once for each log format, since signs, order, units, zeros and
-sides are the same for all logs of a format. Excitation is checked on all recordings together."""
-
-OF_EACH = ("channel-delay", "contact", "temperature-drift")
-"""Checks with a model of faults that can differ between recordings of one format."""
-
-RECORDING_EXPLAINS = (explain_delay, explain_contact)
-"""Explanations that these checks need where the log format has no fault."""
 
 GEARED = 3.0
 """Range of a motion over the range of the limits from which positions are those of motors."""
@@ -148,7 +125,7 @@ def diagnose_recording(
             told = [each for each in read.findings if each.code != "effort-possible"]  # said with the error
             noted += [*told, *_standstill(recording, processing)]
             break
-    evidence = LogEvidence(robot, raw, how, recording, tuple(noted), model, EXPLAINS, processing.saturation)
+    evidence = LogEvidence(robot, raw, how, recording, tuple(noted), model, explanations_of(), processing.saturation)
     if any(f.code == "current-without-gain" and f.severity == "error" for f in noted):
         return _of_currents(evidence)
     return examine(_reconsidered(evidence))
@@ -183,8 +160,8 @@ def _of_currents(evidence: LogEvidence) -> tuple[Finding, ...]:
         with_remedy = [replace(f, remedy=remedy) if f.code == "current-without-gain" else f for f in evidence.noted]
         evidence = replace(evidence, noted=tuple(with_remedy))
     evidence = replace(evidence, explains=())
-    applicable = {"channel-dead", "clock-gap", "clock-jitter", "saturation", "velocity-mismatch", "period-misaligned"}
-    applicable |= {finding.code for finding in evidence.noted}
+    applicable = {finding.code for finding in evidence.noted}
+    applicable |= {code for check in CHECKS.values() if not check.needs_torque for code in check.effects}
     return tuple(f for f in examine(evidence) if f.code in applicable)
 
 
@@ -227,19 +204,21 @@ def run_checks(
     """
     named: list[tuple[str, Finding]] = []
     faulty: dict[str, bool] = {}
+    each_alone: tuple[Scope, ...] = ("recording",)
     names = labels([choice for choice, _ in recordings])
     # The log format is checked on the first recording of each kind; the others are checked for faults of their own.
     # Validation recordings get all checks: their format may be wrong although it is right for the training ones.
     for k in sorted(range(len(recordings)), key=lambda k: _rank(recordings, k)):
         choice, recording = recordings[k]
         kind = _kind(choice)
-        explains, checks = EXPLAINS, (*OF_LOG, *OF_READING, *OF_EACH)
+        explains, checks = explanations_of(), checks_of(("recording", "format"))
         if kind in faulty and choice.role == "train":
-            explains, checks = EXPLAINS if faulty[kind] else RECORDING_EXPLAINS, (*OF_LOG, *OF_EACH)
+            explains, checks = explains if faulty[kind] else explanations_of(each_alone), checks_of(each_alone)
         evidence = LogEvidence(model.robot, recording, choice.reading, recording, (), model, explains)
         known = known_codes[k] if known_codes else ()
         named += [(names[k], finding) for finding in examine(evidence, checks) if finding.code not in known]
-        faulty.setdefault(kind, any(each.code not in OF_EACH for each in evidence.explanations))
+        own = {code for name in checks_of(each_alone) for code in CHECKS[name].effects}
+        faulty.setdefault(kind, any(each.code not in own for each in evidence.explanations))
     return together(named)
 
 
@@ -256,13 +235,14 @@ def _kind(choice: RecordingChoice) -> str:
 
 def diagnosis_record(diagnoses: tuple[Diagnosis, ...]) -> dict[str, Any]:
     """The contents of `doctor --json`."""
+    effect_of = effects()
     findings = [
         {
             "code": f.code,
             "severity": f.severity,
             "channel": f.channel,
             "evidence": f.evidence,
-            "effect": EFFECTS.get(f.code, ""),
+            "effect": effect_of.get(f.code, ""),
             "remedy": f.remedy,
             "recording": each.path,
         }

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from armid.doctor import EXPLAINS, examine
+from armid.doctor import examine, explanations_of
 from armid.doctor.evidence import LogEvidence
 from armid.lab.controller import Controller
 from armid.lab.friction import Friction
@@ -219,7 +219,7 @@ def sticking(delay: float = 0.0) -> Simulated:
 def told(done: Simulated) -> list[str]:
     model = DynamicsModel(small_arm().robot, (RigidBody(), Viscous(), Coulomb(0.0)))
     log = replace(done.recording, joint_names=model.robot.joint_names)
-    found = examine(LogEvidence(model.robot, log, LogFormat(), log, (), model, EXPLAINS))
+    found = examine(LogEvidence(model.robot, log, LogFormat(), log, (), model, explanations_of()))
     return [f.code for f in found if f.severity == "error"]
 
 

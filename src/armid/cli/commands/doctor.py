@@ -117,9 +117,9 @@ def _report(diagnoses: tuple[Diagnosis, ...]) -> None:
     from rich.table import Table
 
     from armid.cli.console import output_console, print_to_paste, to_paste
-    from armid.doctor import EFFECTS
+    from armid.doctor import effects
 
-    console = output_console()
+    console, effect_of = output_console(), effects()
     colours = {"error": "red", "warning": "yellow", "info": "dim"}
     for each in diagnoses:
         if not each.findings:
@@ -131,7 +131,8 @@ def _report(diagnoses: tuple[Diagnosis, ...]) -> None:
         below = [f for f in each.findings if to_paste(f.remedy)]
         for f in each.findings:
             remedy = "remedy: below the table" if f in below else f.remedy
-            parts = [escape(f.evidence), f"[dim]{escape(EFFECTS.get(f.code, ''))}[/]", f"[bold]{escape(remedy)}[/]"]
+            effect = effect_of.get(f.code, "")
+            parts = [escape(f.evidence), f"[dim]{escape(effect)}[/]", f"[bold]{escape(remedy)}[/]"]
             text = "\n".join(part for part in parts if part and not part.startswith("[bold][/]"))
             table.add_row(f"[{colours[f.severity]}]{f.severity}[/]", f.code, escape(f.channel), text)
         console.print(table)

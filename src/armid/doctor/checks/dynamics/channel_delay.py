@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from armid.doctor.check import Check
 from armid.doctor.downsample import downsample
 from armid.doctor.evidence import WIDTH, LogEvidence
 from armid.doctor.explanation import Explanation, LogState
@@ -107,6 +108,7 @@ def explain(state: LogState) -> Explanation | None:
         lambda evidence: lines("s", delay=_total_delay(evidence, delay)),
         after,
         lambda evidence: _is_in_every_band(evidence, delay),
+        by_error_alone=True,
     )
 
 
@@ -187,3 +189,13 @@ def _advanced(run: ObservedRun, seconds: float) -> ObservedRun:
         inverse(spectrum(whole - trend) * turn, len(whole)) + trend + (whole[-1] - whole[0]) * samples / len(whole)
     )
     return replace(run, torque=moved[pad : pad + len(x)])
+
+
+CHECK = Check(
+    look=check,
+    scope="recording",
+    effects={
+        "channel-delay": "Torque and motion belong to different times, so inertia and viscous friction are mixed up.",
+    },
+    explain=explain,
+)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from armid.doctor.check import Check
 from armid.doctor.evidence import LogEvidence
 from armid.doctor.explanation import Explanation, LogState
 from armid.errors import Finding
@@ -147,3 +148,13 @@ def _bursts(state: LogState, residual: Array, open_variance: Array | float = 0.0
     counted = [power[rows.mask[:, j], j] for j in range(rows.n)]
     usual = np.array([np.percentile(x, USUAL) if len(x) else 1.0 for x in counted])
     return np.sqrt(power / np.maximum(usual + open_variance, np.finfo(float).tiny))
+
+
+CHECK = Check(
+    look=check,
+    scope="recording",
+    effects={
+        "contact": "External forces are attributed to parameters of the arm.",
+    },
+    explain=explain,
+)

@@ -6,6 +6,7 @@ from typing import Literal
 
 import numpy as np
 
+from armid.doctor.check import Check
 from armid.doctor.evidence import LogEvidence
 from armid.doctor.explanation import LogState
 from armid.doctor.quick_fit import products
@@ -129,3 +130,13 @@ def _advice(state: LogState) -> str:
             )
     moves = "; ".join(parts) if parts else "all joints together, fast and wide"
     return f"record another motion, as armid excite designs it; move {moves}"
+
+
+CHECK = Check(
+    look=check,
+    scope="command",
+    effects={
+        "excitation-weak": "Some parameters cannot be separated: the estimate fits this motion and "
+        "may fail on others.",
+    },
+)

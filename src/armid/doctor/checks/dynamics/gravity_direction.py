@@ -8,6 +8,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from armid.doctor.check import Check
 from armid.doctor.evidence import LogEvidence
 from armid.doctor.explanation import Explanation, LogState
 from armid.doctor.quick_fit import QuickRows, cost_of, make_rows, products, solve
@@ -243,3 +244,13 @@ class _GravityRows:
         """Derivative of the torque (M, n) by gravity along an axis."""
         joints = zip(rows.parameters, self.units, strict=True)
         return np.column_stack([values[own] @ units[axis] for own, units in joints])
+
+
+CHECK = Check(
+    look=check,
+    scope="format",
+    effects={
+        "gravity-direction": "First moments and inertias take wrong signs or directions to compensate for it.",
+    },
+    explain=explain,
+)

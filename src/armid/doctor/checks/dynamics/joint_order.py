@@ -9,6 +9,7 @@ from itertools import combinations, permutations
 import numpy as np
 from numpy.typing import NDArray
 
+from armid.doctor.check import Check
 from armid.doctor.checks.signals import velocity_mismatch
 from armid.doctor.downsample import DownsampledLog
 from armid.doctor.evidence import LogEvidence
@@ -101,6 +102,7 @@ def explain(state: LogState) -> Explanation | None:
         + (f"; with {' or '.join(doubt)} it leaves as little, and the log does not say which." if doubt else "."),
         lambda evidence: _remedy(evidence, best),
         state.on(state.log.reordered(best.motion, best.torque)),
+        by_error_alone=True,
     )
 
 
@@ -239,3 +241,17 @@ def _assigned(state: LogState) -> NDArray[np.intp]:
     from scipy.optimize import linear_sum_assignment  # slow to import
 
     return np.asarray(linear_sum_assignment(residual)[1], dtype=np.intp)
+
+
+CHECK = Check(
+    look=check,
+    scope="format",
+    effects={
+        "joint-order": "Parameters of one joint are fitted to the torque of another; the estimate is useless.",
+    },
+    explain=explain,
+    hides=(
+        "saturation",
+        "velocity-mismatch",
+    ),
+)

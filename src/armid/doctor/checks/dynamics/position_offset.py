@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from armid.doctor.check import Check
 from armid.doctor.evidence import LogEvidence
 from armid.doctor.explanation import Explanation, LogState
 from armid.doctor.quick_fit import products
@@ -165,3 +166,13 @@ def _posterior(
     unit = np.where(unit > 0.0, unit, 1.0)
     inverse = np.linalg.inv(H / np.outer(unit, unit) + UNSEEN * np.eye(b + extras)) / np.outer(unit, unit)
     return inverse @ side, np.sqrt(np.maximum(np.diag(inverse), 0.0))
+
+
+CHECK = Check(
+    look=check,
+    scope="format",
+    effects={
+        "position-offset": "Gravity torques are fitted at wrong poses; first moments and inertias are biased.",
+    },
+    explain=explain,
+)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from armid.doctor.check import Check
 from armid.doctor.checks.dynamics.torque_sign import FLIP, cost_with_signs, relative_signs, signs_value
 from armid.doctor.evidence import LogEvidence
 from armid.doctor.explanation import Explanation, LogState
@@ -75,6 +76,7 @@ def explain(state: LogState) -> Explanation | None:
         "less of the torque.",
         lambda evidence: lines(position_sign=signs_value(np.asarray(evidence.reading.position_sign) * sign)),
         after,
+        by_error_alone=True,
     )
 
 
@@ -82,3 +84,14 @@ def _turned(sign: Array, j: int) -> Array:
     other = sign.copy()
     other[j] = -other[j]
     return other
+
+
+CHECK = Check(
+    look=check,
+    scope="format",
+    effects={
+        "position-sign": "Gravity and coupling torques of the joint and of what it carries are fitted at "
+        "mirrored poses.",
+    },
+    explain=explain,
+)

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from armid.doctor.check import Check
 from armid.doctor.evidence import LogEvidence
 from armid.doctor.explanation import LogState
 from armid.doctor.quick_fit import QuickRows, solve
@@ -67,3 +68,12 @@ def _without_rotors(state: LogState) -> QuickRows:
         columns=tuple(columns[k] for columns, k in zip(rows.columns, keep, strict=True)),
         parameters=tuple(parameters[k] for parameters, k in zip(rows.parameters, keep, strict=True)),
     )
+
+
+CHECK = Check(
+    look=check,
+    scope="format",
+    effects={
+        "rotor-inertia-missing": "Rotor inertia is attributed to the links, which are then physically inconsistent.",
+    },
+)

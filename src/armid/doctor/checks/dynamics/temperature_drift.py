@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from armid.doctor.check import Check
 from armid.doctor.evidence import LogEvidence
 from armid.doctor.quick_fit import solve
 from armid.errors import Finding
@@ -59,3 +60,13 @@ def check(evidence: LogEvidence) -> list[Finding]:
             "record again with warm gears, or a log for each state of warmth with friction_per_recording = true",
         )
     ]
+
+
+CHECK = Check(
+    look=check,
+    scope="recording",
+    effects={
+        "temperature-drift": "The estimated friction is a mean over the log; intervals are too narrow for "
+        "another day.",
+    },
+)

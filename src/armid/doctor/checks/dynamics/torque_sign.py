@@ -8,6 +8,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
+from armid.doctor.check import Check
 from armid.doctor.evidence import LogEvidence
 from armid.doctor.explanation import Explanation, LogState
 from armid.doctor.quick_fit import QuickRows, cost_of, make_rows, products
@@ -159,3 +160,13 @@ def _votes(state: LogState) -> Array:
         r = state.nominal.correlation
         votes = votes + np.where(np.abs(r) > ALIKE, 2.0 * np.sign(r), r)
     return votes
+
+
+CHECK = Check(
+    look=check,
+    scope="format",
+    effects={
+        "torque-sign": "All parameters have the wrong sign: negative friction and negative masses.",
+    },
+    explain=explain,
+)

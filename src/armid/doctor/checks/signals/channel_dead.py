@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from armid.doctor.check import Check
 from armid.doctor.evidence import LogEvidence
 from armid.doctor.stuck_channels import longest
 from armid.errors import Finding
@@ -59,3 +60,26 @@ def _times(evidence: LogEvidence, first: int, last: int) -> tuple[float, float]:
     assert recording is not None
     time = np.arange(recording.samples) / evidence.rate if recording.time is None else recording.time
     return float(time[first]), float(time[min(last, recording.samples - 1)])
+
+
+CHECK = Check(
+    look=check,
+    scope="recording",
+    effects={
+        "channel-dead": "The joint's parameters are fitted to values that were not measured.",
+    },
+    untested={
+        "channel-dead": "the rows that it leaves out hold no measurement",
+    },
+    hides=(
+        "contact",
+        "temperature-drift",
+        "excitation-weak",
+        "rotor-inertia-missing",
+        "channel-delay",
+        "position-offset",
+        "velocity-mismatch",
+        "period-misaligned",
+    ),
+    needs_torque=False,
+)

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from armid.doctor.check import Check
 from armid.doctor.downsample import downsample
 from armid.doctor.evidence import LogEvidence
 from armid.doctor.remedy_trial import RemedyTrial, try_remedy
@@ -98,3 +99,14 @@ def _trial(evidence: LogEvidence, rate: float) -> RemedyTrial | None:
     number = np.arange(recording.samples) if recording.number is None else recording.number
     log = downsample(replace(evidence.counted, time=number / rate), state.log.cutoff)
     return try_remedy(state.rows, state.on(log).rows) if log.runs else None
+
+
+CHECK = Check(
+    look=check,
+    scope="command",
+    effects={
+        "clock-jitter": "Differentiated positions turn the clock's jitter into noise of velocity and acceleration.",
+        "clock-gap": "Nothing is filtered or differentiated across it, and rows next to it are lost.",
+    },
+    needs_torque=False,
+)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from armid.doctor.check import Check
 from armid.doctor.evidence import LogEvidence
 from armid.doctor.explanation import Explanation, LogState
 from armid.errors import Finding
@@ -53,6 +54,7 @@ def explain(state: LogState) -> Explanation | None:
         f"{1 - np.exp(-gain):.0%} less of the torque is left.",
         lambda evidence: lines(units=_units(evidence.reading, turned, everywhere=everywhere)),
         after,
+        by_error_alone=True,
     )
 
 
@@ -89,3 +91,16 @@ def _units(reading: LogFormat, turned: NDArray[np.bool_], *, everywhere: bool) -
     if everywhere and (reading.units is None or isinstance(reading.units, str)):
         return "rad" if reading.units == "deg" else "deg"
     return ["deg" if one else "rad" for one in degrees]
+
+
+CHECK = Check(
+    look=check,
+    scope="format",
+    effects={
+        "degrees": "The motion is wrong by a factor of 57, and inertias and friction with it.",
+    },
+    explain=explain,
+    untested={
+        "degrees": "as it stands the log lies outside all limits",
+    },
+)

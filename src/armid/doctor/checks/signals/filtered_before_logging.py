@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from armid.doctor.check import Check
 from armid.doctor.evidence import LogEvidence
 from armid.errors import Finding
 from armid.maths.median import median
@@ -77,3 +78,12 @@ def _spectrum(x: Array, rate: float) -> tuple[Array, Array]:
 
 def _smooth(x: Array) -> Array:
     return np.convolve(x, np.ones(9) / 9, mode="same")
+
+
+CHECK = Check(
+    look=check,
+    scope="recording",
+    effects={
+        "filtered-before-logging": "Friction at reversals is smoothed in the torque, but not in the model.",
+    },
+)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from armid.doctor.check import Check
 from armid.doctor.evidence import LogEvidence
 from armid.doctor.explanation import Explanation, LogState
 from armid.errors import Finding
@@ -76,3 +77,15 @@ def _gains(evidence: LogEvidence, gains: list[float], note: str) -> str:
     given = evidence.reading.drive_gain
     total = np.asarray(gains) * (1.0 if given is None else np.asarray(given))
     return lines(note, drive_gain=[float(f"{gain:.3g}") for gain in total])
+
+
+CHECK = Check(
+    look=check,
+    scope="format",
+    effects={
+        "motor-side": "All parameters are too small by the gear ratio.",
+        "current-without-gain": "All parameters are in units of the drive's current.",
+    },
+    explain=explain,
+    hides=("saturation",),
+)

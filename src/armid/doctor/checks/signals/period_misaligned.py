@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from armid.doctor.check import Check
 from armid.doctor.evidence import LogEvidence
 from armid.errors import Finding
 from armid.measurement.processing.alignment import windows
@@ -75,3 +76,22 @@ def _lag(q: Array, first: int, begin: int, samples: int) -> float:
         if abs(change) < 1e-3:
             break
     return lag
+
+
+CHECK = Check(
+    look=check,
+    scope="command",
+    effects={
+        "period-misaligned": "The mean over repetitions smooths the motion and makes its torque smaller.",
+    },
+    untested={
+        "period-misaligned": "the comparison averages no repetitions",
+    },
+    hides=(
+        "contact",
+        "velocity-mismatch",
+        "rotor-inertia-missing",
+        "temperature-drift",
+    ),
+    needs_torque=False,
+)

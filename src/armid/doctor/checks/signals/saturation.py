@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from armid.doctor.check import Check
 from armid.doctor.evidence import LogEvidence
 from armid.errors import Finding
 from armid.measurement.remedy import excluding, lines
@@ -78,3 +79,20 @@ def _plateau(tau: Array) -> tuple[int, float]:
     if count < max(FEWEST, SHARE * len(tau)) or count < DENSER * usual:
         return 0, top
     return count, abs(top)
+
+
+CHECK = Check(
+    look=check,
+    scope="recording",
+    effects={
+        "saturation": "The largest torques are too small, and inertias and friction with them.",
+    },
+    untested={
+        "saturation": "the rows that it leaves out hold no measurement",
+    },
+    hides=(
+        "contact",
+        "temperature-drift",
+    ),
+    needs_torque=False,
+)

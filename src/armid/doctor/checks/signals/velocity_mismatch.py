@@ -6,6 +6,7 @@ from typing import Literal
 
 import numpy as np
 
+from armid.doctor.check import Check
 from armid.doctor.evidence import LogEvidence
 from armid.errors import Finding
 from armid.maths.derivatives import central_difference
@@ -122,3 +123,17 @@ def _in_band(recording: Recording) -> tuple[Array, Array, Array, float]:
         nothing = np.zeros((0, recording.n))
         return nothing, nothing, nothing, rate
     return np.concatenate(logged), np.concatenate(derived), np.concatenate(slope), rate
+
+
+CHECK = Check(
+    look=check,
+    scope="recording",
+    effects={
+        "velocity-mismatch": "Friction and, where accelerations are derived from it, inertias are biased or "
+        "meaningless.",
+    },
+    untested={
+        "velocity-mismatch": "the comparison derives velocities from positions",
+    },
+    needs_torque=False,
+)

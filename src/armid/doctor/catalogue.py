@@ -1,0 +1,32 @@
+"""Catalogue `CHECKS` of the doctor: a new check is a new file and one line here."""
+
+from __future__ import annotations
+
+from armid.catalogue import Catalogue
+from armid.doctor.check import Check
+
+CHECKS: Catalogue[Check] = Catalogue(
+    {
+        "reading-findings": "armid.doctor.checks.signals.reading_findings:CHECK",
+        "clock": "armid.doctor.checks.signals.clock:CHECK",
+        "channel-dead": "armid.doctor.checks.signals.channel_dead:CHECK",
+        "saturation": "armid.doctor.checks.signals.saturation:CHECK",
+        "filtered-before-logging": "armid.doctor.checks.signals.filtered_before_logging:CHECK",
+        "velocity-mismatch": "armid.doctor.checks.signals.velocity_mismatch:CHECK",
+        "period-misaligned": "armid.doctor.checks.signals.period_misaligned:CHECK",
+        "motor-side": "armid.doctor.checks.signals.motor_side:CHECK",
+        "degrees": "armid.doctor.checks.signals.degrees:CHECK",
+        "torque-sign": "armid.doctor.checks.dynamics.torque_sign:CHECK",
+        "position-sign": "armid.doctor.checks.dynamics.position_sign:CHECK",
+        "joint-order": "armid.doctor.checks.dynamics.joint_order:CHECK",
+        "gravity-direction": "armid.doctor.checks.dynamics.gravity_direction:CHECK",
+        "channel-delay": "armid.doctor.checks.dynamics.channel_delay:CHECK",
+        "position-offset": "armid.doctor.checks.dynamics.position_offset:CHECK",
+        "rotor-inertia-missing": "armid.doctor.checks.dynamics.rotor_inertia_missing:CHECK",
+        "excitation-weak": "armid.doctor.checks.dynamics.excitation_weak:CHECK",
+        "temperature-drift": "armid.doctor.checks.dynamics.temperature_drift:CHECK",
+        "contact": "armid.doctor.checks.dynamics.contact:CHECK",
+    }
+)
+"""Checks by the name of their file, those of the log itself before those that need a model. Explanations of a misfit
+compete in this order where they explain equally well."""
