@@ -1,4 +1,4 @@
-"""Claims of the pages about what is there; the example in docs/extending.md is a term."""
+"""Claims of the pages about what is there."""
 
 from __future__ import annotations
 
@@ -10,15 +10,10 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-import numpy as np
 import pytest
 
 from armid.excitation.formats import FORMATS
 from armid.measurement.readers import csv
-from armid.model.dynamics import DynamicsModel
-from armid.model.motion import Motion
-from armid.model.terms import Term
-from armid.robot import load_robot
 from armid.robot.readers import urdf
 
 ROOT = Path(__file__).parents[2]
@@ -83,26 +78,21 @@ def test_names_exist(page: str):
     assert missing == []
 
 
-def test_the_example_of_a_term(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    blocks = re.findall(r"```python\n(.*?)```", PAGES["docs/extending.md"], re.DOTALL)
-    (tmp_path / "quadratic.py").write_text(next(block for block in blocks if "class Quadratic" in block))
-    monkeypatch.syspath_prepend(tmp_path)
-    term = importlib.import_module("quadratic").Quadratic()
-    assert isinstance(term, Term)
-    q, dq, ddq = np.random.default_rng(0).normal(size=(3, 5, 6))
-    Y = DynamicsModel(load_robot("ur5e"), (term,)).regressor(Motion.of_states(q, dq, ddq))
-    np.testing.assert_allclose(np.einsum("njj->nj", Y), np.abs(dq) * dq, rtol=1e-15)
-
-
 @pytest.mark.parametrize(
-    ("name", "kind"), [("read", csv), ("recognises", urdf), ("outline", urdf), ("write", FORMATS["csv"])]
+    ("section", "name", "kind"),
+    [
+        ("A reader of recordings", "read", csv),
+        ("A reader of robot descriptions", "recognises", urdf),
+        ("A reader of robot descriptions", "outline", urdf),
+        ("A format of a controller", "write", FORMATS["csv"]),
+    ],
 )
-def test_signatures_of_the_page_are_those_of_the_code(name: str, kind: ModuleType):
+def test_signatures_of_the_page_are_those_of_the_code(section: str, name: str, kind: ModuleType):
     """The block that shows a contract, executed, and beside it one that keeps to the contract."""
     known: dict[str, Any] = {"Path": Path, "Mapping": Mapping}
     known |= dict.fromkeys(("LogFormat", "Robot", "Recording", "JointOutline", "SampledMotion"), object)
-    blocks = re.findall(r"```python\n(.*?)```", PAGES["docs/extending.md"], re.DOTALL)
-    shown = next(block for block in blocks if f"def {name}(" in block and "class" not in block)
+    text = PAGES["docs/extending.md"].split(f"\n## {section}\n")[1].split("\n## ")[0]
+    (shown,) = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
     exec(shown, known)
     told, real = (inspect.signature(each).parameters for each in (known[name], getattr(kind, name)))
     assert list(told) == list(real)

@@ -6,7 +6,6 @@ Pages whose commands design, simulate or retell at full size take minutes and ar
 
 from __future__ import annotations
 
-import importlib
 import shutil
 from collections.abc import Callable
 from dataclasses import replace
@@ -158,15 +157,6 @@ def test_a_guide(page: str, follow_page: Callable[[str], int]):
 @pytest.mark.parametrize("page", LONG)
 def test_a_long_guide(page: str, follow_page: Callable[[str], int]):
     assert follow_page(page) == LONG[page]
-
-
-def test_the_term_that_is_shown_is_a_term(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    """The first module of the page on extensions; what follows there are signatures to be filled in."""
-    first = next(block for block in blocks(PAGES["extending.md"]) if block.language == "python")
-    (tmp_path / "quadratic.py").write_text(first.text, encoding="utf-8")
-    monkeypatch.syspath_prepend(tmp_path)
-    term = importlib.import_module("quadratic").Quadratic()
-    assert [law.symbol for law in term.laws(load_robot("ur5e"))] == ["FQ"] * 6
 
 
 def test_no_page_is_forgotten():

@@ -1,7 +1,8 @@
 """Completion in a shell: names from catalogues, and joints and links of the arm on the line.
 
-The user waits for the completion, so no heavy module is imported. Names of catalogues are copied here, and a contract
-test compares them. Names of joints and links are extracted from the text of a description, without building a robot.
+The user waits for the completion, so no heavy module is imported. Names of criteria and limits are copied here, and a
+contract test compares them. Names of joints and links are extracted from the text of a description, without building
+a robot.
 """
 
 from __future__ import annotations
@@ -16,26 +17,7 @@ from pathlib import Path
 
 import armid
 from armid.cli.next_step import DESCRIPTIONS
-
-TERMS = (
-    "rigid-body",
-    "viscous",
-    "coulomb",
-    "offset",
-    "rotor-inertia",
-    "coupling",
-    "asymmetric-coulomb",
-    "asymmetric-viscous",
-    "stribeck",
-    "power-viscous",
-    "sigmoid",
-    "piecewise-viscous",
-    "hysteresis",
-    "ripple",
-    "load-coulomb",
-    "load-viscous",
-)
-"""Torque terms."""
+from armid.model.catalogue import TERMS
 
 CRITERIA = ("d-optimal", "condition", "scaled-condition", "a-optimal", "e-optimal", "prediction", "worst")
 """Criteria for the design of a motion."""

@@ -10,12 +10,12 @@ from __future__ import annotations
 from collections.abc import Collection
 
 from armid.doctor.catalogue import CHECKS
-from armid.doctor.check import Check, Scope
 from armid.doctor.evidence import Explain, LogEvidence
+from armid.doctor.log_check import LogCheck, Scope
 from armid.doctor.remedy_trial import with_reason
 from armid.errors import Finding
 
-__all__ = ["CHECKS", "SEVERITIES", "Check", "LogEvidence", "checks_of", "effects", "examine", "explanations_of"]
+__all__ = ["CHECKS", "SEVERITIES", "LogCheck", "LogEvidence", "checks_of", "effects", "examine", "explanations_of"]
 
 SEVERITIES = ("error", "warning", "info")
 """Severities of findings, worst first."""

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from armid.catalogue import Catalogue
-from armid.doctor.check import Check
+from armid.doctor.log_check import LogCheck
 
-CHECKS: Catalogue[Check] = Catalogue(
+CHECKS: Catalogue[LogCheck] = Catalogue(
     {
         "reading-findings": "armid.doctor.checks.signals.reading_findings:CHECK",
         "clock": "armid.doctor.checks.signals.clock:CHECK",

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from armid.doctor import CHECKS, SEVERITIES, LogEvidence, checks_of, effects, examine, explanations_of
-from armid.doctor.check import Scope
 from armid.doctor.checks.signals.motor_side import explain as explain_scale
 from armid.doctor.explanation import LogState
+from armid.doctor.log_check import Scope
 from armid.errors import ArmidError, EstimationError, Finding, RecordingError
 from armid.measurement.log_format import LogFormat
 from armid.measurement.processing.options import ProcessingOptions

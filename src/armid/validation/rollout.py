@@ -24,10 +24,8 @@ from armid.maths.stiction import solve_stiction
 from armid.model.dynamics import DynamicsModel
 from armid.model.expression import symbols
 from armid.model.motion import Motion
+from armid.model.terms.term import smooths_sign
 from armid.values import Array, array
-
-SIGNED = ("coulomb", "asymmetric-coulomb", "load-coulomb", "stribeck")
-"""Terms whose width only smooths a sign."""
 
 LEAST_RATE = 1000.0
 """Smallest rate of integration steps [Hz]. The error of leapfrog falls with its square; the fastest modes of arms are
@@ -99,7 +97,7 @@ class Windows:
 def sharpened(model: DynamicsModel) -> DynamicsModel:
     """The model with exact signs in the place of smoothed ones, and the same parameters."""
     terms: list[Any] = list(model.terms)
-    sharp = [dataclasses.replace(term, width=0.0) if term.name in SIGNED else term for term in terms]
+    sharp = [dataclasses.replace(term, width=0.0) if smooths_sign(term) else term for term in terms]
     return dataclasses.replace(model, terms=tuple(sharp))
 
 

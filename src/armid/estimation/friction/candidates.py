@@ -1,14 +1,14 @@
 """Friction candidates by family, the model extended by all of them, and the torque terms that they become.
 
-A candidate is a friction law with one shape, such as the Stribeck effect at one velocity. An option of a family is a
-set of candidates that a joint gets together. The extended model holds the candidates of all joints, so that their
+Which candidates there are, and what is particular to each, is in the files of the terms
+(`armid.model.terms.automatic`). The extended model holds the candidates of all joints, so that their
 columns are computed once. The selected candidates become ordinary torque terms, each restricted to the joints that
 have its shapes.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
@@ -20,48 +20,10 @@ from armid.information.hysteresis_states import with_hysteresis_states
 from armid.measurement.observations import Observations
 from armid.model.base_parameters import BaseParameters
 from armid.model.dynamics import DynamicsModel
-from armid.model.expression import Expression, derivative, symbol
-from armid.model.terms import (
-    AsymmetricCoulomb,
-    AsymmetricViscous,
-    Coulomb,
-    Hysteresis,
-    Law,
-    LoadCoulomb,
-    PiecewiseViscous,
-    PowerViscous,
-    Ripple,
-    Sigmoid,
-    Stribeck,
-    Term,
-)
+from armid.model.expression import Expression, symbols
+from armid.model.terms import TERMS, Coulomb, Law, Term
+from armid.model.terms.automatic import AutomaticChoice, Candidate, CandidateFamily, Option, automatic_choice
 from armid.robot.robot import Robot
-
-WIDTHS = (0.001, 0.003, 0.01, 0.03, 0.1)
-"""Deflections of hysteresis [rad or m], half a decade apart: from the resolution of encoders to a few degrees, where
-the law begins to resemble a spring. A sum of such elements approximates any hysteresis curve."""
-
-BETWEEN = (0.002, 0.005, 0.02, 0.05)
-"""Deflections between those of `WIDTHS`, for recordings that show the difference."""
-
-FINEST = (0.0014, 0.007, 0.014, 0.035, 0.07)
-"""Deflections between the widest steps of both, one at a time."""
-
-STRIBECK = (0.02, 0.05, 0.1, 0.2, 0.4)
-"""Stribeck velocities [rad/s or m/s]: factors of two, since the fit is flat in them."""
-
-SIGMOID = (0.05, 0.2, 0.5)
-"""Velocity scales of a sigmoid [rad/s or m/s]."""
-
-KNOTS = (0.1, 0.3, 0.6)
-"""Speeds at which viscous friction may change its slope [rad/s or m/s]."""
-
-HARMONICS = (2.0, 3.0, 4.0, 5.0, 6.0)
-"""Harmonics of the joint's angle. Gravity has the first; none above the sixth was seen in the recordings at hand."""
-
-SATURATION = {Stribeck.name: 2.0, Sigmoid.name: 2.0, PiecewiseViscous.name: 1.5}
-"""Ratio of joint speed to the shape of a velocity law above which the law is saturated. A joint that was never so
-fast is not offered the law: below saturation it resembles viscous friction, and would extrapolate wrongly."""
 
 SPEED_QUANTILE = 0.95
 """Quantile of the speeds in a joint's rows that counts as the speed it reached."""
@@ -71,96 +33,21 @@ MAX_UNKNOWN = 0.2
 more costs more than the term usually gains."""
 
 
-@dataclass(frozen=True, slots=True)
-class Candidate:
-    """A friction law with one shape.
-
-    Attributes:
-        term: Name of the torque term.
-        shape: Its shape; 0 where the term has no shape.
-        slope: Whether it stands for the derivative of the law by the logarithm of the shape, not for the law itself.
-    """
-
-    term: str
-    shape: float = 0.0
-    slope: bool = False
+def friction_families() -> tuple[CandidateFamily, ...]:
+    """Families with the options of all terms, in the order in which they are tried."""
+    options: dict[CandidateFamily, list[Option]] = {}
+    for choice in map(automatic_choice, TERMS.values()):
+        for family, candidates in () if choice is None else choice.options:
+            options.setdefault(family, []).append(candidates)
+    found = sorted(options.items(), key=lambda item: item[0].order)
+    return tuple(replace(family, options=tuple(each)) for family, each in found)
 
 
-@dataclass(frozen=True, slots=True)
-class CandidateFamily:
-    """Candidates for one kind of friction.
-
-    Attributes:
-        name: Name of the kind.
-        options: Sets of candidates that a joint gets together.
-        shared: Whether the joints of one arm are alike in it, so that the evidence of all joints counts for each.
-        position: Whether it could imitate gravity or an offset, and must therefore gain in other poses too.
-        rounds: Largest number of options that a joint may get one after another.
-        margin: Standard errors by which a gain must exceed zero.
-        min_gain: Smallest gain that justifies a term, as a share of the remaining squared error.
-        reselect: Whether the family is selected again once all others have been: near standstill most friction laws
-            resemble each other.
-    """
-
-    name: str
-    options: tuple[tuple[Candidate, ...], ...]
-    shared: bool = False
-    position: bool = False
-    rounds: int = 1
-    margin: float = 2.0
-    min_gain: float = 0.01
-    reselect: bool = False
-
-
-def _singles(term: str, shapes: Sequence[float]) -> tuple[tuple[Candidate, ...], ...]:
-    return tuple((Candidate(term, shape),) for shape in shapes)
-
-
-_WIDTHS = tuple(Candidate(Hysteresis.name, width) for width in WIDTHS)
-_BETWEEN = tuple(Candidate(Hysteresis.name, width) for width in BETWEEN)
-
-FAMILIES: tuple[CandidateFamily, ...] = (
-    CandidateFamily("hysteresis", (_WIDTHS, _WIDTHS[:-1], _WIDTHS[1:]), shared=True, margin=2.5),
-    CandidateFamily("load", ((Candidate(LoadCoulomb.name),),)),
-    CandidateFamily(
-        "velocity",
-        (
-            *_singles(Stribeck.name, STRIBECK),
-            *_singles(Sigmoid.name, SIGMOID),
-            *_singles(PowerViscous.name, (0.5,)),
-            tuple(Candidate(PiecewiseViscous.name, knot) for knot in KNOTS),
-        ),
-        rounds=2,
-        min_gain=0.03,
-        reselect=True,
-    ),
-    CandidateFamily("ripple", _singles(Ripple.name, HARMONICS), position=True, rounds=3, margin=3.0, min_gain=0.05),
-    CandidateFamily(
-        "asymmetry",
-        (
-            (Candidate(AsymmetricCoulomb.name),),
-            (Candidate(AsymmetricViscous.name),),
-            (Candidate(AsymmetricCoulomb.name), Candidate(AsymmetricViscous.name)),
-        ),
-        position=True,
-        min_gain=0.05,
-    ),
-    CandidateFamily(
-        "finer hysteresis", (_BETWEEN, *((candidate,) for candidate in (*_BETWEEN, *_WIDTHS))), min_gain=0.02
-    ),
-    CandidateFamily("finest hysteresis", _singles(Hysteresis.name, FINEST), rounds=2, min_gain=0.02),
-)
-"""The families in the order in which they are tried: first what explains most of the friction of real arms, last what
-can imitate gravity or an offset."""
-
-REFINED = frozenset({Stribeck.name, Sigmoid.name})
-"""Terms whose shape is refined by least squares once they are selected."""
-
-TRANSIENT = REFINED | {Hysteresis.name}
-"""Terms that act for a short time after a reversal, which the band must resolve."""
-
-ONE_SHAPE = frozenset({Stribeck.name, Sigmoid.name, PowerViscous.name})
-"""Terms that a joint can have once, with one shape."""
+def choice_of(term: str) -> AutomaticChoice:
+    """Part of a term, by its name, in the automatic selection."""
+    choice = automatic_choice(TERMS[term])
+    assert choice is not None, f"{term} is no candidate"
+    return choice
 
 
 @dataclass(frozen=True, slots=True)
@@ -205,23 +92,21 @@ def allowed_candidates(model: DynamicsModel, observations: Observations) -> tupl
     A velocity law needs speeds that saturate it, hysteresis a state that is known early, both a band that resolves
     them near standstill, ripple a revolute joint, and all of them a joint that moves.
     """
-    candidates = {candidate for family in FAMILIES for option in family.options for candidate in option}
     present = {term.name for term in model.terms}
-    known = model.load_parameters is not None
-    candidates = {
-        candidate
-        for candidate in candidates
-        if candidate.term not in present and (known or candidate.term != LoadCoulomb.name)
-    }
+    offered = {candidate for family in friction_families() for option in family.options for candidate in option}
+    laws = {candidate: _laws(model, candidate) for candidate in offered if candidate.term not in present}
+    if model.load_parameters is None:
+        laws = {candidate: each for candidate, each in laws.items() if not depends_on_load(each)}
+    candidates = set(laws)
     lost = {
         candidate: _unknown_share(model, candidate, observations)
-        for candidate in candidates
-        if candidate.term == Hysteresis.name
+        for candidate, each in laws.items()
+        if any(law.memory is not None for law in each)
     }
     resolved = {
         candidate: _resolved_share(model, candidate, observations)
         for candidate in candidates
-        if candidate.term in TRANSIENT
+        if choice_of(candidate.term).resolution
     }
     fast = _speeds(model, observations)
     moved = np.any([np.ptp(run.motion.q, axis=0) > 0.0 for run in observations.runs], axis=0)
@@ -231,9 +116,9 @@ def allowed_candidates(model: DynamicsModel, observations: Observations) -> tupl
             candidate for candidate in candidates if candidate not in lost or lost[candidate][j] <= MAX_UNKNOWN
         }
         if joint.is_prismatic:
-            allowed = {candidate for candidate in allowed if candidate.term != Ripple.name}
+            allowed = {candidate for candidate in allowed if not choice_of(candidate.term).revolute_only}
         allowed = {
-            candidate for candidate in allowed if candidate.shape * SATURATION.get(candidate.term, 0.0) <= fast[j]
+            candidate for candidate in allowed if candidate.shape * choice_of(candidate.term).saturation <= fast[j]
         }
         allowed = {
             candidate for candidate in allowed if candidate not in resolved or resolved[candidate][j] >= RESOLVED
@@ -311,25 +196,24 @@ def _width(model: DynamicsModel) -> float:
 
 def _term(name: str, shapes: tuple[float, ...], width: float, joints: tuple[str, ...] | None = None) -> Term:
     """Torque term of a name with the shapes of candidates."""
-    makers = {
-        Hysteresis.name: lambda: Hysteresis(shapes, joints),
-        LoadCoulomb.name: lambda: LoadCoulomb(width, joints),
-        Stribeck.name: lambda: Stribeck(shapes[0], 2.0, width, joints),
-        Sigmoid.name: lambda: Sigmoid(2.0 / shapes[0], 0.0, joints),
-        PowerViscous.name: lambda: PowerViscous(shapes[0], max(width, 0.02), joints),
-        PiecewiseViscous.name: lambda: PiecewiseViscous(shapes, joints),
-        AsymmetricCoulomb.name: lambda: AsymmetricCoulomb(width, joints),
-        AsymmetricViscous.name: lambda: AsymmetricViscous(joints),
-        Ripple.name: lambda: Ripple(shapes, joints=joints),
-    }
-    return makers[name]()
+    return choice_of(name).make(shapes, width, joints)
+
+
+def _laws(model: DynamicsModel, candidate: Candidate) -> tuple[Law, ...]:
+    """Laws of a candidate on all joints."""
+    return _term(candidate.term, (candidate.shape,), _width(model)).laws(model.robot)
+
+
+def depends_on_load(laws: Iterable[Law]) -> bool:
+    """True if a law depends on the load of its joint."""
+    return any("load" in symbols(law.expression) for law in laws)
 
 
 def _resolved_share(model: DynamicsModel, candidate: Candidate, observations: Observations) -> NDArray[np.float64]:
     """Share of a law's effect near standstill that the band leaves, shape (n,)."""
     width = _width(model)
     term = _term(candidate.term, (candidate.shape,), width)
-    if candidate.term in REFINED:
+    if choice_of(candidate.term).resolution == "height":
         return passed_height(model, term, width, observations)
     if not all(run.consecutive for run in observations.runs):
         return np.ones(model.n)  # separate rows have no known memory in any case
@@ -347,18 +231,17 @@ def _speeds(model: DynamicsModel, observations: Observations) -> NDArray[np.floa
 
 
 def _slope(candidate: Candidate, law: Expression) -> Expression:
-    """Derivative of the law of a term in `REFINED` by the logarithm of its shape."""
-    velocity = symbol("dq")
-    if candidate.term == Stribeck.name:  # exp(-(dq / shape)²); the width of the sign does not depend on the shape
-        return 2.0 * (velocity * (1.0 / candidate.shape)) ** 2.0 * law
-    return -velocity * derivative(law, "dq")  # a sigmoid is a function of dq / shape
+    """Derivative of the law of a refined term by the logarithm of its shape."""
+    log_slope = choice_of(candidate.term).log_slope
+    assert log_slope is not None, f"the shape of {candidate.term} is not refined"
+    return log_slope(law, candidate.shape)
 
 
 def _unknown_share(model: DynamicsModel, candidate: Candidate, observations: Observations) -> NDArray[np.float64]:
     """Share of each joint's rows before the hysteresis state of a candidate is known, shape (n,)."""
     if not all(run.consecutive for run in observations.runs):
         return np.ones(model.n)
-    alone = DynamicsModel(model.robot, (Hysteresis((candidate.shape,)),))
+    alone = DynamicsModel(model.robot, (_term(candidate.term, (candidate.shape,), _width(model)),))
     had = np.sum([run.mask.sum(axis=0) for run in observations.runs], axis=0)
     left = np.sum(
         [with_hysteresis_states(alone, run, observations.band).mask.sum(axis=0) for run in observations.runs], axis=0

@@ -23,9 +23,8 @@ from armid.estimation.friction.acceptance import (
     error_log_ratios,
     standard_error,
 )
-from armid.estimation.friction.candidates import ONE_SHAPE, Candidate, CandidateFamily, CandidateModel
+from armid.estimation.friction.candidates import Candidate, CandidateFamily, CandidateModel, choice_of
 from armid.estimation.friction.heldout_gains import HeldOutFolds, Reduced
-from armid.model.terms import Hysteresis
 from armid.values import Array
 
 RIDGES = (0.003, 0.03)
@@ -247,7 +246,7 @@ class _Search:
             error = self._errors()
             removable: list[tuple[float, SelectedCandidate, Candidate]] = []
             for each in self.selected:
-                widths = sorted((p for p in each.candidates if p.term == Hysteresis.name), key=lambda p: p.shape)
+                widths = sorted((p for p in each.candidates if choice_of(p.term).is_sum), key=lambda p: p.shape)
                 for candidate in widths[:-1]:
                     self.chosen[each.joint].discard(candidate)
                     increase = self._errors() - error
@@ -289,7 +288,7 @@ class _Search:
         measured: list[CandidateGain] = []
         for joint, allowed in enumerate(self.allowed):
             available = allowed - self.chosen[joint]
-            used_terms = {candidate.term for candidate in self.chosen[joint]} & ONE_SHAPE
+            used_terms = {candidate.term for candidate in self.chosen[joint] if choice_of(candidate.term).one_shape}
             seen: set[tuple[Candidate, ...]] = set()
             for option, candidates in enumerate(family.options):
                 remaining = tuple(

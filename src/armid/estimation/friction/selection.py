@@ -19,12 +19,13 @@ from armid.estimation.crossvalidation import can_cross_validate, folds, one_stan
 from armid.estimation.estimate import torque_parameters
 from armid.estimation.estimators.ridge import Ridge
 from armid.estimation.friction.candidates import (
-    FAMILIES,
     Candidate,
     CandidateModel,
     allowed_candidates,
     candidate_model,
+    depends_on_load,
     describe,
+    friction_families,
     terms_of,
 )
 from armid.estimation.friction.heldout_gains import GainPrior, HeldOutFolds, make_folds
@@ -40,7 +41,7 @@ from armid.maths.linalg import inverse_of
 from armid.measurement.observations import Observations
 from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics import DynamicsModel
-from armid.model.terms import LoadCoulomb, Term
+from armid.model.terms import Term
 from armid.values import Array
 
 FOLDS = 8
@@ -149,14 +150,14 @@ def choose_friction(model: DynamicsModel, observations: Observations, *, threads
         short_folds, long_folds = (
             make_folds(information, folds(information, count), weighted.weights, embedded) for count in (FOLDS, LONG)
         )
-        path = select_forward(short_folds, long_folds, extended, available, FAMILIES, start)
+        path = select_forward(short_folds, long_folds, extended, available, friction_families(), start)
         return extended, information, short_folds, path
 
     first = select_from(None)[-1]
     refined = refine_shapes(first, extend, prior, weighted.weights, allowed)
     extended, information, short_folds, path = select_from(refined)
     added = terms_of(loaded, path.chosen(model.n))
-    needs_load = any(isinstance(term, LoadCoulomb) for term in added)
+    needs_load = depends_on_load(law for term in added for law in term.laws(model.robot))
     chosen = replace(loaded if needs_load else model, terms=(*model.terms, *added))
     prior_weight, why = _weight_in_samples(best_weight * weighted.correlation, restrict(information, path.kept))
     outcome = _error_ratio(short_folds, extended, path)

@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from armid.estimation.friction.candidates import REFINED, Candidate, CandidateModel
+from armid.estimation.friction.candidates import Candidate, CandidateModel, choice_of
 from armid.estimation.friction.heldout_gains import GainPrior, make_folds
 from armid.estimation.friction.search import SelectionPath
 from armid.information.information import Information
@@ -55,7 +55,7 @@ def refine_shapes(
         (j, candidate): candidate
         for j, laws in enumerate(path.chosen(joints))
         for candidate in laws
-        if candidate.term in REFINED
+        if choice_of(candidate.term).log_slope is not None
     }
     smallest = {
         (j, candidate): min(each.shape for each in allowed[j] | {candidate} if each.term == candidate.term)
@@ -82,7 +82,7 @@ def _step(
     """Squared error with the present shapes, and the Gauss-Newton step of the logarithm of each shape."""
     chosen = path.chosen(joints)
     slopes = [
-        frozenset(replace(candidate, slope=True) for candidate in laws if candidate.term in REFINED)
+        frozenset(replace(candidate, slope=True) for candidate in laws if choice_of(candidate.term).log_slope)
         for laws in chosen
     ]
     extended, information = extend([laws | derivatives for laws, derivatives in zip(chosen, slopes, strict=True)])

@@ -42,9 +42,9 @@ from armid.robot.xml import parse_xml
 from armid.values import Array
 
 SUFFIX: str = ".xml"
-PLACES: Sequence[str] = ("viscous", "coulomb", "rotor-inertia")
 
 ATTRIBUTES = {"viscous": "damping", "coulomb": "frictionloss", "rotor-inertia": "armature"}
+PLACES: Sequence[str] = tuple(ATTRIBUTES)
 FULL = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 TURNED = ("diaginertia", "quat", "axisangle", "xyaxes", "zaxis", "euler")
 KEPT = ("compiler", "option", "default", "worldbody", "size")

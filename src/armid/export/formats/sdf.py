@@ -32,10 +32,10 @@ from armid.robot.robot import Frame, InertialParameters, Joint, Link, Robot
 from armid.values import Array
 
 SUFFIX: str = ".sdf"
-PLACES: Sequence[str] = ("viscous", "coulomb")
 
 TENSOR = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
 TAGS = {"viscous": "damping", "coulomb": "friction"}
+PLACES: Sequence[str] = tuple(TAGS)
 NOT_READ = "no installed program reads SDF; only armid read the file back"
 
 

@@ -39,9 +39,9 @@ from armid.robot.robot import InertialParameters, Joint, Robot
 from armid.values import Array
 
 SUFFIX: str = ".urdf"
-PLACES: Sequence[str] = ("viscous", "coulomb")
 
 ATTRIBUTES = {"viscous": "damping", "coulomb": "friction"}
+PLACES: Sequence[str] = tuple(ATTRIBUTES)
 TENSOR = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
 LIMITS = ("effort", "velocity")
 

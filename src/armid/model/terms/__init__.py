@@ -1,5 +1,9 @@
-"""Torque terms, one a file. `TERMS` is the catalogue: a new term is a new file and one line here."""
+"""Torque terms, one a file; `armid.model.catalogue` lists them.
 
+The classes stand here, too, for code that names one; a new term needs no line here.
+"""
+
+from armid.model.catalogue import TERMS
 from armid.model.terms.coupling import Coupling
 from armid.model.terms.friction.asymmetric_coulomb import AsymmetricCoulomb
 from armid.model.terms.friction.asymmetric_viscous import AsymmetricViscous
@@ -40,29 +44,6 @@ __all__ = [
     "Term",
     "Viscous",
 ]
-
-TERMS: dict[str, type[Term]] = {
-    term.name: term
-    for term in (
-        RigidBody,
-        Viscous,
-        Coulomb,
-        Offset,
-        RotorInertia,
-        Coupling,
-        AsymmetricCoulomb,
-        AsymmetricViscous,
-        Stribeck,
-        PowerViscous,
-        Sigmoid,
-        PiecewiseViscous,
-        Hysteresis,
-        Ripple,
-        LoadCoulomb,
-        LoadViscous,
-    )
-}
-"""Terms by their names in a study, in the order of their parameters."""
 
 DEFAULT_TERMS: tuple[Term, ...] = (RigidBody(), Viscous(), Coulomb(width=0.02), Offset())
 """Terms of a model for which none are given. The width of Coulomb friction [rad/s] keeps encoder noise from switching

@@ -11,9 +11,16 @@ from typing import ClassVar
 
 from armid.errors import ModelError
 from armid.model.expression import Expression, cosine, sine, symbol
+from armid.model.terms.automatic import AutomaticChoice, CandidateFamily, one_by_one
 from armid.model.terms.checks import require_positive, require_rising
-from armid.model.terms.term import Law, single_joint_laws
+from armid.model.terms.term import Law, listed, single_joint_laws
 from armid.robot.robot import Robot
+
+FAMILY = CandidateFamily("ripple", order=40, position=True, rounds=3, margin=3.0, min_gain=0.05)
+
+HARMONICS = (2.0, 3.0, 4.0, 5.0, 6.0)
+"""Harmonics of the joint's angle that the automatic selection tries. Gravity has the first; none above the sixth was
+seen in the recordings at hand."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,6 +39,11 @@ class Ripple:
     gear_ratio: float | None = None
     joints: tuple[str, ...] | None = None
     name: ClassVar[str] = "ripple"
+    automatic: ClassVar[AutomaticChoice] = AutomaticChoice(
+        make=lambda shapes, width, joints: Ripple(shapes, joints=joints),
+        options=one_by_one(FAMILY, "ripple", HARMONICS),
+        revolute_only=True,
+    )
 
     def __post_init__(self) -> None:
         for which in ("harmonics", "motor_harmonics"):
@@ -53,6 +65,11 @@ class Ripple:
         for number, phase in waves:
             laws += self._law(robot, f"RS{number}", sine(phase)) + self._law(robot, f"RC{number}", cosine(phase))
         return tuple(laws)
+
+    def describe(self, length: str) -> str:
+        """The term with its shapes in words, with the unit of length of its joints."""
+        del length
+        return f"ripple, harmonics {listed(self.harmonics)}"
 
     def _law(self, robot: Robot, symbol: str, wave: Expression) -> tuple[Law, ...]:
         return single_joint_laws(robot, self.joints, symbol, wave, units=("N·m", "N"), nonnegative=False)

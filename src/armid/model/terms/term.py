@@ -9,7 +9,7 @@ derivatives and formulas all follow from the law.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import ClassVar, Protocol, runtime_checkable
 
@@ -45,6 +45,10 @@ class Law:
 class Term(Protocol):
     """Torque term: a frozen dataclass whose fields are its shapes.
 
+    A term may have three things more: `automatic`, its part in the automatic selection of friction
+    (`armid.model.terms.automatic`); `describe`, its shapes in words; and `smooths_sign = True` if its shape `width`
+    only smooths a sign, which a simulation sharpens.
+
     Attributes:
         name: Name of the term in a study.
     """
@@ -54,6 +58,29 @@ class Term(Protocol):
     def laws(self, robot: Robot) -> tuple[Law, ...]:
         """Laws of this term on an arm, joint by joint."""
         ...
+
+
+@runtime_checkable
+class DescribedTerm(Protocol):
+    """Torque term that has shapes, or whose name needs more words."""
+
+    def describe(self, length: str) -> str:
+        """The term with its shapes in words.
+
+        Args:
+            length: Unit of its joints' positions, `rad` or `m`.
+        """
+        ...
+
+
+def listed(shapes: Iterable[float]) -> str:
+    """Text of shapes, three digits each."""
+    return ", ".join(f"{shape:.3g}" for shape in shapes)
+
+
+def smooths_sign(term: Term) -> bool:
+    """True if the shape `width` of a term only smooths a sign."""
+    return getattr(term, "smooths_sign", False)
 
 
 def select_joints(robot: Robot, joints: Sequence[str] | None) -> tuple[int, ...]:

@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from armid.doctor.check import Check
 from armid.doctor.downsample import downsample
 from armid.doctor.evidence import WIDTH, LogEvidence
 from armid.doctor.explanation import Explanation, LogState
+from armid.doctor.log_check import LogCheck
 from armid.doctor.quick_fit import QuickRows, solve
 from armid.doctor.stuck_channels import without_stuck
 from armid.errors import Finding
@@ -191,7 +191,7 @@ def _advanced(run: ObservedRun, seconds: float) -> ObservedRun:
     return replace(run, torque=moved[pad : pad + len(x)])
 
 
-CHECK = Check(
+CHECK = LogCheck(
     look=check,
     scope="recording",
     effects={

@@ -9,9 +9,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from armid.doctor.check import Check
 from armid.doctor.evidence import LogEvidence
 from armid.doctor.explanation import Explanation, LogState
+from armid.doctor.log_check import LogCheck
 from armid.errors import Finding
 from armid.measurement.remedy import excluding
 from armid.values import Array
@@ -150,7 +150,7 @@ def _bursts(state: LogState, residual: Array, open_variance: Array | float = 0.0
     return np.sqrt(power / np.maximum(usual + open_variance, np.finfo(float).tiny))
 
 
-CHECK = Check(
+CHECK = LogCheck(
     look=check,
     scope="recording",
     effects={

@@ -6,9 +6,9 @@ from typing import Literal
 
 import numpy as np
 
-from armid.doctor.check import Check
 from armid.doctor.evidence import LogEvidence
 from armid.doctor.explanation import LogState
+from armid.doctor.log_check import LogCheck
 from armid.doctor.quick_fit import products
 from armid.errors import Finding
 from armid.model.base_parameters import find_base_parameters
@@ -132,7 +132,7 @@ def _advice(state: LogState) -> str:
     return f"record another motion, as armid excite designs it; move {moves}"
 
 
-CHECK = Check(
+CHECK = LogCheck(
     look=check,
     scope="command",
     effects={

@@ -8,9 +8,9 @@ from functools import lru_cache
 
 import numpy as np
 
-from armid.doctor.check import Check
 from armid.doctor.evidence import LogEvidence
 from armid.doctor.explanation import Explanation, LogState
+from armid.doctor.log_check import LogCheck
 from armid.doctor.quick_fit import QuickRows, cost_of, make_rows, products, solve
 from armid.errors import Finding
 from armid.information.column_source import column_source
@@ -246,7 +246,7 @@ class _GravityRows:
         return np.column_stack([values[own] @ units[axis] for own, units in joints])
 
 
-CHECK = Check(
+CHECK = LogCheck(
     look=check,
     scope="format",
     effects={

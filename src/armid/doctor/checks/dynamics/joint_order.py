@@ -9,11 +9,11 @@ from itertools import combinations, permutations
 import numpy as np
 from numpy.typing import NDArray
 
-from armid.doctor.check import Check
 from armid.doctor.checks.signals import velocity_mismatch
 from armid.doctor.downsample import DownsampledLog
 from armid.doctor.evidence import LogEvidence
 from armid.doctor.explanation import Explanation, LogState
+from armid.doctor.log_check import LogCheck
 from armid.doctor.quick_fit import QuickRows, cost_of, make_rows, products, tables
 from armid.errors import Finding
 from armid.measurement.columns.channels import channels_of_joints
@@ -243,7 +243,7 @@ def _assigned(state: LogState) -> NDArray[np.intp]:
     return np.asarray(linear_sum_assignment(residual)[1], dtype=np.intp)
 
 
-CHECK = Check(
+CHECK = LogCheck(
     look=check,
     scope="format",
     effects={

@@ -10,9 +10,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from armid.doctor.check import Check
 from armid.doctor.evidence import LogEvidence
 from armid.doctor.explanation import Explanation, LogState
+from armid.doctor.log_check import LogCheck
 from armid.doctor.quick_fit import products
 from armid.errors import Finding
 from armid.measurement.remedy import lines
@@ -168,7 +168,7 @@ def _posterior(
     return inverse @ side, np.sqrt(np.maximum(np.diag(inverse), 0.0))
 
 
-CHECK = Check(
+CHECK = LogCheck(
     look=check,
     scope="format",
     effects={

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from armid.doctor.check import Check
 from armid.doctor.checks.dynamics.torque_sign import FLIP, cost_with_signs, relative_signs, signs_value
 from armid.doctor.evidence import LogEvidence
 from armid.doctor.explanation import Explanation, LogState
+from armid.doctor.log_check import LogCheck
 from armid.doctor.quick_fit import cost_of, products
 from armid.errors import Finding
 from armid.maths.median import median
@@ -86,7 +86,7 @@ def _turned(sign: Array, j: int) -> Array:
     return other
 
 
-CHECK = Check(
+CHECK = LogCheck(
     look=check,
     scope="format",
     effects={

@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from armid.doctor.check import Check
 from armid.doctor.evidence import LogEvidence
 from armid.doctor.explanation import LogState
+from armid.doctor.log_check import LogCheck
 from armid.doctor.quick_fit import QuickRows, solve
 from armid.doctor.remedy_trial import try_remedy
 from armid.errors import Finding
@@ -70,7 +70,7 @@ def _without_rotors(state: LogState) -> QuickRows:
     )
 
 
-CHECK = Check(
+CHECK = LogCheck(
     look=check,
     scope="format",
     effects={

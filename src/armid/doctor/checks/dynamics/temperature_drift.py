@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from armid.doctor.check import Check
 from armid.doctor.evidence import LogEvidence
+from armid.doctor.log_check import LogCheck
 from armid.doctor.quick_fit import solve
 from armid.errors import Finding
 from armid.maths.median import median
@@ -62,7 +62,7 @@ def check(evidence: LogEvidence) -> list[Finding]:
     ]
 
 
-CHECK = Check(
+CHECK = LogCheck(
     look=check,
     scope="recording",
     effects={

@@ -8,9 +8,9 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from armid.doctor.check import Check
 from armid.doctor.evidence import LogEvidence
 from armid.doctor.explanation import Explanation, LogState
+from armid.doctor.log_check import LogCheck
 from armid.doctor.quick_fit import QuickRows, cost_of, make_rows, products
 from armid.errors import Finding
 from armid.measurement.remedy import lines
@@ -162,7 +162,7 @@ def _votes(state: LogState) -> Array:
     return votes
 
 
-CHECK = Check(
+CHECK = LogCheck(
     look=check,
     scope="format",
     effects={

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from armid.doctor.check import Check
 from armid.doctor.evidence import LogEvidence
+from armid.doctor.log_check import LogCheck
 from armid.doctor.stuck_channels import longest
 from armid.errors import Finding
 from armid.measurement.remedy import excluding
@@ -62,7 +62,7 @@ def _times(evidence: LogEvidence, first: int, last: int) -> tuple[float, float]:
     return float(time[first]), float(time[min(last, recording.samples - 1)])
 
 
-CHECK = Check(
+CHECK = LogCheck(
     look=check,
     scope="recording",
     effects={

@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from armid.doctor.check import Check
 from armid.doctor.downsample import downsample
 from armid.doctor.evidence import LogEvidence
+from armid.doctor.log_check import LogCheck
 from armid.doctor.remedy_trial import RemedyTrial, try_remedy
 from armid.errors import Finding
 from armid.maths.median import median
@@ -101,7 +101,7 @@ def _trial(evidence: LogEvidence, rate: float) -> RemedyTrial | None:
     return try_remedy(state.rows, state.on(log).rows) if log.runs else None
 
 
-CHECK = Check(
+CHECK = LogCheck(
     look=check,
     scope="command",
     effects={

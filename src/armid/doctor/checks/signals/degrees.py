@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from armid.doctor.check import Check
 from armid.doctor.evidence import LogEvidence
 from armid.doctor.explanation import Explanation, LogState
+from armid.doctor.log_check import LogCheck
 from armid.errors import Finding
 from armid.measurement.log_format import LogFormat
 from armid.measurement.remedy import lines
@@ -93,7 +93,7 @@ def _units(reading: LogFormat, turned: NDArray[np.bool_], *, everywhere: bool) -
     return ["deg" if one else "rad" for one in degrees]
 
 
-CHECK = Check(
+CHECK = LogCheck(
     look=check,
     scope="format",
     effects={

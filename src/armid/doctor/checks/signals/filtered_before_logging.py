@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from armid.doctor.check import Check
 from armid.doctor.evidence import LogEvidence
+from armid.doctor.log_check import LogCheck
 from armid.errors import Finding
 from armid.maths.median import median
 from armid.maths.spectrum import power_spectrum
@@ -80,7 +80,7 @@ def _smooth(x: Array) -> Array:
     return np.convolve(x, np.ones(9) / 9, mode="same")
 
 
-CHECK = Check(
+CHECK = LogCheck(
     look=check,
     scope="recording",
     effects={

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from armid.doctor.check import Check
 from armid.doctor.evidence import LogEvidence
 from armid.doctor.explanation import Explanation, LogState
+from armid.doctor.log_check import LogCheck
 from armid.errors import Finding
 from armid.maths.median import median
 from armid.measurement.remedy import lines
@@ -79,7 +79,7 @@ def _gains(evidence: LogEvidence, gains: list[float], note: str) -> str:
     return lines(note, drive_gain=[float(f"{gain:.3g}") for gain in total])
 
 
-CHECK = Check(
+CHECK = LogCheck(
     look=check,
     scope="format",
     effects={

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from armid.doctor.check import Check
 from armid.doctor.evidence import LogEvidence
+from armid.doctor.log_check import LogCheck
 from armid.errors import Finding
 from armid.measurement.processing.alignment import windows
 from armid.measurement.processing.resampling import resample_uniform, stretches
@@ -78,7 +78,7 @@ def _lag(q: Array, first: int, begin: int, samples: int) -> float:
     return lag
 
 
-CHECK = Check(
+CHECK = LogCheck(
     look=check,
     scope="command",
     effects={

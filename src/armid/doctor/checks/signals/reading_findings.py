@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from armid.doctor.check import Check
 from armid.doctor.evidence import LogEvidence
+from armid.doctor.log_check import LogCheck
 from armid.errors import Finding
 
 EFFECTS = {
@@ -47,7 +47,7 @@ def check(evidence: LogEvidence) -> list[Finding]:
     return list(dict.fromkeys(finding for finding in evidence.noted if finding.code in {*EFFECTS, *OF_OTHERS}))
 
 
-CHECK = Check(
+CHECK = LogCheck(
     look=check,
     scope="command",
     effects=EFFECTS,

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from armid.doctor.check import Check
 from armid.doctor.evidence import LogEvidence
+from armid.doctor.log_check import LogCheck
 from armid.errors import Finding
 from armid.measurement.remedy import excluding, lines
 from armid.values import Array
@@ -81,7 +81,7 @@ def _plateau(tau: Array) -> tuple[int, float]:
     return count, abs(top)
 
 
-CHECK = Check(
+CHECK = LogCheck(
     look=check,
     scope="recording",
     effects={

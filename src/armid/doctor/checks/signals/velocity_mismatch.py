@@ -6,8 +6,8 @@ from typing import Literal
 
 import numpy as np
 
-from armid.doctor.check import Check
 from armid.doctor.evidence import LogEvidence
+from armid.doctor.log_check import LogCheck
 from armid.errors import Finding
 from armid.maths.derivatives import central_difference
 from armid.maths.median import median
@@ -125,7 +125,7 @@ def _in_band(recording: Recording) -> tuple[Array, Array, Array, float]:
     return np.concatenate(logged), np.concatenate(derived), np.concatenate(slope), rate
 
 
-CHECK = Check(
+CHECK = LogCheck(
     look=check,
     scope="recording",
     effects={

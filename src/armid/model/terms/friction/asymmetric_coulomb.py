@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from armid.model.expression import magnitude
+from armid.model.terms.automatic import ASYMMETRY, AutomaticChoice, one_by_one
 from armid.model.terms.checks import require_width
 from armid.model.terms.friction.coulomb import coulomb_law
 from armid.model.terms.term import Law, single_joint_laws
@@ -29,6 +30,11 @@ class AsymmetricCoulomb:
     width: float = 0.0
     joints: tuple[str, ...] | None = None
     name: ClassVar[str] = "asymmetric-coulomb"
+    smooths_sign: ClassVar[bool] = True
+    automatic: ClassVar[AutomaticChoice] = AutomaticChoice(
+        make=lambda shapes, width, joints: AsymmetricCoulomb(width, joints),
+        options=one_by_one(ASYMMETRY, "asymmetric-coulomb"),
+    )
 
     def __post_init__(self) -> None:
         require_width("The width of asymmetric Coulomb friction", self.width)
@@ -37,3 +43,8 @@ class AsymmetricCoulomb:
         """FSA · |sgn(dq)| on each joint."""
         law = magnitude(coulomb_law(self.width))
         return single_joint_laws(robot, self.joints, "FSA", law, units=("N·m", "N"), nonnegative=False)
+
+    def describe(self, length: str) -> str:
+        """The term with its shapes in words, with the unit of length of its joints."""
+        del length
+        return "Coulomb, depends on direction"

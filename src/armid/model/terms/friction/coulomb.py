@@ -33,6 +33,7 @@ class Coulomb:
     width: float = 0.0
     joints: tuple[str, ...] | None = None
     name: ClassVar[str] = "coulomb"
+    smooths_sign: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.width < float("inf"):

@@ -6,13 +6,34 @@ a reversal its torque changes from one limit to the other over 2 r_k, independen
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
 from armid.model.hysteresis_memory import Play
+from armid.model.terms.automatic import AutomaticChoice, Candidate, CandidateFamily, Option, one_by_one
 from armid.model.terms.checks import require_rising
-from armid.model.terms.term import Law, single_joint_laws
+from armid.model.terms.term import Law, listed, single_joint_laws
 from armid.robot.robot import Robot
+
+WIDTHS = (0.001, 0.003, 0.01, 0.03, 0.1)
+"""Deflections that the automatic selection tries [rad or m], half a decade apart: from the resolution of encoders to
+a few degrees, where the law begins to resemble a spring. A sum of such elements approximates any hysteresis curve."""
+
+BETWEEN = (0.002, 0.005, 0.02, 0.05)
+"""Deflections between those of `WIDTHS`, for recordings that show the difference."""
+
+FINEST = (0.0014, 0.007, 0.014, 0.035, 0.07)
+"""Deflections between the widest steps of both, one at a time."""
+
+FAMILY = CandidateFamily("hysteresis", order=10, shared=True, margin=2.5)
+FINER_FAMILY = CandidateFamily("finer hysteresis", order=60, min_gain=0.02)
+FINEST_FAMILY = CandidateFamily("finest hysteresis", order=70, rounds=2, min_gain=0.02)
+
+
+def _elements(family: CandidateFamily, widths: Sequence[float]) -> tuple[CandidateFamily, Option]:
+    """Option of several elements together."""
+    return family, tuple(Candidate("hysteresis", width) for width in widths)
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,6 +48,17 @@ class Hysteresis:
     widths: tuple[float, ...] = (0.003, 0.01, 0.03, 0.1)
     joints: tuple[str, ...] | None = None
     name: ClassVar[str] = "hysteresis"
+    automatic: ClassVar[AutomaticChoice] = AutomaticChoice(
+        make=lambda shapes, width, joints: Hysteresis(shapes, joints),
+        options=(
+            *(_elements(FAMILY, widths) for widths in (WIDTHS, WIDTHS[:-1], WIDTHS[1:])),
+            _elements(FINER_FAMILY, BETWEEN),
+            *one_by_one(FINER_FAMILY, "hysteresis", (*BETWEEN, *WIDTHS)),
+            *one_by_one(FINEST_FAMILY, "hysteresis", FINEST),
+        ),
+        resolution="transition",
+        is_sum=True,
+    )
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "widths", require_rising("The widths of hysteresis", self.widths))
@@ -40,3 +72,7 @@ class Hysteresis:
                 robot, self.joints, f"FH{k}", play.deflection, units=("N·m", "N"), nonnegative=True, memory=play
             )
         return tuple(laws)
+
+    def describe(self, length: str) -> str:
+        """The term with its shapes in words, with the unit of length of its joints."""
+        return f"hysteresis over {listed(self.widths)} {length}"

@@ -10,10 +10,13 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from armid.model.expression import magnitude, symbol
+from armid.model.terms.automatic import AutomaticChoice, CandidateFamily, one_by_one
 from armid.model.terms.checks import require_width
 from armid.model.terms.friction.coulomb import coulomb_law
 from armid.model.terms.term import Law, single_joint_laws
 from armid.robot.robot import Robot
+
+FAMILY = CandidateFamily("load", order=20)
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,6 +31,11 @@ class LoadCoulomb:
     width: float = 0.0
     joints: tuple[str, ...] | None = None
     name: ClassVar[str] = "load-coulomb"
+    smooths_sign: ClassVar[bool] = True
+    automatic: ClassVar[AutomaticChoice] = AutomaticChoice(
+        make=lambda shapes, width, joints: LoadCoulomb(width, joints),
+        options=one_by_one(FAMILY, "load-coulomb"),
+    )
 
     def __post_init__(self) -> None:
         require_width("The width of load-dependent Coulomb friction", self.width)
@@ -36,3 +44,8 @@ class LoadCoulomb:
         """FSL · |load| · sgn(dq) on each joint."""
         law = magnitude(symbol("load")) * coulomb_law(self.width)
         return single_joint_laws(robot, self.joints, "FSL", law, units=("1", "1"), nonnegative=True)
+
+    def describe(self, length: str) -> str:
+        """The term with its shapes in words, with the unit of length of its joints."""
+        del length
+        return "Coulomb, grows with the load"

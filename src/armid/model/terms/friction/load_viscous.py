@@ -28,3 +28,8 @@ class LoadViscous:
         """FVL · |load| · dq on each joint."""
         law = magnitude(symbol("load")) * symbol("dq")
         return single_joint_laws(robot, self.joints, "FVL", law, units=("s/rad", "s/m"), nonnegative=True)
+
+    def describe(self, length: str) -> str:
+        """The term with its shapes in words, with the unit of length of its joints."""
+        del length
+        return "viscous, grows with the load"

@@ -10,9 +10,13 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from armid.model.expression import maximum, symbol
+from armid.model.terms.automatic import VELOCITY, AutomaticChoice, Candidate
 from armid.model.terms.checks import require_rising
-from armid.model.terms.term import Law, single_joint_laws
+from armid.model.terms.term import Law, listed, single_joint_laws
 from armid.robot.robot import Robot
+
+KNOTS = (0.1, 0.3, 0.6)
+"""Speeds at which the automatic selection lets the slope change [rad/s or m/s]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,6 +31,11 @@ class PiecewiseViscous:
     knots: tuple[float, ...] = (0.1, 0.3, 1.0)
     joints: tuple[str, ...] | None = None
     name: ClassVar[str] = "piecewise-viscous"
+    automatic: ClassVar[AutomaticChoice] = AutomaticChoice(
+        make=lambda shapes, width, joints: PiecewiseViscous(shapes, joints),
+        options=((VELOCITY, tuple(Candidate("piecewise-viscous", knot) for knot in KNOTS)),),
+        saturation=1.5,
+    )
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "knots", require_rising("The knots of piecewise viscous friction", self.knots))
@@ -39,3 +48,7 @@ class PiecewiseViscous:
             law = maximum(velocity - knot, 0.0) - maximum(-velocity - knot, 0.0)
             laws += single_joint_laws(robot, self.joints, f"FP{k}", law, units=units, nonnegative=False)
         return tuple(laws)
+
+    def describe(self, length: str) -> str:
+        """The term with its shapes in words, with the unit of length of its joints."""
+        return f"viscous, slope changes at {listed(self.knots)} {length}/s"

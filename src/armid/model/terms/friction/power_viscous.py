@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from armid.model.expression import symbol
+from armid.model.terms.automatic import VELOCITY, AutomaticChoice, one_by_one
 from armid.model.terms.checks import require_positive
 from armid.model.terms.term import Law, single_joint_laws
 from armid.robot.robot import Robot
@@ -30,6 +31,11 @@ class PowerViscous:
     width: float = 0.02
     joints: tuple[str, ...] | None = None
     name: ClassVar[str] = "power-viscous"
+    automatic: ClassVar[AutomaticChoice] = AutomaticChoice(
+        make=lambda shapes, width, joints: PowerViscous(shapes[0], max(width, 0.02), joints),
+        options=one_by_one(VELOCITY, "power-viscous", (0.5,)),
+        one_shape=True,
+    )
 
     def __post_init__(self) -> None:
         require_positive("The exponent of power-law friction", self.exponent)
@@ -41,3 +47,8 @@ class PowerViscous:
         law = velocity * (velocity**2.0 + self.width**2.0) ** (0.5 * (self.exponent - 1.0))
         units = (f"N·m·(s/rad)^{self.exponent:g}", f"N·(s/m)^{self.exponent:g}")
         return single_joint_laws(robot, self.joints, "FW", law, units=units, nonnegative=False)
+
+    def describe(self, length: str) -> str:
+        """The term with its shapes in words, with the unit of length of its joints."""
+        del length
+        return f"viscous, velocity to the power {self.exponent:.3g}"

@@ -11,10 +11,14 @@ from math import tanh as tanh_of
 from typing import ClassVar
 
 from armid.errors import ModelError
-from armid.model.expression import symbol, tanh
+from armid.model.expression import derivative, symbol, tanh
+from armid.model.terms.automatic import VELOCITY, AutomaticChoice, one_by_one
 from armid.model.terms.checks import require_positive
 from armid.model.terms.term import Law, single_joint_laws
 from armid.robot.robot import Robot
+
+SCALES = (0.05, 0.2, 0.5)
+"""Velocity scales that the automatic selection tries [rad/s or m/s]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,6 +35,14 @@ class Sigmoid:
     shift: float = 0.05
     joints: tuple[str, ...] | None = None
     name: ClassVar[str] = "sigmoid"
+    automatic: ClassVar[AutomaticChoice] = AutomaticChoice(
+        make=lambda shapes, width, joints: Sigmoid(2.0 / shapes[0], 0.0, joints),
+        options=one_by_one(VELOCITY, "sigmoid", SCALES),
+        saturation=2.0,
+        one_shape=True,
+        resolution="height",
+        log_slope=lambda law, shape: -symbol("dq") * derivative(law, "dq"),  # it is a function of dq / shape
+    )
 
     def __post_init__(self) -> None:
         require_positive("The slope of a sigmoid", self.slope)
@@ -42,3 +54,7 @@ class Sigmoid:
         half = 0.5 * self.slope
         law = 0.5 * (tanh(half * (symbol("dq") + self.shift)) - tanh_of(half * self.shift))
         return single_joint_laws(robot, self.joints, "FG", law, units=("N·m", "N"), nonnegative=True)
+
+    def describe(self, length: str) -> str:
+        """The term with its shapes in words, with the unit of length of its joints."""
+        return f"sigmoid of velocity over {2.0 / self.slope:.3g} {length}/s"

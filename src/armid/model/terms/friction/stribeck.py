@@ -9,10 +9,14 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from armid.model.expression import exponential, magnitude, symbol
+from armid.model.terms.automatic import VELOCITY, AutomaticChoice, one_by_one
 from armid.model.terms.checks import require_positive, require_width
 from armid.model.terms.friction.coulomb import coulomb_law
 from armid.model.terms.term import Law, single_joint_laws
 from armid.robot.robot import Robot
+
+VELOCITIES = (0.02, 0.05, 0.1, 0.2, 0.4)
+"""Velocities that the automatic selection tries [rad/s or m/s]: factors of two, since the fit is flat in them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,6 +35,16 @@ class Stribeck:
     width: float = 0.0
     joints: tuple[str, ...] | None = None
     name: ClassVar[str] = "stribeck"
+    smooths_sign: ClassVar[bool] = True
+    automatic: ClassVar[AutomaticChoice] = AutomaticChoice(
+        make=lambda shapes, width, joints: Stribeck(shapes[0], 2.0, width, joints),
+        options=one_by_one(VELOCITY, "stribeck", VELOCITIES),
+        saturation=2.0,
+        one_shape=True,
+        resolution="height",
+        # exp(-(dq / shape)²); the width of the sign does not depend on the shape
+        log_slope=lambda law, shape: 2.0 * (symbol("dq") * (1.0 / shape)) ** 2.0 * law,
+    )
 
     def __post_init__(self) -> None:
         require_positive("The Stribeck velocity", self.velocity)
@@ -42,3 +56,7 @@ class Stribeck:
         fallen = exponential(-((magnitude(symbol("dq")) * (1.0 / self.velocity)) ** self.shape))
         law = fallen * coulomb_law(self.width)
         return single_joint_laws(robot, self.joints, "FT", law, units=("N·m", "N"), nonnegative=False)
+
+    def describe(self, length: str) -> str:
+        """The term with its shapes in words, with the unit of length of its joints."""
+        return f"Stribeck effect at {self.velocity:.3g} {length}/s"

@@ -13,7 +13,7 @@ Scope = Literal["recording", "format", "command"]
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Check:
+class LogCheck:
     """Check of a log for a fault.
 
     Attributes:
