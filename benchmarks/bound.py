@@ -24,7 +24,7 @@ from armid.information.information import Information, stack, total
 from armid.lab.known_arms import truth_of
 from armid.lab.simulation import true_model
 from armid.maths.linalg import unit_columns
-from armid.measurement.band import Band
+from armid.measurement.low_pass_band import Band
 from armid.measurement.observations import Observations, ObservedRun
 from armid.measurement.processing.options import ProcessingOptions
 from armid.measurement.processing.pipeline import process_recordings, resolve_options

@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from armid.measurement.band import Band
+from armid.measurement.low_pass_band import Band
 from simulated import COLOURS, COMMON, UNEQUAL, Case, Simulation
 
 OPEN, LOGS = Band(), Band("butterworth", 3.5, 4, "periodic")

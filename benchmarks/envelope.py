@@ -26,8 +26,8 @@ from armid.excitation.design.multistart import search
 from armid.excitation.design.objective import CriterionGoal, information_along
 from armid.excitation.design.sqp import DescentProblem
 from armid.excitation.limits.joint_limits import limits_of, motion_channels
-from armid.excitation.series_basis import SeriesBasis
-from armid.lab.ideal_recording import thesis_truth
+from armid.excitation.rest_to_rest_basis import SeriesBasis
+from armid.lab.inverse_dynamics_recording import thesis_truth
 from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics import DynamicsModel
 from armid.model.motion import Motion

@@ -30,8 +30,8 @@ from armid.estimation.problem import EstimationProblem, standard_of
 from armid.excitation.builtin_plans import builtin_plan
 from armid.information.accumulate import accumulate_information
 from armid.information.column_source import column_source
-from armid.lab.ideal_recording import thesis_truth
-from armid.measurement.band import Band
+from armid.lab.inverse_dynamics_recording import thesis_truth
+from armid.measurement.low_pass_band import Band
 from armid.measurement.observations import Observations, ObservedRun
 from armid.model.base_parameters import BaseParameters, find_base_parameters
 from armid.model.dynamics import DynamicsModel

@@ -9,7 +9,7 @@ import numpy as np
 
 from armid.estimation.prior import LENGTH, MASS, make_prior
 from armid.estimation.problem import EstimationProblem
-from armid.estimation.whitening import whiten
+from armid.estimation.whitened_system import whiten
 from armid.maths.inertia import PSEUDO_INERTIA_OF, pseudo_inertia
 from armid.values import Array
 

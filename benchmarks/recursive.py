@@ -16,8 +16,8 @@ import numpy as np
 from armid.estimation.recursive.recursive_estimate import ForgettingOptions, begin, fit, update
 from armid.excitation.builtin_plans import builtin_plan
 from armid.information.accumulate import accumulate_information
-from armid.lab.ideal_recording import thesis_truth
-from armid.measurement.band import Band
+from armid.lab.inverse_dynamics_recording import thesis_truth
+from armid.measurement.low_pass_band import Band
 from armid.measurement.observations import Observations, ObservedRun
 from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics import DynamicsModel

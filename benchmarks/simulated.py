@@ -14,7 +14,7 @@ import numpy as np
 
 from armid.estimation.estimating import estimate
 from armid.estimation.estimators import WeightedLeastSquares
-from armid.estimation.fit import Fit
+from armid.estimation.fit_result import Fit
 from armid.estimation.problem import EstimationProblem, build_problem
 from armid.estimation.uncertainty.bootstrap import bootstrap
 from armid.estimation.uncertainty.covariance import choose_covariance_kind
@@ -26,7 +26,7 @@ from armid.information.accumulate import accumulate_information
 from armid.information.column_source import column_source
 from armid.information.filtering import in_band
 from armid.information.regressor_rows import all_rows
-from armid.measurement.band import Band
+from armid.measurement.low_pass_band import Band
 from armid.measurement.observations import Observations, ObservedRun
 from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics import DynamicsModel

@@ -35,7 +35,7 @@ from armid.excitation.design.multistart import random_start
 from armid.excitation.design.objective import CriterionGoal, Objective
 from armid.excitation.design.sqp import STAGES, DescentProblem, descend, shrink_to_feasible
 from armid.excitation.limits.joint_limits import limits_of, motion_channels
-from armid.excitation.series_basis import SeriesBasis
+from armid.excitation.rest_to_rest_basis import SeriesBasis
 from armid.excitation.start_pose import usual_pose
 from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics import DynamicsModel

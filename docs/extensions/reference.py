@@ -17,7 +17,7 @@ from inspect import cleandoc, getdoc
 from pathlib import Path
 from typing import Any, ClassVar
 
-from armid.toml import toml_line
+from armid.toml_writing import toml_line
 
 MISSING = dataclasses.MISSING
 

@@ -8,8 +8,8 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from armid.text_value import TextValue
-from armid.toml import toml_line
+from armid.stored_as_text import TextValue
+from armid.toml_writing import toml_line
 
 NOTE = "  # "
 """Beginning of the comment behind lines of a study."""

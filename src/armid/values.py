@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from armid.errors import ArmidError, OutputError
-from armid.text_value import TextValue
+from armid.stored_as_text import TextValue
 
 Array = NDArray[np.float64]
 T = TypeVar("T")

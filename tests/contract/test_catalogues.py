@@ -33,7 +33,7 @@ CATALOGUES = {
     "estimators": (estimators, ESTIMATORS, set()),
     "robot readers": (robot_readers, robot_readers.READERS, set()),
     "report sections": (sections, sections.SECTIONS, set()),
-    "formats of controllers": (formats, formats.FORMATS, {"track"}),
+    "formats of controllers": (formats, formats.FORMATS, {"sampled_motion"}),
     "exporters": (descriptions, EXPORTERS, set()),
     "languages": (languages, LANGUAGES, set()),
     "doctor's checks": (

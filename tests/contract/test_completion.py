@@ -7,7 +7,7 @@ import re
 import pytest
 import typer
 
-from armid.cli import completion
+from armid.cli import value_completion
 from armid.cli.main import COMMANDS, app
 from armid.excitation.design.criteria import CRITERIA
 from armid.excitation.limits.joint_limits import KINDS
@@ -18,8 +18,8 @@ NAMES = [command.__name__.replace("_", "-") for command in COMMANDS]
 @pytest.mark.parametrize(
     ("said", "catalogue"),
     [
-        (completion.CRITERIA, CRITERIA),
-        (completion.KINDS, KINDS),
+        (value_completion.CRITERIA, CRITERIA),
+        (value_completion.KINDS, KINDS),
     ],
     ids=["criteria", "limits"],
 )

@@ -9,7 +9,7 @@ import pytest
 
 from armid.errors import EstimationError
 from armid.estimation.catalogue import ESTIMATORS
-from armid.estimation.fit import Fit
+from armid.estimation.fit_result import Fit
 from armid.estimation.problem import EstimationProblem, build_problem
 from armid.information.information import Information, stack
 from armid.model.base_parameters import BaseParameters, find_base_parameters

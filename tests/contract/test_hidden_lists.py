@@ -51,7 +51,7 @@ CHOICES = {
     "terms export/formats/urdf.py": "what the format can store",
     "terms export/other_programs.py": "what MuJoCo and Pinocchio read",
     "terms lab/known_arms.py": "friction of the lab, a simulation of its own with names of its own",
-    "terms runs/certification.py": "terms without shapes, which a list of parameters names by their symbols alone",
+    "terms runs/consistency_check.py": "terms without shapes, which a list of parameters names by symbols",
     "terms study/demo.py": "the model of the demonstration",
     "checks study/diagnosis.py": "findings of the processing, which are no check's",
     "readers excitation/formats/__init__.py": "formats of controllers, another kind",

@@ -13,7 +13,7 @@ from armid.information import accumulate, filtering
 from armid.information.accumulate import accumulate_information
 from armid.information.hysteresis_states import with_hysteresis_states
 from armid.maths.signals import edge_samples, low_pass
-from armid.measurement.band import Band
+from armid.measurement.low_pass_band import Band
 from armid.measurement.observations import Observations
 from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics import DynamicsModel

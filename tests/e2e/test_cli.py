@@ -26,7 +26,7 @@ from armid.errors import Finding
 from armid.estimation.catalogue import ESTIMATORS
 from armid.excitation.builtin_plans import builtin_plan
 from armid.excitation.fourier import save_plan
-from armid.lab.ideal_recording import Sensors, record, thesis_truth
+from armid.lab.inverse_dynamics_recording import Sensors, record, thesis_truth
 from armid.measurement.processing.options import THESIS
 from armid.model.dynamics import DynamicsModel
 from armid.model.terms import Coulomb, RigidBody, Viscous

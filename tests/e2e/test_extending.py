@@ -19,10 +19,10 @@ import pytest
 from armid import DynamicsModel, find_base_parameters, identify, load_run, load_study, save_run
 from armid.catalogue import Catalogue
 from armid.cli import main as cli
-from armid.cli.next_step import next_step
+from armid.cli.folder_overview import next_step
 from armid.codegen.generation import generate
 from armid.export.write import export_run
-from armid.lab.ideal_recording import record
+from armid.lab.inverse_dynamics_recording import record
 from armid.measurement.readers import load_recording
 from armid.measurement.recording import Recording
 from armid.model.motion import Motion

@@ -16,7 +16,7 @@ import pytest
 
 from armid import DynamicsModel, Excitation, Recording, identify, load_robot, load_study, save_run
 from armid.cli import main as cli
-from armid.lab.ideal_recording import Sensors, record
+from armid.lab.inverse_dynamics_recording import Sensors, record
 from armid.lab.known_arms import truth_of as lab_truth
 from armid.model.terms import Coulomb, RigidBody, Viscous
 from armid.values import Array

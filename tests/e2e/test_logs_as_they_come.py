@@ -14,7 +14,7 @@ from armid.cli.main import main
 from armid.excitation.formats import FORMATS, SampledMotion
 from armid.excitation.fourier import save_plan
 from armid.measurement.recording import Recording
-from armid.study.remedies import as_option
+from armid.study.remedy_translation import as_option
 from labs import small_model, small_plan, small_recording, write_arm, write_recording
 from recordings import joint_state, write_bag_folder
 

@@ -15,7 +15,7 @@ import pytest
 
 from armid.cli import main as cli
 from armid.estimation.update.payload import LOAD_NAMES
-from armid.lab.ideal_recording import record
+from armid.lab.inverse_dynamics_recording import record
 from armid.maths.inertia import about_com, com_inertia_to_vector
 from armid.measurement.recording import Recording
 from armid.runs.run import load_run, save_run

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from armid import DynamicsModel, Excitation, load_robot
-from armid.lab.ideal_recording import Sensors, record
+from armid.lab.inverse_dynamics_recording import Sensors, record
 from armid.model.terms import Coulomb, RigidBody, Viscous
 
 README = Path(__file__).parents[2] / "README.md"

@@ -104,7 +104,7 @@ def test_names_come_from_any_description_and_only_those_that_move(tmp_path: Path
 def test_completing_loads_nothing_heavy(tmp_path: Path):
     write_arm(tmp_path)
     script = (
-        "import os, sys\nfrom armid.cli.completion import joints\n"
+        "import os, sys\nfrom armid.cli.value_completion import joints\n"
         "os.environ['COMP_WORDS'] = 'armid base small.urdf'\n"
         "assert joints('joint_1') == ['joint_1']\n"
         "print(*sorted({'numpy', 'scipy', 'rich', 'pinocchio'} & set(sys.modules)))"

@@ -16,7 +16,7 @@ import pytest
 from armid.estimation.catalogue import Estimator
 from armid.estimation.consistency.cones import EPSILON
 from armid.estimation.estimators import LogCholesky, PhysicallyConsistent, ThesisNLP
-from armid.estimation.fit import Fit
+from armid.estimation.fit_result import Fit
 from armid.estimation.problem import EstimationProblem, standard_of
 from armid.study.demo import Demo, demo_study, run_demo, thesis_processing
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from armid import load_robot
-from armid.runs.certification import Verdict, certify_named, read_plan
+from armid.runs.consistency_check import Verdict, certify_named, read_plan
 
 TRUTH = json.loads((Path(__file__).parent / "data" / "truth.json").read_text())
 PHYSICAL = ("m", "rx", "ry", "rz", "Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz", "Fv", "Fs")

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from armid.errors import EstimationError
-from armid.maths.cones import Cone, solve_cones, upper_triangle
+from armid.maths.conic_solver import Cone, solve_cones, upper_triangle
 from armid.maths.inertia import pseudo_inertia
 from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics import DynamicsModel
 from armid.model.terms import Coulomb, RigidBody, RotorInertia, Viscous
-from armid.validation.certificate import certify_values
-from armid.validation.worst_pose import worst_pose
+from armid.validation.consistency_certificate import certify_values
+from armid.validation.smallest_mass_matrix import worst_pose
 from trees import random_inertial, random_tree, robot_of
 
 CONE_ROUNDING = 1e-6  # what the solver is allowed to leave

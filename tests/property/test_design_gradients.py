@@ -10,7 +10,7 @@ from armid.excitation.design.objective import CriterionGoal, Objective
 from armid.excitation.limits.constraints import AmplitudeLimit, CoefficientLimit, RangeLimit, States, soft_maximum
 from armid.excitation.limits.torque_limits import Torque
 from armid.excitation.limits.workspace import Workspace
-from armid.excitation.series_basis import SeriesBasis
+from armid.excitation.rest_to_rest_basis import SeriesBasis
 from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics import DynamicsModel
 from armid.model.terms import Coulomb, Coupling, Offset, RigidBody, RotorInertia, Viscous

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from armid.estimation.estimating import estimate
 from armid.estimation.estimators import OrdinaryLeastSquares, WeightedLeastSquares
-from armid.estimation.fit import Fit
+from armid.estimation.fit_result import Fit
 from armid.estimation.problem import EstimationProblem
 from armid.estimation.uncertainty.covariance import estimate_covariance
 from armid.estimation.uncertainty.thresholds import FEWEST_BLOCKS

@@ -11,7 +11,7 @@ from armid.information import filtering
 from armid.information.accumulate import accumulate_information
 from armid.information.information import select
 from armid.maths.signals import low_pass, periodic_filter, zero_phase
-from armid.measurement.band import Band
+from armid.measurement.low_pass_band import Band
 from armid.measurement.observations import Observations
 from armid.model.motion import Motion
 from informed import RATE, assert_says, branching_arm, dense, filtered, recorded, rows_between, solved

@@ -12,7 +12,7 @@ import pytest
 from armid.codegen.catalogue import LANGUAGES
 from armid.codegen.functions import make_programs
 from armid.codegen.generation import generate
-from armid.codegen.source import identifier
+from armid.codegen.language_input import identifier
 from armid.model.base_formulas import base_formulas
 from coded import (
     ARMS,

@@ -13,7 +13,7 @@ from armid.information import accumulate
 from armid.information.accumulate import accumulate_information
 from armid.information.information import Information, merge, select, stack, total
 from armid.maths.linalg import condition, scaled_condition
-from armid.measurement.band import Band
+from armid.measurement.low_pass_band import Band
 from armid.measurement.observations import Observations
 from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics import DynamicsModel

@@ -12,7 +12,7 @@ from armid.errors import UnsolvedError
 from armid.estimation.consistency.cones import EPSILON
 from armid.estimation.consistency.consistent_fit import BodyConstraints, ConsistentProgram
 from armid.estimation.estimators import PhysicallyConsistent
-from armid.estimation.fit import Fit
+from armid.estimation.fit_result import Fit
 from armid.estimation.problem import EstimationProblem, standard_of
 from armid.information.accumulate import accumulate_information
 from armid.maths.inertia import pseudo_inertia

@@ -6,8 +6,8 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from armid.maths.derivatives import periodic_derivative
-from armid.maths.sampling import periodic_delay, periodic_shift, resample
+from armid.maths.resampling import periodic_delay, periodic_shift, resample
+from armid.maths.signal_derivatives import periodic_derivative
 from armid.maths.signals import (
     butterworth,
     decimate,

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from armid.estimation.estimating import estimate
-from armid.estimation.fit import Fit
+from armid.estimation.fit_result import Fit
 from armid.estimation.problem import EstimationProblem
 from armid.information.accumulate import accumulate_information
 from armid.information.information import Information

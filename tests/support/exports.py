@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 
 from armid.estimation.estimate import Estimate, InputDigest
-from armid.estimation.fit import Fit
+from armid.estimation.fit_result import Fit
 from armid.estimation.problem import bare_standard
-from armid.estimation.standard_fit import PriorUse, Proof, StandardFit
+from armid.estimation.standard_parameter_status import PriorUse, Proof, StandardFit
 from armid.maths.inertia import pseudo_inertia, vector_from_pseudo_inertia
 from armid.measurement.log_format import LogFormat
 from armid.measurement.processing.options import ProcessingOptions

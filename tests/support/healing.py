@@ -16,7 +16,7 @@ from armid.measurement.recording import Recording
 from armid.measurement.robot_convention import to_robot_convention
 from armid.study.config import ModelChoice, RecordingChoice, RobotChoice, Study, build_model
 from armid.study.diagnosis import diagnose_recording
-from armid.study.remedies import applied, tables_of
+from armid.study.remedy_translation import applied, tables_of
 from sick import PATTERNS, Case
 
 PATH = "log.csv"

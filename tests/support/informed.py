@@ -17,7 +17,7 @@ from armid.maths.signals import (
     periodic_filter,
     zero_phase,
 )
-from armid.measurement.band import Band
+from armid.measurement.low_pass_band import Band
 from armid.measurement.observations import ObservedRun
 from armid.model.base_parameters import BaseParameters, find_base_parameters
 from armid.model.dynamics import DynamicsModel

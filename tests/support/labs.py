@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from armid.excitation.fourier import Excitation
-from armid.lab.ideal_recording import Sensors, record
+from armid.lab.inverse_dynamics_recording import Sensors, record
 from armid.measurement.recording import Recording
 from armid.model.dynamics import DynamicsModel
 from armid.model.terms import Coulomb, RigidBody, Viscous

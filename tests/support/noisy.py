@@ -9,9 +9,9 @@ from scipy.signal import lfilter
 
 from armid.estimation.estimating import estimate
 from armid.estimation.estimators import OrdinaryLeastSquares, WeightedLeastSquares
-from armid.estimation.fit import Fit
+from armid.estimation.fit_result import Fit
 from armid.estimation.problem import EstimationProblem, build_problem
-from armid.measurement.band import Band
+from armid.measurement.low_pass_band import Band
 from armid.measurement.observations import Observations, ObservedRun
 from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics import DynamicsModel

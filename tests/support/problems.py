@@ -9,7 +9,7 @@ import numpy as np
 from armid import kernel
 from armid.excitation.fourier import Excitation
 from armid.kernel import ColumnLayout, Tree
-from armid.measurement.band import Band
+from armid.measurement.low_pass_band import Band
 from armid.measurement.observations import Observations, ObservedRun
 from armid.model.motion import Motion
 from armid.values import Array

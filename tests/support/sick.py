@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from armid.excitation.fourier import Excitation
-from armid.lab.ideal_recording import Sensors, record
+from armid.lab.inverse_dynamics_recording import Sensors, record
 from armid.maths.inertia import com_inertia_to_vector, vector_to_com_inertia
 from armid.maths.signals import butterworth, zero_phase
 from armid.measurement.log_format import LogFormat

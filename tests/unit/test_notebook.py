@@ -12,7 +12,7 @@ from armid import find_base_parameters, identify, load_robot, load_run, load_stu
 from armid.excitation.design.objective import CriterionGoal
 from armid.excitation.plan import Plan
 from armid.notebook import MOST_ROWS, Displayed, Summary, html_of, names_apart, percent, plural, text_of
-from armid.runs.certification import certify_run
+from armid.runs.consistency_check import certify_run
 from armid.study.plans.design import DesignConstraints, DesignGoal, SearchBudget, design_plan
 from labs import small_model, small_plan, small_recording, write_recordings, write_study
 

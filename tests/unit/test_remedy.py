@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import pytest
 
 from armid.errors import Finding
-from armid.measurement.remedy import lines
+from armid.measurement.log_format_remedies import lines
 from armid.remedy import Remedy, setting
 from armid.values import load, save
 

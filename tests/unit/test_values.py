@@ -14,7 +14,7 @@ from armid import values
 from armid.errors import ArmidError, OutputError
 from armid.estimation.estimate import InputDigest
 from armid.information.information import FactorOrigin
-from armid.measurement.band import Band
+from armid.measurement.low_pass_band import Band
 from armid.measurement.observations import Observations, ObservedRun
 from armid.model.motion import Motion
 from armid.values import array, digest, load, replace_file, save, sha256_of_file

@@ -13,7 +13,7 @@ from armid.estimation.consistency.constraints import Requirements
 from armid.estimation.estimators.log_cholesky import LogCholesky
 from armid.estimation.prior import LENGTH, MASS, make_prior
 from armid.estimation.problem import EstimationProblem, StandardParameters, standard_of
-from armid.estimation.whitening import WhitenedSystem, whiten
+from armid.estimation.whitened_system import WhitenedSystem, whiten
 from armid.information.accumulate import accumulate_information
 from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics import DynamicsModel

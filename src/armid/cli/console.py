@@ -18,11 +18,11 @@ from rich.markup import escape
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from armid.cli.hints import hint
+from armid.cli.remedy_options import hint
 from armid.errors import ArmidError, Finding
 from armid.notebook import names_apart
 from armid.remedy import Remedy
-from armid.study.compare import MethodTable
+from armid.study.compare_methods import MethodTable
 from armid.study.identify import Progress as ReportProgress
 from armid.validation.prediction import Score, Validation
 from armid.values import Array

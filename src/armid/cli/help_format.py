@@ -6,7 +6,7 @@ from typing import Any
 
 from typer.core import TyperCommand
 
-from armid.cli.hints import CONTEXT
+from armid.cli.remedy_options import CONTEXT
 
 
 class Command(TyperCommand):

@@ -16,7 +16,7 @@ from armid.cli.parameter_tables import estimate_table, folded_line, friction_sel
 from armid.estimation.link_properties import link_table
 
 if TYPE_CHECKING:
-    from armid.estimation.fit import Fit
+    from armid.estimation.fit_result import Fit
     from armid.study.identify import Result
 
 COVARIANCE_SOURCES = {

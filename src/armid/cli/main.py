@@ -15,9 +15,9 @@ from typing import Annotated, Any
 
 import typer
 
-from armid.cli.commands.base import base
+from armid.cli.commands.base_parameters import base
 from armid.cli.commands.bench import bench
-from armid.cli.commands.certify import certify
+from armid.cli.commands.certify_consistency import certify
 from armid.cli.commands.demo import demo
 from armid.cli.commands.doctor import doctor
 from armid.cli.commands.export import export
@@ -29,12 +29,12 @@ from armid.cli.commands.report import report
 from armid.cli.commands.thesis import thesis
 from armid.cli.commands.track import track
 from armid.cli.commands.validate import validate
+from armid.cli.folder_overview import next_step
 from armid.cli.help_format import Command
-from armid.cli.hints import hint
 from armid.cli.motion.excite import excite
 from armid.cli.motion.preview import preview
 from armid.cli.motion.simulate import simulate
-from armid.cli.next_step import next_step
+from armid.cli.remedy_options import hint
 from armid.errors import ArmidError
 from armid.threads import keep_freed_memory, prefer_one_thread
 

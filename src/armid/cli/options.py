@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from armid.cli.completion import joints, known_arms, links, terms
+from armid.cli.value_completion import joints, known_arms, links, terms
 from armid.errors import ArmidError, StudyError
 
 if TYPE_CHECKING:

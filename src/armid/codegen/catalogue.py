@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Protocol
 from armid.catalogue import Catalogue
 
 if TYPE_CHECKING:
-    from armid.codegen.source import FunctionSource
+    from armid.codegen.language_input import FunctionSource
 
 
 class Language(Protocol):

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 
 from armid.codegen.catalogue import LANGUAGES
 from armid.codegen.functions import PROGRAMS
-from armid.codegen.source import make_source
+from armid.codegen.language_input import make_source
 from armid.errors import OutputError, did_you_mean
 from armid.model.base_parameters import BaseParameters
 from armid.model.dynamics import DynamicsModel

@@ -9,14 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armid.information.filtering import in_band
-from armid.maths.sampling import automatic_cutoff
+from armid.maths.resampling import automatic_cutoff
 from armid.maths.signals import decimate, decimation_filter
-from armid.measurement.band import Band
+from armid.measurement.low_pass_band import Band
 from armid.measurement.observations import ObservedRun
 from armid.measurement.processing.differentiation import differentiate
 from armid.measurement.processing.options import ProcessingOptions
-from armid.measurement.processing.output_grid import moving, run_of, separate_rows
 from armid.measurement.processing.resampling import Stretch, resample_uniform, stretches
+from armid.measurement.processing.row_mask import moving, run_of, separate_rows
 from armid.measurement.processing.standstill import position_noise, standing
 from armid.measurement.recording import Recording
 from armid.model.motion import Motion

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
-from armid.doctor.evidence import Explain, LogEvidence
+from armid.doctor.check_input import Explain, LogEvidence
 from armid.errors import Finding
 
 Scope = Literal["recording", "format", "command"]

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, ClassVar, Protocol, runtime_checkable
 from armid.catalogue import Catalogue
 
 if TYPE_CHECKING:
-    from armid.estimation.fit import Fit
+    from armid.estimation.fit_result import Fit
     from armid.estimation.problem import EstimationProblem
 
 

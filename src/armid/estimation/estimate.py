@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armid.errors import Finding
-from armid.estimation.fit import Fit
-from armid.estimation.standard_fit import StandardFit, Status
+from armid.estimation.fit_result import Fit
+from armid.estimation.standard_parameter_status import StandardFit, Status
 from armid.information.information import FactorOrigin
 from armid.model.base_parameters import BaseParameters
 from armid.model.parameter_name import ParameterName
 from armid.notebook import Displayed, Summary, percent, plural
-from armid.text_value import TextValue
+from armid.stored_as_text import TextValue
 from armid.values import Array
 
 

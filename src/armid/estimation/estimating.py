@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from armid.estimation.catalogue import Estimator
 from armid.estimation.estimators import WeightedLeastSquares
-from armid.estimation.fit import Fit
+from armid.estimation.fit_result import Fit
 from armid.estimation.problem import EstimationProblem
 from armid.estimation.uncertainty.covariance import estimate_covariance
 

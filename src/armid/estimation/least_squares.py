@@ -10,7 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from armid.errors import EstimationError
-from armid.estimation.fit import Fit
+from armid.estimation.fit_result import Fit
 from armid.estimation.uncertainty.covariance import scale_covariance
 from armid.information.information import Information, stack, total
 from armid.maths.linalg import condition, null_directions, scaled_condition, unit_columns

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armid.estimation.estimate import Estimate
-from armid.estimation.standard_fit import StandardFit
+from armid.estimation.standard_parameter_status import StandardFit
 from armid.maths.inertia import INERTIA_INDEX, about_com, about_com_slope
 from armid.model.dynamics import DynamicsModel
 from armid.notebook import Displayed, Summary, plural

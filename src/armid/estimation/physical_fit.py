@@ -13,10 +13,10 @@ from armid.estimation.consistency.analytic_centre import AnalyticCentre, find_ce
 from armid.estimation.consistency.cones import smallest_eigenvalues
 from armid.estimation.consistency.constraints import Requirements, at_mass_limit
 from armid.estimation.crossvalidation import held_out_squares
-from armid.estimation.fit import Fit
+from armid.estimation.fit_result import Fit
 from armid.estimation.prior import INFORMED, Prior, project_covariance, weight_finding
 from armid.estimation.problem import StandardParameters
-from armid.estimation.standard_fit import (
+from armid.estimation.standard_parameter_status import (
     IDENTIFIED,
     PriorUse,
     Proof,
@@ -28,7 +28,7 @@ from armid.estimation.standard_fit import (
     status_of,
 )
 from armid.estimation.uncertainty.covariance import scale_covariance
-from armid.estimation.whitening import WhitenedSystem
+from armid.estimation.whitened_system import WhitenedSystem
 from armid.information.information import stack
 from armid.maths.linalg import condition, inverse_of, scaled_condition
 from armid.maths.median import median

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from armid.errors import EstimationError, Finding
 from armid.estimation.problem import StandardParameters
-from armid.estimation.whitening import WhitenedSystem
+from armid.estimation.whitened_system import WhitenedSystem
 from armid.maths.barrier_function import LogDet
 from armid.maths.inertia import (
     PSEUDO_INERTIA_OF,

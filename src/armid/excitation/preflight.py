@@ -14,7 +14,7 @@ from armid.excitation.certification import Margin, fine_grid, margins
 from armid.excitation.collision.closest_approach import RATE, ClosestApproach, closest_approaches
 from armid.excitation.collision.collision_model import CollisionOptions, IgnoredPair
 from armid.excitation.design.objective import CriterionGoal, Objective
-from armid.excitation.design.sensitivity import Columns
+from armid.excitation.design.regressor_gradients import Columns
 from armid.excitation.design.sqp import DescentProblem
 from armid.model.parameter_name import ParameterName
 from armid.robot.kinematics import forward_kinematics

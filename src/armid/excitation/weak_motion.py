@@ -14,7 +14,7 @@ from armid.excitation.collision.coal import too_close
 from armid.excitation.collision.collision_model import CollisionOptions
 from armid.excitation.collision.distances import Clearance
 from armid.excitation.design.objective import Objective
-from armid.excitation.design.sensitivity import Columns
+from armid.excitation.design.regressor_gradients import Columns
 from armid.excitation.design.sqp import DescentProblem, about_start, utilisation
 from armid.excitation.limits.joint_limits import Limits
 from armid.robot.body_names import BodyPair

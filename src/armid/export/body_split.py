@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from armid.errors import Finding
-from armid.export.carried_bodies import SPECK, as_carried, moved
+from armid.export.attached_inertias import SPECK, as_carried, moved
 from armid.export.types import Body
 from armid.maths.spatial import homogeneous
 from armid.robot.robot import InertialParameters, Robot

@@ -8,7 +8,7 @@ import numpy as np
 
 from armid.errors import Finding, OutputError
 from armid.estimation.problem import standard_of
-from armid.export.carried_bodies import is_possible, is_thin
+from armid.export.attached_inertias import is_possible, is_thin
 from armid.export.types import Body, Content
 from armid.remedy import Remedy, setting
 from armid.robot.robot import InertialParameters, Robot

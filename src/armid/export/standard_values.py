@@ -16,8 +16,8 @@ from armid.estimation.consistency.cones import consistency_cones
 from armid.estimation.estimate import collapse, torque_parameters
 from armid.estimation.prior import LENGTH, THINNEST, size_of_bodies
 from armid.estimation.problem import StandardParameters, standard_of
-from armid.export.carried_bodies import is_possible
-from armid.maths.cones import Cone, solve_cones, upper_triangle
+from armid.export.attached_inertias import is_possible
+from armid.maths.conic_solver import Cone, solve_cones, upper_triangle
 from armid.maths.inertia import PSEUDO_INERTIA_OF, pseudo_inertia, vector_from_pseudo_inertia
 from armid.remedy import Remedy, setting
 from armid.robot.robot import InertialParameters

@@ -11,7 +11,7 @@ from armid import kernel
 from armid.errors import Finding, OutputError
 from armid.estimation.estimate import torque_parameters
 from armid.export.catalogue import EXPORTERS, Exporter
-from armid.export.source import Unseen
+from armid.export.run_inputs import Unseen
 from armid.export.types import Content, Witness, WrittenDescription
 from armid.information.residuals import compare
 from armid.model.dynamics import DynamicsModel

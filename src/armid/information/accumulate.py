@@ -22,7 +22,7 @@ from armid.information.filtering import filtered_columns, filtered_torque
 from armid.information.hysteresis_states import require_consecutive, with_hysteresis_states
 from armid.information.information import FactorOrigin, Information, JointFactors, merge, stack, total
 from armid.maths.linalg import scaled_condition
-from armid.measurement.band import Band
+from armid.measurement.low_pass_band import Band
 from armid.measurement.observations import Observations, ObservedRun
 from armid.model.base_parameters import BaseParameters
 from armid.model.dynamics import DynamicsModel

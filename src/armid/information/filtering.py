@@ -24,7 +24,7 @@ from armid.maths.signals import (
     settling_samples,
     zero_phase,
 )
-from armid.measurement.band import Band
+from armid.measurement.low_pass_band import Band
 from armid.measurement.observations import ObservedRun
 from armid.values import Array
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from armid.errors import ArmidError, Finding
 from armid.maths.signals import edge_samples, low_pass
-from armid.measurement.band import Band
+from armid.measurement.low_pass_band import Band
 from armid.measurement.observations import Observations, ObservedRun
 from armid.model.dynamics import DynamicsModel
 

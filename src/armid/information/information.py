@@ -18,7 +18,7 @@ from armid.errors import ArmidError
 from armid.kernel import factor_columns
 from armid.model.parameter_name import ParameterName, parameter_names
 from armid.notebook import Displayed, Summary, plural
-from armid.text_value import TextValue
+from armid.stored_as_text import TextValue
 from armid.values import Array, array
 
 

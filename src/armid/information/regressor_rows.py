@@ -14,7 +14,7 @@ from armid import kernel
 from armid.information.column_source import ColumnSource
 from armid.information.filtering import filtered_columns, filtered_torque
 from armid.information.hysteresis_states import with_hysteresis_states
-from armid.measurement.band import Band
+from armid.measurement.low_pass_band import Band
 from armid.measurement.observations import ObservedRun
 from armid.values import Array
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from armid.information.filtering import in_band
 from armid.information.hysteresis_states import with_hysteresis_states
-from armid.measurement.band import Band
+from armid.measurement.low_pass_band import Band
 from armid.measurement.observations import ObservedRun
 from armid.model.dynamics import DynamicsModel
 from armid.values import Array

@@ -5,6 +5,7 @@ each instruction set and uses the widest that the machine supports. The environm
 another: `avx512`, `avx2`, `baseline` or `numpy` (the twin). `in_use()` returns the name of the build in use.
 """
 
+from armid.kernel.column_layout import ColumnLayout, make_layout
 from armid.kernel.dispatch import (
     columns,
     coriolis_matrix,
@@ -22,7 +23,6 @@ from armid.kernel.dispatch import (
     unpack_factors,
 )
 from armid.kernel.gradients import columns_adjoint, information, information_adjoint
-from armid.kernel.layout import ColumnLayout, make_layout
 from armid.kernel.tree import Tree
 
 __all__ = [

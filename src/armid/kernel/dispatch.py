@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 import armid.kernel._native as _native
 from armid.errors import ArmidError
 from armid.kernel import reference, reference_factor, reference_memory
-from armid.kernel.layout import ColumnLayout
+from armid.kernel.column_layout import ColumnLayout
 from armid.kernel.tree import Tree
 from armid.values import Array
 

@@ -14,8 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 import armid.kernel._native as _native
 from armid.errors import ArmidError
 from armid.kernel import reference_adjoint, reference_factor
+from armid.kernel.column_layout import ColumnLayout
 from armid.kernel.dispatch import TWIN, compiled_arm, in_use, states_of
-from armid.kernel.layout import ColumnLayout
 from armid.kernel.tree import Tree
 from armid.values import Array
 

@@ -14,7 +14,7 @@ import math
 import numpy as np
 
 from armid.kernel import reference_factor
-from armid.kernel.layout import ColumnLayout
+from armid.kernel.column_layout import ColumnLayout
 from armid.kernel.tree import Tree
 from armid.values import Array
 

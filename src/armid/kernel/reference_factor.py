@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armid.kernel import reference
-from armid.kernel.layout import ColumnLayout
+from armid.kernel.column_layout import ColumnLayout
 from armid.kernel.tree import Tree
 from armid.values import Array
 

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from armid.errors import LabError, did_you_mean
 from armid.lab.friction import Friction, MaxwellSlip, StribeckEffect, ToothRipple, Warmth
-from armid.lab.ideal_recording import THESIS_FRICTION
+from armid.lab.inverse_dynamics_recording import THESIS_FRICTION
 from armid.robot.missing_inertia import inertial_key, massless_joints
 from armid.robot.robot import InertialParameters, Robot
 from armid.values import Array, array

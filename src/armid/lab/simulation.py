@@ -15,7 +15,7 @@ from armid.lab.controller import ControllerGains
 from armid.lab.faults import spoil
 from armid.lab.known_arms import KnownArm
 from armid.lab.options import LabOptions
-from armid.lab.placeholders import placeholder_finding
+from armid.lab.placeholder_limits import placeholder_finding
 from armid.lab.plant import stable_rate
 from armid.lab.sensors import sense
 from armid.lab.true_motion import Tell, TrueMotion, closed_loop, inverse_dynamics

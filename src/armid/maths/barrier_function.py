@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from armid.maths.cones import Cone, symmetric
+from armid.maths.conic_solver import Cone, symmetric
 from armid.values import Array
 
 LOST = 1e-3

@@ -16,7 +16,7 @@ import numpy as np
 
 from armid.errors import EstimationError, UnsolvedError
 from armid.maths.barrier_function import Barriers, Smooth
-from armid.maths.cones import ACCEPTED
+from armid.maths.conic_solver import ACCEPTED
 from armid.values import Array
 
 SHRINK = (0.01, 0.1)

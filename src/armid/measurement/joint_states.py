@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from armid.errors import Finding, RecordingError
 from armid.maths.median import median
-from armid.measurement.columns.channels import LISTED
+from armid.measurement.columns.joint_assignment import LISTED
 from armid.measurement.columns.joint_names import comparison
 from armid.values import Array
 

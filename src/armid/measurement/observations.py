@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armid.errors import ArmidError
-from armid.measurement.band import Band
+from armid.measurement.low_pass_band import Band
 from armid.model.motion import Motion
 from armid.values import Array, array
 

@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 
 from armid.errors import Finding, RecordingError
 from armid.maths.median import median
-from armid.measurement.columns.channels import in_joint_order
+from armid.measurement.columns.joint_assignment import in_joint_order
 from armid.measurement.log_format import LogFormat
-from armid.measurement.processing.cleaning import clean, recording_error
+from armid.measurement.log_format_remedies import lines, naming
 from armid.measurement.processing.delay import compensate_delay
+from armid.measurement.processing.row_checks import clean, recording_error
 from armid.measurement.readers import load_recording
 from armid.measurement.recording import Recording
-from armid.measurement.remedy import lines, naming
 from armid.robot.robot import Robot
 from armid.values import Array
 

@@ -13,14 +13,14 @@ from armid.excitation.collision.closest_approach import ClosestApproach
 from armid.excitation.limits.joint_limits import Limits
 from armid.excitation.limits.workspace import SCALE
 from armid.excitation.plan import Plan
-from armid.excitation.point_to_point import Moves
+from armid.excitation.poses_and_sweeps import Moves
 from armid.excitation.preflight import Preflight, worst
 from armid.model.dynamics import DynamicsModel
 from armid.model.motion import Motion
 from armid.report.data.joint_names import groups_of, heading_of, label_of
 from armid.report.data.number_format import fixed, share, short
 from armid.report.page import assemble
-from armid.report.plots.traces import Plot, PlotTrace, line
+from armid.report.plots.plot_data import Plot, PlotTrace, line
 from armid.report.rendering import require_extra
 from armid.report.section import Section
 from armid.report.tables import Column, Table, TableCell

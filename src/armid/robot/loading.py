@@ -12,11 +12,11 @@ from numpy.typing import ArrayLike
 
 from armid.errors import RobotError
 from armid.robot.angle_rounding import rounded
+from armid.robot.collision_from_visual import with_bodies
 from armid.robot.joint_selection import held_joints
 from armid.robot.packages import forget, give_packages
 from armid.robot.readers import READERS, DescriptionReader, urdf, xacro
 from armid.robot.robot import Robot
-from armid.robot.visual_bodies import with_bodies
 
 Locked = Mapping[str, float] | Iterable[str]
 

@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from armid.codegen.functions import make_programs
+from armid.codegen.kernel_tape import make_tape
 from armid.codegen.program import Program
-from armid.codegen.tape import make_tape
 from armid.errors import ArmidError
 from armid.estimation.estimate import torque_parameters
 from armid.kernel import in_use

@@ -23,10 +23,10 @@ from armid.estimation.estimators import OrdinaryLeastSquares
 from armid.estimation.problem import build_problem
 from armid.excitation.builtin_plans import builtin_plan
 from armid.excitation.design.objective import CriterionGoal, Objective, along
-from armid.excitation.series_basis import SeriesBasis
+from armid.excitation.rest_to_rest_basis import SeriesBasis
 from armid.information.column_source import column_source
-from armid.lab.ideal_recording import thesis_truth
-from armid.measurement.band import Band
+from armid.lab.inverse_dynamics_recording import thesis_truth
+from armid.measurement.low_pass_band import Band
 from armid.measurement.observations import Observations, ObservedRun
 from armid.model.base_parameters import BaseParameters, find_base_parameters
 from armid.model.dynamics import DynamicsModel

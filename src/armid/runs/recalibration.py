@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from armid.errors import ArmidError, Finding, StudyError
 from armid.estimation.estimate import Estimate, InputDigest
 from armid.estimation.update.recalibration import ParameterChange, recalibrate_fit
-from armid.estimation.whitening import minimum_norm_solution
+from armid.estimation.whitened_system import minimum_norm_solution
 from armid.information.information import Information, stack, total
 from armid.measurement.recording import Recording
 from armid.runs.new_recordings import NewRecordings, link_columns, load_new_recordings

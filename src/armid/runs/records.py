@@ -18,7 +18,7 @@ from armid.estimation.friction.selection import SelectionEvidence
 from armid.measurement.log_format import LogFormat
 from armid.measurement.processing.options import ProcessingOptions
 from armid.runs.run import Run
-from armid.study.compare import MethodScore, MethodTable
+from armid.study.compare_methods import MethodScore, MethodTable
 from armid.study.config import EstimationChoice, ModelChoice, RecordingChoice, Study, parse_robot
 from armid.study.identify import Result
 from armid.study.records import SelectionSummary, selection_summary

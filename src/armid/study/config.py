@@ -23,7 +23,7 @@ from armid.model.dynamics import DynamicsModel
 from armid.model.terms import DEFAULT_TERMS, TERMS, RotorInertia, Term
 from armid.notebook import Displayed, Summary
 from armid.robot import Robot, builtin_arms, load_robot
-from armid.study.summary import study_summary
+from armid.study.input_summary import study_summary
 
 T = TypeVar("T")
 

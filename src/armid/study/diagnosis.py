@@ -11,8 +11,8 @@ import numpy as np
 
 from armid.doctor import CHECKS, SEVERITIES, LogEvidence, checks_of, effects, examine, explanations_of
 from armid.doctor.checks.signals.motor_side import explain as explain_scale
-from armid.doctor.explanation import LogState
 from armid.doctor.log_check import Scope
+from armid.doctor.log_interpretation import LogState
 from armid.errors import ArmidError, EstimationError, Finding, RecordingError
 from armid.measurement.log_format import LogFormat
 from armid.measurement.processing.options import ProcessingOptions
@@ -25,7 +25,7 @@ from armid.remedy import Remedy
 from armid.robot import Robot
 from armid.study.config import RecordingChoice, Study, build_model, load_choice
 from armid.study.recording_labels import labels, together
-from armid.study.remedies import tables_of
+from armid.study.remedy_translation import tables_of
 from armid.threads import one_blas_thread
 from armid.validation.gravity_sign import gravity_finding
 

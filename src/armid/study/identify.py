@@ -41,8 +41,8 @@ from armid.study.config import (
     resolve_model,
 )
 from armid.study.diagnosis import diagnosed_error, findings_on
+from armid.study.estimation_defaults import as_chosen, with_origin_of_weight
 from armid.study.extrapolation import highest_speeds, speed_finding
-from armid.study.friction_method import as_chosen, with_origin_of_weight
 from armid.study.processed import ProcessedRecording, joined_observations, of_role, process_each
 from armid.study.recording_labels import labels
 from armid.study.recording_parts import cut_recording, refuse_shared

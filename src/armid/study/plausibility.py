@@ -11,15 +11,15 @@ from armid.doctor.checks.dynamics.excitation_weak import WEAK_CONDITION, excitat
 from armid.errors import Finding
 from armid.estimation.crossvalidation import FOLDS
 from armid.estimation.estimators.physical import NOT_JUDGED
-from armid.estimation.fit import Fit
+from armid.estimation.fit_result import Fit
 from armid.estimation.friction.selection import FEWEST, FrictionSelection
 from armid.estimation.per_recording import offset_names
 from armid.estimation.problem import EstimationProblem, StandardParameters
 from armid.estimation.uncertainty.thresholds import FEWEST_BLOCKS, FEWEST_ROWS
 from armid.information.information import Information, stack, total
 from armid.maths.linalg import inverse_of, unit_columns
+from armid.measurement.log_format_remedies import lines
 from armid.measurement.observations import Observations
-from armid.measurement.remedy import lines
 from armid.model.dynamics import DynamicsModel
 from armid.remedy import Remedy, setting
 from armid.robot import Robot

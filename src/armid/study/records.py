@@ -16,7 +16,7 @@ import numpy as np
 from armid.errors import Finding
 from armid.estimation.estimate import Estimate, standard_parameters
 from armid.estimation.friction.selection import FrictionSelection, SelectionEvidence
-from armid.estimation.standard_fit import StandardFit
+from armid.estimation.standard_parameter_status import StandardFit
 from armid.measurement.log_format import LogFormat
 from armid.model.base_formulas import base_formulas
 from armid.study.config import Study

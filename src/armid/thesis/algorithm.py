@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from armid.estimation.fit import Fit
+from armid.estimation.fit_result import Fit
 from armid.estimation.problem import EstimationProblem, build_problem
-from armid.lab.ideal_recording import Sensors, record
+from armid.lab.inverse_dynamics_recording import Sensors, record
 from armid.measurement.log_format import LogFormat
 from armid.measurement.observations import Observations
 from armid.measurement.processing.options import ProcessingOptions

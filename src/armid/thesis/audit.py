@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from armid.codegen.reference_functions import PHYSICAL
+from armid.codegen.thesis_functions import PHYSICAL
 from armid.excitation.fourier import Excitation
 from armid.excitation.limits.joint_limits import limits_of
 from armid.maths.inertia import pseudo_inertia
@@ -14,14 +14,14 @@ from armid.maths.linalg import condition, scaled_condition
 from armid.model.motion import Motion
 from armid.model.parameter_name import parameter_names
 from armid.model.terms.rigid_body import RIGID_BODY_SYMBOLS
-from armid.runs.certification import Verdict, certify_named
+from armid.runs.consistency_check import Verdict, certify_named
 from armid.thesis.algorithm import TEST_RATE
+from armid.thesis.algorithm_corrections import Estimates
 from armid.thesis.published import published
 from armid.thesis.reduction import standard_of_physical
 from armid.thesis.setting import DESIGNED, PERIOD, ReferenceModel, Setting
-from armid.thesis.steps import Estimates
 from armid.validation.gravity_sign import gravity_sign_finding
-from armid.validation.reference_constraints import ROUNDING
+from armid.validation.thesis_constraints import ROUNDING
 from armid.values import Array
 
 OUTLIER = "ZZR_6"

@@ -6,13 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from armid.thesis.algorithm_corrections import Estimates, Steps
 from armid.thesis.audit import Audit
-from armid.thesis.designs import Designs
+from armid.thesis.design_trials import Designs
 from armid.thesis.dynamics import Dynamics
 from armid.thesis.published import published
 from armid.thesis.reduction import Reduction
 from armid.thesis.setting import PERIOD, Setting
-from armid.thesis.steps import Estimates, Steps
 
 NONE = float("nan")
 

@@ -8,10 +8,10 @@ import numpy as np
 
 from armid.information.filtering import filtered_torque, in_band
 from armid.thesis.algorithm import TEST_RATE, Fitted
+from armid.thesis.algorithm_corrections import Estimates
 from armid.thesis.reduction import physical_of_standard
 from armid.thesis.setting import Setting
-from armid.thesis.steps import Estimates
-from armid.validation.worst_pose import worst_along
+from armid.validation.smallest_mass_matrix import worst_along
 from armid.values import Array
 
 BAND = 0.1

@@ -11,15 +11,15 @@ from typing import Any
 
 from armid.errors import MissingExtraError
 from armid.excitation.fourier import Excitation
-from armid.runs.certification import Verdict, verdict_record
+from armid.runs.consistency_check import Verdict, verdict_record
+from armid.thesis.algorithm_corrections import Steps, steps
 from armid.thesis.audit import Audit, audit
-from armid.thesis.designs import Designs, designs
+from armid.thesis.design_trials import Designs, designs
 from armid.thesis.dynamics import Dynamics, Kinematics, dynamics, kinematics
 from armid.thesis.errata import Erratum, errata
 from armid.thesis.reduction import Reduction, reduction
 from armid.thesis.results import Pictures, Results, results
 from armid.thesis.setting import Extent, Setting, Tell, make_setting
-from armid.thesis.steps import Steps, steps
 
 NEEDED = {"mujoco": "lab", "casadi": "nlp"}
 """Required packages with their extras, checked before the work begins."""

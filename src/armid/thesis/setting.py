@@ -9,7 +9,7 @@ import numpy as np
 
 from armid.excitation.builtin_plans import builtin_plan
 from armid.excitation.fourier import Excitation
-from armid.lab.ideal_recording import thesis_truth
+from armid.lab.inverse_dynamics_recording import thesis_truth
 from armid.model.base_parameters import BaseParameters, find_base_parameters
 from armid.model.dynamics import DynamicsModel
 from armid.model.motion import Motion

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from armid.errors import Finding
-from armid.measurement.remedy import lines
+from armid.measurement.log_format_remedies import lines
 from armid.model.base_parameters import BaseParameters
 from armid.remedy import Assignment, Remedy
 from armid.robot import Robot

@@ -11,12 +11,12 @@ from dataclasses import replace
 import numpy as np
 
 from armid.estimation.estimate import Estimate
-from armid.estimation.fit import Fit
+from armid.estimation.fit_result import Fit
 from armid.information.column_source import column_source
 from armid.information.regressor_rows import all_rows
 from armid.maths.distributions import student_quantile
 from armid.maths.median import median
-from armid.measurement.band import Band
+from armid.measurement.low_pass_band import Band
 from armid.measurement.observations import Observations, ObservedRun
 from armid.model.base_parameters import BaseParameters
 from armid.model.dynamics import DynamicsModel

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from armid.cli.next_step import DESCRIPTIONS, next_step
+from armid.cli.folder_overview import DESCRIPTIONS, next_step
 from armid.robot.readers import READERS
 
 

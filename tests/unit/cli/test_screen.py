@@ -18,11 +18,11 @@ from armid.estimation.estimate import Estimate
 from armid.estimation.friction.selection import FrictionSelection, SelectionEvidence
 from armid.estimation.link_properties import link_table
 from armid.estimation.prior import CHOSEN, GIVEN, weight_finding
-from armid.estimation.standard_fit import PriorUse
-from armid.measurement.remedy import lines
+from armid.estimation.standard_parameter_status import PriorUse
+from armid.measurement.log_format_remedies import lines
 from armid.model.terms import Hysteresis, Stribeck
 from armid.study.diagnosis import Diagnosis
-from armid.study.friction_method import with_origin_of_weight
+from armid.study.estimation_defaults import with_origin_of_weight
 from armid.validation.prediction import Score, Validation
 from cranes import CRANE, estimate, model, problem
 from labs import small_model

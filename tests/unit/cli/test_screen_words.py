@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from armid.cli import main as cli
-from armid.cli.commands.certify import RULES
+from armid.cli.commands.certify_consistency import RULES
 from armid.cli.parameter_tables import PRIORS, folded_line
 from armid.estimation.estimators.physical import PRIORS as KINDS
 from armid.runs.run import load_run
-from armid.validation.reference_constraints import thesis_constraints
+from armid.validation.thesis_constraints import thesis_constraints
 from reports import make_run
 
 URDF = """<robot name="flat"><link name="base"/><joint name="j" type="continuous"><parent link="base"/>

@@ -13,10 +13,10 @@ import pytest
 from armid.codegen.functions import make_programs
 from armid.codegen.generation import generate
 from armid.codegen.graph import Graph, Node, call
+from armid.codegen.language_input import identifier, make_source
 from armid.codegen.program import Argument, Program
-from armid.codegen.reference_functions import thesis_order, thesis_programs
-from armid.codegen.source import identifier, make_source
 from armid.codegen.term_laws import carried_out
+from armid.codegen.thesis_functions import thesis_order, thesis_programs
 from armid.errors import ModelError, OutputError
 from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics import DynamicsModel

@@ -15,7 +15,7 @@ from armid.doctor.checks.dynamics.excitation_weak import poorly_determined
 from armid.doctor.checks.dynamics.gravity_direction import explain as explain_gravity
 from armid.doctor.checks.dynamics.position_offset import offsets_of
 from armid.doctor.checks.signals import velocity_mismatch
-from armid.doctor.explanation import Explanation, LogState
+from armid.doctor.log_interpretation import Explanation, LogState
 from armid.doctor.quick_fit import solve
 from armid.doctor.remedy_trial import heldout_error
 from armid.errors import Finding
@@ -24,12 +24,12 @@ from armid.lab.known_arms import truth_of
 from armid.lab.options import LabOptions
 from armid.lab.sensors import Sensing, SensorChannel
 from armid.lab.simulation import simulate
-from armid.maths.sampling import resample
+from armid.maths.resampling import resample
 from armid.measurement.log_format import LogFormat
 from armid.measurement.robot_convention import to_robot_convention
 from armid.robot import load_robot
 from armid.study.diagnosis import diagnose_recording
-from armid.study.remedies import tables_of
+from armid.study.remedy_translation import tables_of
 from healing import delay_error
 from sick import FAULTS, Case, sound
 

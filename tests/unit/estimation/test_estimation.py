@@ -13,7 +13,7 @@ from armid.errors import EstimationError
 from armid.estimation.estimate import Estimate, standard_parameters, torque_parameters
 from armid.estimation.estimating import estimate
 from armid.estimation.estimators import OrdinaryLeastSquares, WeightedLeastSquares
-from armid.estimation.fit import POORLY_IDENTIFIED, Fit
+from armid.estimation.fit_result import POORLY_IDENTIFIED, Fit
 from armid.estimation.least_squares import Solution
 from armid.estimation.per_recording import separate_by_recording
 from armid.estimation.problem import EstimationProblem

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from armid.estimation.friction.band_attenuation import RESOLVED, passed_height, passed_transition
 from armid.estimation.friction.candidates import Candidate, allowed_candidates
-from armid.estimation.friction.resolution import RESOLVED, passed_height, passed_transition
-from armid.measurement.band import Band
+from armid.measurement.low_pass_band import Band
 from armid.measurement.observations import Observations
 from armid.model.dynamics import DynamicsModel
 from armid.model.motion import Motion

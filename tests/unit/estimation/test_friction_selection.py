@@ -23,7 +23,7 @@ from armid.estimation.friction.heldout_gains import GainPrior, make_folds
 from armid.estimation.friction.search import HeldOutTrial, SelectedCandidate, SelectionPath
 from armid.estimation.friction.selection import choose_friction
 from armid.estimation.friction.shape_fit import refine_shapes
-from armid.estimation.whitening import WhitenedSystem, whiten
+from armid.estimation.whitened_system import WhitenedSystem, whiten
 from armid.information.accumulate import accumulate_information
 from armid.information.information import Information, select
 from armid.measurement.observations import Observations

@@ -13,12 +13,12 @@ from armid.errors import EstimationError
 from armid.estimation.consistency import consistent_fit
 from armid.estimation.estimate import Estimate, standard_parameters, torque_parameters
 from armid.estimation.estimators import LogCholesky, PhysicallyConsistent, ThesisNLP, WeightedLeastSquares
-from armid.estimation.fit import Fit
+from armid.estimation.fit_result import Fit
 from armid.estimation.per_recording import separate_by_recording, standard_per_recording
 from armid.estimation.prior import THINNEST, make_prior
 from armid.estimation.problem import EstimationProblem, standard_of
-from armid.estimation.standard_fit import IDENTIFIED, UNSEEN, StandardFit, shares, status_of
-from armid.estimation.whitening import whiten
+from armid.estimation.standard_parameter_status import IDENTIFIED, UNSEEN, StandardFit, shares, status_of
+from armid.estimation.whitened_system import whiten
 from armid.information.accumulate import accumulate_information
 from armid.maths.barrier_function import Smooth
 from armid.maths.inertia import com_inertia_to_vector, pseudo_inertia, vector_from_pseudo_inertia

@@ -22,7 +22,7 @@ from armid.estimation.recursive.recursive_estimate import (
 )
 from armid.information.accumulate import accumulate_information
 from armid.information.information import Information, select, stack, total
-from armid.lab.ideal_recording import Sensors
+from armid.lab.inverse_dynamics_recording import Sensors
 from armid.measurement.processing.options import ProcessingOptions
 from armid.measurement.processing.pipeline import process_recordings
 from armid.model.base_parameters import BaseParameters, find_base_parameters

@@ -10,7 +10,7 @@ import pytest
 
 from armid import identify, load_study
 from armid.estimation.estimate import Estimate
-from armid.lab.ideal_recording import record
+from armid.lab.inverse_dynamics_recording import record
 from labs import SENSORS, small_model, small_plan, small_truth, write_arm, write_recording
 
 STUDY = """

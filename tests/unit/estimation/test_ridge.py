@@ -15,7 +15,7 @@ from armid.estimation.per_recording import separate_by_recording
 from armid.estimation.prior import make_prior, project_covariance
 from armid.estimation.problem import EstimationProblem, StandardParameters, standard_of
 from armid.estimation.uncertainty.covariance import estimate_covariance
-from armid.estimation.whitening import whiten
+from armid.estimation.whitened_system import whiten
 from armid.information.accumulate import accumulate_information
 from armid.information.information import select, stack, total
 from armid.model.base_parameters import find_base_parameters

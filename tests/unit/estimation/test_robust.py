@@ -13,7 +13,7 @@ from armid.errors import EstimationError
 from armid.estimation.estimating import estimate
 from armid.estimation.estimators import RobustLeastSquares, WeightedLeastSquares
 from armid.estimation.estimators.robust import HUBER, TUKEY
-from armid.estimation.fit import Fit
+from armid.estimation.fit_result import Fit
 from armid.estimation.least_squares import Solution
 from armid.estimation.per_recording import separate_by_recording
 from armid.estimation.problem import EstimationProblem, standard_of

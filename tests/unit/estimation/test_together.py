@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 from armid import identify, load_study
-from armid.estimation.fit import Fit
+from armid.estimation.fit_result import Fit
 from armid.estimation.uncertainty.jackknife import blend_with_textbook
 from armid.estimation.update.joint_solution import solve_stacked
 from armid.estimation.update.stacked_problem import stack_problems
-from armid.lab.ideal_recording import record
+from armid.lab.inverse_dynamics_recording import record
 from armid.maths.inertia import com_inertia_to_vector
 from armid.runs.new_recordings import load_new_recordings
 from armid.runs.payload import find_payload, payload_record

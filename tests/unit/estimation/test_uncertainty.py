@@ -9,7 +9,7 @@ import pytest
 from scipy.special import stdtrit
 
 from armid.estimation.estimating import estimate
-from armid.estimation.fit import POORLY_IDENTIFIED, Fit
+from armid.estimation.fit_result import POORLY_IDENTIFIED, Fit
 from armid.estimation.per_recording import separate_by_recording
 from armid.estimation.problem import EstimationProblem
 from armid.estimation.uncertainty.bootstrap import bootstrap
@@ -20,7 +20,7 @@ from armid.estimation.uncertainty.noise_spectrum import NoiseModel, level_basis
 from armid.estimation.uncertainty.thresholds import FEWEST_PERIODS
 from armid.information.accumulate import accumulate_information
 from armid.information.information import Information, JointFactors, select, stack
-from armid.measurement.band import Band
+from armid.measurement.low_pass_band import Band
 from armid.measurement.observations import Observations, ObservedRun
 from armid.values import Array
 from noisy import OLS, RATE, WLS, arm, coloured, covered, dense, inside, moved, once, problem, repeated, seconds_of

@@ -8,13 +8,13 @@ import pytest
 from armid.excitation.certification import certified, fine_grid, margins
 from armid.excitation.collision.collision_model import collision_of, make_collision_model
 from armid.excitation.collision.distances import floor
-from armid.excitation.collision.nearest_points import nearest_on_box
 from armid.excitation.collision.required_distances import MEASURED
+from armid.excitation.collision.segment_distances import nearest_on_box
 from armid.excitation.design.objective import CriterionGoal
 from armid.excitation.design.sqp import DescentProblem, about_start, max_utilisation, shrink_to_feasible
 from armid.excitation.limits.constraints import States
 from armid.excitation.limits.joint_limits import limits_of
-from armid.excitation.series_basis import SeriesBasis
+from armid.excitation.rest_to_rest_basis import SeriesBasis
 from armid.maths.spatial import homogeneous
 from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics import DynamicsModel

@@ -21,7 +21,7 @@ from armid.excitation.limits.constraints import States
 from armid.excitation.limits.joint_limits import limits_of
 from armid.excitation.limits.workspace import SCALE
 from armid.excitation.preflight import preflight
-from armid.excitation.series_basis import SeriesBasis
+from armid.excitation.rest_to_rest_basis import SeriesBasis
 from armid.excitation.start_pose import choose_start, free_range, usual_pose
 from armid.maths.spatial import homogeneous
 from armid.model.base_parameters import find_base_parameters

@@ -17,7 +17,7 @@ from armid.excitation.collision.mesh_hulls import hull_points
 from armid.excitation.design.objective import CriterionGoal, Objective
 from armid.excitation.limits.constraints import States
 from armid.excitation.limits.joint_limits import limits_of
-from armid.excitation.series_basis import SeriesBasis
+from armid.excitation.rest_to_rest_basis import SeriesBasis
 from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics import DynamicsModel
 from armid.model.terms import RigidBody

@@ -23,7 +23,7 @@ from armid.excitation.design.sqp import (
 )
 from armid.excitation.limits.constraints import States
 from armid.excitation.limits.joint_limits import Limits, limits_of, motion_channels, thesis_channels, torque_channel
-from armid.excitation.series_basis import SeriesBasis
+from armid.excitation.rest_to_rest_basis import SeriesBasis
 from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics import DynamicsModel
 from armid.model.terms import Coulomb, RigidBody, Viscous

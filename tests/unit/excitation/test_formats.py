@@ -10,7 +10,7 @@ import pytest
 from armid.errors import ArmidError
 from armid.excitation.formats import FORMATS
 from armid.excitation.plan import Plan
-from armid.excitation.series_basis import SeriesBasis
+from armid.excitation.rest_to_rest_basis import SeriesBasis
 from armid.robot import load_robot
 from armid.study.plans.design_files import track_of
 

@@ -17,7 +17,7 @@ from armid.excitation.limits.joint_limits import limits_of
 from armid.excitation.start_pose import TorqueHolds, choose_start
 from armid.robot import Robot, load_robot
 from armid.study.plans.goals import DesignConstraints
-from armid.study.plans.placement import place_motion
+from armid.study.plans.start_pose import place_motion
 
 
 def wheel(folder: Path, share: float) -> Robot:

@@ -7,7 +7,7 @@ import pytest
 
 from armid.errors import ArmidError
 from armid.excitation.limits.joint_limits import limits_of
-from armid.excitation.point_to_point import choose_poses, poses_plan, sweeps_plan
+from armid.excitation.poses_and_sweeps import choose_poses, poses_plan, sweeps_plan
 from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics import DynamicsModel
 from armid.model.motion import Motion

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from armid.excitation.design.multistart import Search, SearchCandidate
-from armid.excitation.settled import STILL, unsettled
+from armid.excitation.search_convergence import STILL, unsettled
 
 START = (0.2, 2.0)
 

@@ -12,7 +12,7 @@ from armid.model.dynamics import DynamicsModel
 from armid.model.terms import RigidBody
 from armid.robot import load_robot
 from armid.study.plans.design import DesignConstraints, DesignGoal, SearchBudget, design_plan
-from armid.study.plans.moves import MovesGoal, design_moves
+from armid.study.plans.poses_and_sweeps import MovesGoal, design_moves
 from armid.study.plans.preflight_text import report_text
 
 INERTIAL = (

@@ -11,7 +11,7 @@ from armid.excitation.design.multistart import random_start
 from armid.excitation.design.objective import CriterionGoal
 from armid.excitation.design.sqp import DescentProblem, about_start
 from armid.excitation.limits.joint_limits import limits_of, motion_channels
-from armid.excitation.series_basis import SeriesBasis
+from armid.excitation.rest_to_rest_basis import SeriesBasis
 from armid.excitation.start_pose import usual_pose
 from armid.excitation.weak_motion import deviations_in_free_motion, weak_motion
 from armid.model.base_parameters import find_base_parameters

@@ -14,7 +14,7 @@ from armid.information.hysteresis_states import memory_findings, with_hysteresis
 from armid.information.regressor_rows import all_rows
 from armid.information.residuals import compare
 from armid.maths.signals import edge_samples, low_pass
-from armid.measurement.band import Band
+from armid.measurement.low_pass_band import Band
 from armid.measurement.observations import Observations
 from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics import DynamicsModel

@@ -12,7 +12,7 @@ from armid.information.accumulate import accumulate_information
 from armid.information.column_source import column_source
 from armid.information.information import total
 from armid.information.weighted_rows import Segment, WeightedRows, weighted_information
-from armid.measurement.band import Band
+from armid.measurement.low_pass_band import Band
 from armid.measurement.observations import Observations
 from armid.values import Array
 from informed import EXACT, RATE, assert_products, assert_says, branching_arm, dense, recorded

@@ -11,7 +11,7 @@ import pytest
 from armid.errors import ArmidError
 from armid.excitation.builtin_plans import PLANS, builtin_plan
 from armid.excitation.fourier import Excitation, load_plan, save_plan
-from armid.lab.ideal_recording import THESIS_FRICTION, Sensors, record, thesis_truth
+from armid.lab.inverse_dynamics_recording import THESIS_FRICTION, Sensors, record, thesis_truth
 from armid.model.dynamics import DynamicsModel
 from armid.model.terms import Coulomb, Offset, RigidBody, Viscous
 from armid.robot import load_robot

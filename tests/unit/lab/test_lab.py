@@ -14,7 +14,7 @@ from armid.errors import ArmidError, LabError, MissingExtraError
 from armid.excitation.fourier import Excitation
 from armid.lab.controller import CONTROLLERS, Controller, Drive
 from armid.lab.faults import Gap, LostRows
-from armid.lab.ideal_recording import Sensors, record
+from armid.lab.inverse_dynamics_recording import Sensors, record
 from armid.lab.known_arms import with_effects
 from armid.lab.options import Arm, LabOptions, load_options, parse_options
 from armid.lab.plant import Plant, stable_rate, write_mjcf

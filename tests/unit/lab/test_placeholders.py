@@ -11,7 +11,7 @@ from armid.excitation.fourier import Excitation
 from armid.lab.friction import Friction
 from armid.lab.known_arms import OWN, truth_of
 from armid.lab.options import Arm, LabOptions
-from armid.lab.placeholders import placeholder_finding
+from armid.lab.placeholder_limits import placeholder_finding
 from armid.lab.simulation import simulate, simulation_findings
 from armid.robot import load_robot
 from labs import LINK, small_plan

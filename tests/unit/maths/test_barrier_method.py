@@ -8,7 +8,7 @@ import pytest
 from armid.errors import EstimationError, UnsolvedError
 from armid.maths.barrier_function import LogDet, Smooth
 from armid.maths.barrier_method import minimise
-from armid.maths.cones import Cone, solve_cones, symmetric, upper_triangle
+from armid.maths.conic_solver import Cone, solve_cones, symmetric, upper_triangle
 from armid.values import Array
 
 EXACT = 1e-6

@@ -8,7 +8,7 @@ import pytest
 from armid.maths import barrier_function
 from armid.maths.barrier_function import Barriers, LogDet, Smooth
 from armid.maths.barrier_method import minimise
-from armid.maths.cones import Cone, upper_triangle
+from armid.maths.conic_solver import Cone, upper_triangle
 from armid.values import Array
 
 ROUNDING = 1e-9

@@ -1,4 +1,4 @@
-"""Resampling, automatic cut-off and delays of `armid.maths.sampling`."""
+"""Resampling, automatic cut-off and delays of `armid.maths.resampling`."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import pytest
 import scipy.interpolate
 
 from armid.errors import ArmidError
-from armid.maths.sampling import automatic_cutoff, periodic_delay, periodic_shift, resample
+from armid.maths.resampling import automatic_cutoff, periodic_delay, periodic_shift, resample
 
 
 def jittered_clock(samples: int, rate: float, spread: float, seed: int = 0):

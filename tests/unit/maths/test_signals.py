@@ -7,7 +7,7 @@ import pytest
 import scipy.signal
 
 from armid.errors import ArmidError
-from armid.maths.derivatives import central_difference, periodic_derivative
+from armid.maths.signal_derivatives import central_difference, periodic_derivative
 from armid.maths.signals import (
     butterworth,
     decimate,

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from armid.errors import RecordingError
-from armid.measurement.processing.alignment import average, windows
 from armid.measurement.processing.pipeline import ProcessingOptions, process_recording
+from armid.measurement.processing.repetitions import average, windows
 from armid.measurement.processing.resampling import Stretch, stretches
 from motions import PERIOD, clock, codes, motion, one, recording
 

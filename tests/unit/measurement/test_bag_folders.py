@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from armid.errors import RecordingError
-from armid.measurement.bag_files import sha256_of_recording
+from armid.measurement.bag_paths import sha256_of_recording
 from armid.measurement.log_format import LogFormat
 from armid.measurement.readers import load_recording
 from armid.measurement.robot_convention import to_robot_convention

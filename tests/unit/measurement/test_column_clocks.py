@@ -9,7 +9,7 @@ from armid.errors import RecordingError
 from armid.measurement.columns.clocks import ClockRequest, clock_columns
 from armid.measurement.columns.names import time_unit
 from armid.measurement.log_format import LogFormat
-from armid.measurement.processing.cleaning import clean
+from armid.measurement.processing.row_checks import clean
 from armid.measurement.readers import load_recording
 from recordings import write_csv, write_workbook
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from armid.errors import RecordingError
-from armid.measurement.columns.guesses import ClockRequest, Guess, guess_columns
 from armid.measurement.columns.names import clock_of, column_unit, named
+from armid.measurement.columns.pattern_matching import ClockRequest, Guess, guess_columns
 from armid.measurement.columns.unread import effort_possible, pattern_of
 from armid.measurement.log_format import LogFormat
 from armid.measurement.readers import load_recording

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from armid.errors import RecordingError
-from armid.measurement.columns.channels import in_joint_order
+from armid.measurement.columns.joint_assignment import in_joint_order
 from armid.measurement.columns.joint_names import stated_joints
 from armid.measurement.columns.lookup import Selection, select
 from armid.measurement.joint_states import Publisher, joined
@@ -17,7 +17,7 @@ from armid.measurement.log_format import LogFormat
 from armid.measurement.recording import Recording
 from armid.remedy import Remedy
 from armid.robot import load_robot
-from armid.study.remedies import as_option
+from armid.study.remedy_translation import as_option
 
 UR = ("shoulder_pan_joint", "shoulder_lift_joint", "elbow_joint", "wrist_1_joint", "wrist_2_joint", "wrist_3_joint")
 SEVEN = ("base", "upperarm", "forearm", "wr1", "wr2", "wr3", "flange")

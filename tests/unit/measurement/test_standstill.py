@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from armid.doctor import examine, explanations_of
-from armid.doctor.evidence import LogEvidence
+from armid.doctor.check_input import LogEvidence
 from armid.lab.controller import Controller
 from armid.lab.friction import Friction
 from armid.lab.options import LabOptions

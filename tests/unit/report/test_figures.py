@@ -12,7 +12,7 @@ import pytest
 from armid.errors import ArmidError
 from armid.excitation.limits.joint_limits import described_limits
 from armid.report.data.page_data import with_recordings
-from armid.report.plots.traces import Plot
+from armid.report.plots.plot_data import Plot
 from armid.report.sections.friction import show_friction
 from armid.report.sections.residuals import show_residuals
 from armid.report.sections.torque import show_torque
@@ -22,7 +22,7 @@ from reports import make_run
 
 pytest.importorskip("plotly")
 
-from armid.report.plots import figures
+from armid.report.plots import notebook_figures
 
 JOINTS = 3
 
@@ -40,9 +40,9 @@ def numbers(values: Any) -> np.ndarray:
 
 
 KINDS = {
-    "torque": (figures.plot_torque, show_torque),
-    "residuals": (figures.plot_residuals, show_residuals),
-    "friction": (figures.plot_friction, show_friction),
+    "torque": (notebook_figures.plot_torque, show_torque),
+    "residuals": (notebook_figures.plot_residuals, show_residuals),
+    "friction": (notebook_figures.plot_friction, show_friction),
 }
 
 
@@ -78,9 +78,9 @@ def test_one_joint_is_a_part_of_all(kind: str, run: Run):
 
 def test_what_is_not_there_is_said(run: Run, tmp_path: Path):
     with pytest.raises(ArmidError, match="has no joint 'joint_9'"):
-        figures.plot_torque(run, joint="joint_9")
+        notebook_figures.plot_torque(run, joint="joint_9")
     with pytest.raises(ArmidError, match="no theme 'blue'"):
-        figures.plot_torque(run, theme="blue")  # pyright: ignore[reportArgumentType]
+        notebook_figures.plot_torque(run, theme="blue")  # pyright: ignore[reportArgumentType]
     for path in Path(run.folder).iterdir():
         (tmp_path / path.name).write_bytes(path.read_bytes())
     study = tmp_path / "study.json"
@@ -111,20 +111,20 @@ def test_what_is_no_value_of_armids_is_refused(run: Run):
         (robot, plan): "load_plan",
     }.items():
         with pytest.raises(ArmidError, match=rf"(?s)must be given; found .*{expected}"):
-            figures.plot_plan(*arguments)
+            notebook_figures.plot_plan(*arguments)
     with pytest.raises(ArmidError, match=r"(?s)Limits of joints must be given; found a dict"):
-        figures.plot_plan(plan, robot, limits={})
+        notebook_figures.plot_plan(plan, robot, limits={})
 
 
 def test_a_plan_stands_against_its_limits():
     robot, plan = small_model().robot, small_plan(1)
-    figure = figures.plot_plan(plan, robot)
+    figure = notebook_figures.plot_plan(plan, robot)
     limits = described_limits(robot)
     drawn = [float(numbers(trace.y)[0]) for trace in figure.data if trace.name == "limit"]
     stated = [x for each in (limits.lower, limits.upper) for x in each]
     stated += [way * x for way in (1, -1) for each in (limits.velocity, limits.effort) for x in each]
     assert sorted(drawn) == sorted(x for x in stated if np.isfinite(x))
-    one = figures.plot_plan(plan, robot, joint=robot.joint_names[1])
+    one = notebook_figures.plot_plan(plan, robot, joint=robot.joint_names[1])
     assert JOINTS * sum(t.name != "limit" for t in one.data) == sum(t.name != "limit" for t in figure.data)
     with pytest.raises(ArmidError, match="moves 3 joints"):
-        figures.plot_plan(plan, small_model().robot.lock({robot.joint_names[0]: 0.0}))
+        notebook_figures.plot_plan(plan, small_model().robot.lock({robot.joint_names[0]: 0.0}))

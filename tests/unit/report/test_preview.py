@@ -17,7 +17,7 @@ from armid.excitation.collision.collision_model import pairs_of_bodies
 from armid.excitation.fourier import save_plan
 from armid.excitation.limits.joint_limits import limits_of
 from armid.excitation.plan import Plan
-from armid.excitation.point_to_point import Moves
+from armid.excitation.poses_and_sweeps import Moves
 from armid.maths.inertia import com_inertia_to_vector
 from armid.measurement.recording import Recording
 from armid.report.preview.approach import bodies_to_watch, closest

@@ -18,13 +18,13 @@ from armid.excitation.collision.closest_approach import ClosestApproach
 from armid.model.dynamics import DynamicsModel
 from armid.model.parameter_name import parameter_names
 from armid.model.terms import Coulomb, Hysteresis, Ripple, Viscous
-from armid.report.data.friction_laws import law_text
+from armid.report.data.friction_law_text import law_text
 from armid.report.data.joint_names import by_joint, heading_of, label_of
 from armid.report.data.page_data import PageData, gather, stored
 from armid.report.heading import commands_of
 from armid.report.page import render
 from armid.report.plots.arm_picture import skeleton
-from armid.report.plots.traces import PlotRange
+from armid.report.plots.plot_data import PlotRange
 from armid.report.preflight_page import nearest_of_links
 from armid.report.sections.bodies import show_bodies
 from armid.report.sections.links import show_links

@@ -18,13 +18,13 @@ from armid.measurement.processing.options import ProcessingOptions
 from armid.report.data.friction_at_reversals import HALF_WINDOW, find_reversals, since_reversal
 from armid.report.data.number_format import decimals_of, fixed, percent, share, short
 from armid.report.data.recording_data import RecordingData, Spectrum, amplitude_density
-from armid.report.data.residual_analysis import classes, explained, residual_shares
+from armid.report.data.residual_dependence import classes, explained, residual_shares
 from armid.report.plots.encoding import compressed, packed, packed_plotly
+from armid.report.plots.plot_data import binned, crest, envelope, line, points, spread
 from armid.report.plots.style import CLOUDS, LINES, colours, resolved, trace_style
-from armid.report.plots.traces import binned, crest, envelope, line, points, spread
 from armid.report.tables import Column, Table, TableCell, latex_text
 from armid.study.config import RecordingChoice
-from armid.toml import to_toml
+from armid.toml_writing import to_toml
 
 
 @pytest.mark.parametrize(

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from armid.errors import Finding
-from armid.measurement.remedy import lines
+from armid.measurement.log_format_remedies import lines
 from armid.report.data import trust
 from armid.report.data.page_data import PageData, gather
-from armid.report.data.residual_analysis import ResidualShares
+from armid.report.data.residual_dependence import ResidualShares
 from armid.report.data.trust import judge_trust
 from armid.report.page import render
 from armid.report.sections.verdict import FIRST

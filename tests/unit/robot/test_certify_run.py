@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from armid.cli.commands.certify import _report
+from armid.cli.commands.certify_consistency import _report
 from armid.errors import EstimationError, ModelError
 from armid.robot import load_robot
 from armid.robot.readers.urdf import read
-from armid.runs.certification import Verdict, certify_named, certify_run, described_values, verdict_record
+from armid.runs.consistency_check import Verdict, certify_named, certify_run, described_values, verdict_record
 from armid.runs.run import Run
 from labs import URDF
 from reports import make_run

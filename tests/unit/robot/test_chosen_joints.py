@@ -12,14 +12,14 @@ from armid.cli.main import app
 from armid.cli.options import robot_choice
 from armid.errors import ArmidError, RobotError
 from armid.excitation.limits.joint_limits import limits_of
-from armid.export.source import find_source
+from armid.export.run_inputs import find_source
 from armid.export.write import export_run
 from armid.maths.inertia import vector_to_com_inertia
 from armid.robot import load_robot
 from armid.robot.loading import held_of
 from armid.robot.readers.urdf import outline
 from armid.study.config import load_choice, parse_robot
-from armid.toml import to_toml
+from armid.toml_writing import to_toml
 from exports import run_of
 
 INERTIAL = '<inertial><mass value="{}"/><inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial>'

@@ -14,7 +14,7 @@ from armid.report.data.page_data import gather
 from armid.report.page import render
 from armid.runs.records import read_records, records_of
 from armid.runs.run import load_run, run_of, save_run
-from armid.study.compare import MethodTable, compare_methods, compare_record
+from armid.study.compare_methods import MethodTable, compare_methods, compare_record
 from armid.study.config import EstimationChoice, ModelChoice, load_study
 from armid.study.identify import Prepared, Result, conclude, prepare
 from armid.study.provenance import RunOrigin

@@ -16,14 +16,14 @@ from armid.errors import EstimationError
 from armid.estimation.catalogue import ESTIMATORS
 from armid.estimation.crossvalidation import folds, training_information
 from armid.estimation.estimators import WeightedLeastSquares
-from armid.estimation.fit import Fit
+from armid.estimation.fit_result import Fit
 from armid.estimation.friction.selection import FrictionSelection, SelectionEvidence
 from armid.estimation.problem import EstimationProblem
 from armid.information.accumulate import accumulate_information
 from armid.information.information import select
 from armid.runs.run import save_run
-from armid.study import compare as module
-from armid.study.compare import compare_methods, compare_record
+from armid.study import compare_methods as module
+from armid.study.compare_methods import compare_methods, compare_record
 from armid.study.config import parse_study
 from armid.study.identify import Prepared, conclude, prepare
 from armid.study.records import to_json

@@ -11,12 +11,12 @@ import pytest
 
 from armid.errors import Finding
 from armid.measurement.log_format import LogFormat
+from armid.measurement.log_format_remedies import excluding, lines, naming
 from armid.measurement.readers import load_recording
-from armid.measurement.remedy import excluding, lines, naming
 from armid.remedy import Remedy
 from armid.study.config import ModelChoice, RecordingChoice, RobotChoice, Study, parse_study
 from armid.study.diagnosis import diagnose_recording
-from armid.study.remedies import applied, as_option, as_study, at_the_prompt, tables_of
+from armid.study.remedy_translation import applied, as_option, as_study, at_the_prompt, tables_of
 from healing import TRUE, delay_error, is_right, told_after
 from recordings import write_csv
 from sick import FAULTS, Case, sound

@@ -28,7 +28,7 @@ from armid.study.config import (
     parse_study,
     resolve_model,
 )
-from armid.study.friction_method import with_selection_prior
+from armid.study.estimation_defaults import with_selection_prior
 from armid.study.identify import Result, identify
 from armid.study.recording_parts import cut_recording
 from labs import (

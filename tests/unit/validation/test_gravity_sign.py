@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from armid import DynamicsModel, find_base_parameters, load_robot
-from armid.lab.ideal_recording import thesis_truth
+from armid.lab.inverse_dynamics_recording import thesis_truth
 from armid.model.base_parameters import BaseParameters
 from armid.model.terms import Coulomb, RigidBody, Viscous
-from armid.runs.certification import certify_named
+from armid.runs.consistency_check import certify_named
 from armid.validation.gravity_sign import gravity_sign_finding
 from armid.values import Array
 

@@ -11,12 +11,12 @@ import pytest
 
 from armid.estimation.estimate import Estimate, torque_parameters
 from armid.estimation.estimators import OrdinaryLeastSquares
-from armid.estimation.fit import Fit
+from armid.estimation.fit_result import Fit
 from armid.estimation.per_recording import separate_by_recording
 from armid.estimation.problem import EstimationProblem
 from armid.information.accumulate import accumulate_information
 from armid.information.residuals import compare
-from armid.measurement.band import Band
+from armid.measurement.low_pass_band import Band
 from armid.measurement.observations import Observations, ObservedRun
 from armid.model.base_parameters import BaseParameters, find_base_parameters
 from armid.model.terms import RigidBody

@@ -9,13 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from armid.cli.commands.validate_motion import motion_table
+from armid.cli.commands.validate_rollout import motion_table
 from armid.errors import ArmidError
 from armid.lab.controller import Controller, Drive
 from armid.lab.friction import Friction, MaxwellSlip
 from armid.lab.known_arms import KnownArm
 from armid.lab.true_motion import closed_loop
-from armid.measurement.band import Band
+from armid.measurement.low_pass_band import Band
 from armid.measurement.observations import Observations, ObservedRun
 from armid.model.dynamics import DynamicsModel
 from armid.model.motion import Motion

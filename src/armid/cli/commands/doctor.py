@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from armid.cli.log_format_options import Columns, Rate, TimeUnit, TorqueSign, Units, given
 from armid.cli.options import (
     Gravity,
     Json,
@@ -20,7 +21,6 @@ from armid.cli.options import (
     model_choice,
     robot_choice,
 )
-from armid.cli.reading import Columns, Rate, TimeUnit, TorqueSign, Units, given
 from armid.errors import ArmidError, StudyError
 
 if TYPE_CHECKING:
@@ -96,8 +96,8 @@ def _without_study(
     """Findings with remedies for use without a study: an option, or the text of the study that is needed."""
     from dataclasses import replace
 
-    from armid.cli.hints import options_of_command
-    from armid.study.remedies import as_option, as_study, tables_of
+    from armid.cli.remedy_options import options_of_command
+    from armid.study.remedy_translation import as_option, as_study, tables_of
 
     def without_study(remedy: str, path: str) -> str:
         if not tables_of(remedy):

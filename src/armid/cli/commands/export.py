@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from armid.cli.completion import among
+from armid.cli.log_format_options import Data
 from armid.cli.options import Json
-from armid.cli.reading import Data
+from armid.cli.value_completion import among
 from armid.codegen.catalogue import LANGUAGES
 from armid.export.catalogue import EXPORTERS
 

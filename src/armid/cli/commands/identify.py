@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from armid.cli.commands.report import NoReport, write_page
-from armid.cli.completion import among
+from armid.cli.log_format_options import Columns, Rate, TimeUnit, TorqueSign, Units, given
 from armid.cli.options import (
     BASE_TERMS,
     Gravity,
@@ -29,13 +29,13 @@ from armid.cli.options import (
     robot_choice,
     run_folder,
 )
-from armid.cli.reading import Columns, Rate, TimeUnit, TorqueSign, Units, given
+from armid.cli.value_completion import among
 from armid.estimation.catalogue import ESTIMATORS
 
 if TYPE_CHECKING:
     from armid.errors import Finding
     from armid.runs.run import Run
-    from armid.study.compare import MethodTable
+    from armid.study.compare_methods import MethodTable
     from armid.study.config import Study
     from armid.study.identify import Prepared, Result
 
@@ -150,7 +150,7 @@ def _shared_format_finding(study: Study, validate: list[str]) -> list[Finding]:
     """Finding that validation recordings are read with the log format of the training recordings."""
     from armid.errors import Finding
     from armid.measurement.log_format import LogFormat
-    from armid.measurement.remedy import lines
+    from armid.measurement.log_format_remedies import lines
 
     shared, default = next(choice.reading for choice in study.recordings if choice.role == "train"), LogFormat()
     keys = {field.name: getattr(shared, field.name) for field in fields(LogFormat) if field.name != "exclude"}
@@ -170,7 +170,7 @@ def _identified(
     """Prepared data, the result, and the comparison of methods if requested; shows a progress bar."""
     from armid.cli.console import progress
     from armid.study import identify as stage
-    from armid.study.compare import compare_methods
+    from armid.study.compare_methods import compare_methods
 
     with progress(quiet=quiet) as tell:
         prepared = stage.prepare(study, threads=threads, progress=tell)
@@ -181,7 +181,7 @@ def _identified(
 def _save(result: Result, table: MethodTable | None, out: Path | None) -> tuple[Run, bool]:
     """Write the run; return it, and true if it replaced an earlier one."""
     from armid.runs.run import saved_run
-    from armid.study.compare import compare_record
+    from armid.study.compare_methods import compare_record
 
     folder = run_folder(out, result.estimate.robot)
     replaced = folder.exists()
@@ -194,7 +194,7 @@ def _print(result: Result, table: MethodTable | None, folder: Path, *, verbose: 
     from armid.cli.console import print_findings, print_methods
     from armid.cli.identification_result import print_result
     from armid.estimation.link_properties import link_record, link_table
-    from armid.study.compare import compare_record
+    from armid.study.compare_methods import compare_record
     from armid.study.records import estimate_record, friction_selection_record, to_json, validation_record
 
     if json:

@@ -8,8 +8,8 @@ from typing import Annotated
 
 import typer
 
+from armid.cli.log_format_options import Columns, TorqueSign, changed_reading
 from armid.cli.options import Json
-from armid.cli.reading import Columns, TorqueSign, changed_reading
 from armid.errors import ArmidError
 
 

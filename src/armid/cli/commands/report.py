@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from armid.cli.log_format_options import Data
 from armid.cli.options import Json
-from armid.cli.reading import Data
 
 if TYPE_CHECKING:
     from armid.runs.run import Run
-    from armid.study.compare import MethodTable
+    from armid.study.compare_methods import MethodTable
     from armid.study.identify import Result
     from armid.study.processed import ProcessedRecording
 

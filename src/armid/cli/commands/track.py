@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from armid.cli.log_format_options import Columns, Rate, TorqueSign, changed_reading
 from armid.cli.options import Json, Out
-from armid.cli.reading import Columns, Rate, TorqueSign, changed_reading
 from armid.errors import StudyError
 
 if TYPE_CHECKING:

@@ -8,8 +8,8 @@ from typing import Annotated
 
 import typer
 
+from armid.cli.log_format_options import Columns, Rate, TorqueSign, changed_reading
 from armid.cli.options import Json
-from armid.cli.reading import Columns, Rate, TorqueSign, changed_reading
 
 
 def validate(
@@ -39,7 +39,7 @@ def validate(
 
         armid validate runs/today next_week.csv --simulate --window 0.3
     """
-    from armid.cli.commands.validate_motion import motion_table, roll_out
+    from armid.cli.commands.validate_rollout import motion_table, roll_out
     from armid.cli.console import output_console, print_findings, print_verdict, validation_table
     from armid.runs.prediction import validate_run
     from armid.runs.rollout import judged_by_motion, motion_record

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from armid.cli.commands.report import attempt
-from armid.cli.completion import CRITERIA, among, limits
 from armid.cli.motion.preview import PAGE as PREVIEW
 from armid.cli.options import (
     BASE_TERMS,
@@ -30,6 +29,7 @@ from armid.cli.options import (
     robot_choice,
     run_folder,
 )
+from armid.cli.value_completion import CRITERIA, among, limits
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from armid.cli.log_format_options import Columns, Data, Rate, given
 from armid.cli.options import Gravity, Json, Lock, Only, Package, TipLink, known_arms, robot_choice
-from armid.cli.reading import Columns, Data, Rate, given
 
 if TYPE_CHECKING:
     from armid.measurement.log_format import LogFormat

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from armid.codegen.language_input import FunctionSource
 from armid.codegen.languages import c
 from armid.codegen.program import STATE_FUNCTIONS, Program
-from armid.codegen.source import FunctionSource
 
 
 def write(source: FunctionSource) -> dict[str, str]:

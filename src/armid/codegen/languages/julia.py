@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from armid.codegen.language_input import FunctionSource
 from armid.codegen.program import Program
-from armid.codegen.source import FunctionSource
 from armid.codegen.writing import Notation, body
 
 FUNCTIONS = {

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from armid.codegen.language_input import FunctionSource
 from armid.codegen.program import Program
-from armid.codegen.reference_functions import thesis_programs
-from armid.codegen.source import FunctionSource
+from armid.codegen.thesis_functions import thesis_programs
 from armid.codegen.writing import Notation, body
 
 FUNCTIONS = {

@@ -15,8 +15,8 @@ import numpy as np
 from armid.errors import EstimationError
 from armid.estimation.prior import MASS, Prior, relative_precision, size_of_bodies
 from armid.estimation.problem import StandardParameters
-from armid.estimation.standard_fit import PriorUse
-from armid.estimation.whitening import WhitenedSystem
+from armid.estimation.standard_parameter_status import PriorUse
+from armid.estimation.whitened_system import WhitenedSystem
 from armid.maths.barrier_function import LogDet, Smooth
 from armid.maths.barrier_method import minimise
 from armid.maths.inertia import PSEUDO_INERTIA_OF, pseudo_inertia

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from armid.estimation.problem import StandardParameters
-from armid.maths.cones import Cone, upper_triangle
+from armid.maths.conic_solver import Cone, upper_triangle
 from armid.maths.inertia import PSEUDO_INERTIA_OF, pseudo_inertia
 from armid.values import Array
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from armid.errors import UnsolvedError
 from armid.estimation.consistency.constraints import Feasible
-from armid.maths.cones import Cone, solve_cones, symmetric, upper_triangle
+from armid.maths.conic_solver import Cone, solve_cones, symmetric, upper_triangle
 from armid.maths.linalg import orthonormal
 from armid.maths.median import median
 from armid.values import Array

@@ -22,7 +22,7 @@ from armid.estimation.prior import MASS, Prior, size_of_bodies
 from armid.estimation.problem import StandardParameters
 from armid.maths.barrier_function import Smooth
 from armid.maths.barrier_method import GAP, SmoothSolution, minimise
-from armid.maths.cones import ACCEPTED
+from armid.maths.conic_solver import ACCEPTED
 from armid.values import Array
 
 UNFELT = (1e-6, 1e-4, 1e-2)

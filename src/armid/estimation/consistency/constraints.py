@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from armid.errors import EstimationError
 from armid.estimation.consistency.cones import consistency_cones, smallest_eigenvalues
 from armid.estimation.problem import StandardParameters
-from armid.maths.cones import Cone
+from armid.maths.conic_solver import Cone
 from armid.values import Array
 
 ROUNDED = 1e-9

@@ -13,13 +13,13 @@ from typing import ClassVar, Literal
 import numpy as np
 
 from armid.errors import EstimationError, Finding
-from armid.estimation.fit import Fit
+from armid.estimation.fit_result import Fit
 from armid.estimation.per_recording import standard_per_recording
 from armid.estimation.physical_fit import PhysicalEstimate, fit_of
 from armid.estimation.prior import LENGTH, MASS, Prior, make_prior
 from armid.estimation.problem import EstimationProblem, StandardParameters
-from armid.estimation.standard_fit import PriorUse
-from armid.estimation.whitening import WhitenedSystem, whiten
+from armid.estimation.standard_parameter_status import PriorUse
+from armid.estimation.whitened_system import WhitenedSystem, whiten
 from armid.maths.inertia import pseudo_inertia, vector_from_pseudo_inertia
 from armid.threads import one_blas_thread
 from armid.values import Array

@@ -10,7 +10,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from armid.estimation.fit import Fit
+from armid.estimation.fit_result import Fit
 from armid.estimation.least_squares import fit_of, solve
 from armid.estimation.problem import EstimationProblem
 from armid.threads import one_blas_thread

@@ -20,13 +20,13 @@ from armid.estimation.consistency.cones import EPSILON
 from armid.estimation.consistency.consistent_fit import ConsistentProgram
 from armid.estimation.consistency.constraints import Requirements
 from armid.estimation.crossvalidation import folds, held_out_squares, one_standard_error, split
-from armid.estimation.fit import Fit
+from armid.estimation.fit_result import Fit
 from armid.estimation.per_recording import standard_per_recording
 from armid.estimation.physical_fit import PhysicalEstimate, fit_of
 from armid.estimation.prior import GIVEN, make_prior
 from armid.estimation.problem import EstimationProblem, StandardParameters
-from armid.estimation.standard_fit import PriorTrial, PriorUse
-from armid.estimation.whitening import WhitenedSystem, rows_of, whiten
+from armid.estimation.standard_parameter_status import PriorTrial, PriorUse
+from armid.estimation.whitened_system import WhitenedSystem, rows_of, whiten
 from armid.information.information import Information
 from armid.threads import one_blas_thread
 from armid.values import Array

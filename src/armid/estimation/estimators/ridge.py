@@ -21,12 +21,12 @@ from numpy.typing import NDArray
 
 from armid.errors import EstimationError, Finding
 from armid.estimation.crossvalidation import folds, held_out_error, held_out_squares, split
-from armid.estimation.fit import Fit
+from armid.estimation.fit_result import Fit
 from armid.estimation.least_squares import solve
 from armid.estimation.prior import GIVEN, make_prior, project_covariance, weight_finding
 from armid.estimation.problem import EstimationProblem
 from armid.estimation.uncertainty.covariance import scale_covariance
-from armid.estimation.whitening import WhitenedSystem, rows_of, whiten
+from armid.estimation.whitened_system import WhitenedSystem, rows_of, whiten
 from armid.information.information import Information, stack
 from armid.maths.linalg import condition, scaled_condition
 from armid.threads import one_blas_thread

@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 from armid.errors import EstimationError, Finding
 from armid.estimation.crossvalidation import held_out_squares
 from armid.estimation.estimators.wls import RESOLUTION, WeightedLeastSquares
-from armid.estimation.fit import Fit
+from armid.estimation.fit_result import Fit
 from armid.estimation.least_squares import Solution, solve
 from armid.estimation.per_recording import separate_by_recording
 from armid.estimation.problem import EstimationProblem

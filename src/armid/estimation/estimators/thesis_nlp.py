@@ -18,13 +18,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armid.errors import EstimationError, Finding, MissingExtraError
-from armid.estimation.fit import Fit
+from armid.estimation.fit_result import Fit
 from armid.estimation.per_recording import standard_per_recording
 from armid.estimation.physical_fit import PhysicalEstimate, fit_of
 from armid.estimation.prior import make_prior
 from armid.estimation.problem import EstimationProblem, StandardParameters
-from armid.estimation.standard_fit import PriorUse
-from armid.estimation.whitening import WhitenedSystem, whiten
+from armid.estimation.standard_parameter_status import PriorUse
+from armid.estimation.whitened_system import WhitenedSystem, whiten
 from armid.threads import one_blas_thread
 from armid.values import Array
 

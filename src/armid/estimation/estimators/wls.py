@@ -12,7 +12,7 @@ from typing import ClassVar
 import numpy as np
 
 from armid.errors import EstimationError
-from armid.estimation.fit import Fit
+from armid.estimation.fit_result import Fit
 from armid.estimation.least_squares import fit_of, residual_deviation, solve
 from armid.estimation.problem import EstimationProblem
 from armid.information.information import total

@@ -15,7 +15,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from armid.estimation.friction.resolution import RESOLVED, passed_height, passed_transition
+from armid.estimation.friction.band_attenuation import RESOLVED, passed_height, passed_transition
 from armid.information.hysteresis_states import with_hysteresis_states
 from armid.measurement.observations import Observations
 from armid.model.base_parameters import BaseParameters

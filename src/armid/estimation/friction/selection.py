@@ -34,7 +34,7 @@ from armid.estimation.friction.shape_fit import refine_shapes
 from armid.estimation.per_recording import contrasted, offset_names, separate_by_recording
 from armid.estimation.prior import make_prior, project_covariance
 from armid.estimation.problem import EstimationProblem, build_problem
-from armid.estimation.whitening import WhitenedSystem, whiten
+from armid.estimation.whitened_system import WhitenedSystem, whiten
 from armid.information.accumulate import accumulate_information
 from armid.information.information import Information, restrict, total
 from armid.maths.linalg import inverse_of

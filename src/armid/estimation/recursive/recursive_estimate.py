@@ -25,12 +25,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armid.errors import EstimationError
-from armid.estimation.fit import CovarianceReport, Fit
+from armid.estimation.fit_result import CovarianceReport, Fit
 from armid.estimation.recursive.forgetting import discount, retained_rows
 from armid.estimation.recursive.innovations import normalized_innovation, update_noise_color
 from armid.estimation.recursive.state import JUMP, ForgettingOptions, Innovations, RecursiveState
 from armid.estimation.uncertainty.jackknife import blend_with_textbook
-from armid.estimation.whitening import RESOLUTION, minimum_norm_solution
+from armid.estimation.whitened_system import RESOLUTION, minimum_norm_solution
 from armid.information.information import Information, JointFactors, merge, stack, total
 from armid.kernel import factor_columns
 from armid.maths.linalg import condition, inverse_of, scaled_condition

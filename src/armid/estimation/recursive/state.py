@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armid.errors import EstimationError
-from armid.estimation.whitening import minimum_norm_solution
+from armid.estimation.whitened_system import minimum_norm_solution
 from armid.information.information import FactorOrigin, Information, JointFactors
 from armid.model.parameter_name import ParameterName
 from armid.values import Array

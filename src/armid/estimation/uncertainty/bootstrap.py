@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from armid.estimation.fit import Fit
+from armid.estimation.fit_result import Fit
 from armid.estimation.uncertainty.jackknife import block_products, group_blocks
 from armid.information.information import Information
 from armid.values import Array

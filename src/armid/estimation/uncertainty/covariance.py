@@ -25,9 +25,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from armid.estimation.fit import CovarianceReport, Fit
+from armid.estimation.fit_result import CovarianceReport, Fit
 from armid.estimation.problem import EstimationProblem
-from armid.estimation.standard_fit import stated
+from armid.estimation.standard_parameter_status import stated
 from armid.estimation.uncertainty.frequency_bands import BandProducts, band_products, find_periods
 from armid.estimation.uncertainty.jackknife import RepetitionBlocks, correlation, group_blocks, jackknife, periods
 from armid.estimation.uncertainty.noise_spectrum import MAX_SIZE, LevelScatter, NoiseModel

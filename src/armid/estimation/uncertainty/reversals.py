@@ -20,9 +20,9 @@ from armid.estimation.uncertainty.thresholds import MIN_INFORMATION, SLOW_SHARE
 from armid.information.column_source import column_source
 from armid.information.hysteresis_states import with_hysteresis_states
 from armid.information.regressor_rows import rows
-from armid.measurement.band import Band
+from armid.measurement.low_pass_band import Band
 from armid.measurement.observations import ObservedRun
-from armid.measurement.processing.output_grid import LOBE_HALF_WIDTH
+from armid.measurement.processing.row_mask import LOBE_HALF_WIDTH
 from armid.values import Array
 
 MIN_EIGENVALUE = 1e-8

@@ -24,7 +24,7 @@ from armid.estimation.estimate import Status
 from armid.estimation.link_properties import ENTERING
 from armid.estimation.update.joint_solution import JointSolution, solve_stacked
 from armid.estimation.update.stacked_problem import StackedProblem
-from armid.maths.cones import Cone, solve_cones, upper_triangle
+from armid.maths.conic_solver import Cone, solve_cones, upper_triangle
 from armid.maths.distributions import student_quantile
 from armid.maths.inertia import (
     PSEUDO_INERTIA_OF,

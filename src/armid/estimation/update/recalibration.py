@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from armid.errors import EstimationError
 from armid.estimation.crossvalidation import held_out_squares
 from armid.estimation.estimate import collapse
-from armid.estimation.fit import Fit
+from armid.estimation.fit_result import Fit
 from armid.estimation.problem import EstimationProblem
 from armid.estimation.update.joint_solution import JointSolution, solve_stacked
 from armid.estimation.update.stacked_problem import stack_problems

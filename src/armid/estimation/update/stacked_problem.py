@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from armid.estimation.fit import Fit
+from armid.estimation.fit_result import Fit
 from armid.estimation.per_recording import separate_by_recording
 from armid.estimation.problem import EstimationProblem
 from armid.information.information import Information, JointFactors, merge, select, stack, total

@@ -24,10 +24,10 @@ from armid.excitation.collision.required_distances import (
     uniform_distances,
 )
 from armid.excitation.limits.joint_limits import Limits
+from armid.robot.collision_from_visual import missing_bodies
 from armid.robot.kinematics import forward_kinematics
 from armid.robot.robot import Robot
 from armid.robot.shapes import Shape
-from armid.robot.visual_bodies import missing_bodies
 from armid.values import Array
 
 LOOKED = 3000

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from armid.excitation.collision.convex_hulls import Hulls
-from armid.excitation.collision.nearest_points import TINY, nearest_on_box, nearest_on_segments
+from armid.excitation.collision.segment_distances import TINY, nearest_on_box, nearest_on_segments
 from armid.excitation.limits.constraints import States
 from armid.excitation.limits.workspace import SCALE, carried_by, point_gradient
 from armid.kernel.tree import Tree

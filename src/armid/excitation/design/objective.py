@@ -15,8 +15,8 @@ from numpy.typing import ArrayLike
 
 from armid.errors import ArmidError
 from armid.excitation.design.criteria import make_criterion
-from armid.excitation.design.sensitivity import Columns
-from armid.excitation.series_basis import SeriesBasis
+from armid.excitation.design.regressor_gradients import Columns
+from armid.excitation.rest_to_rest_basis import SeriesBasis
 from armid.information.column_source import ColumnSource, column_source
 from armid.model.base_parameters import BaseParameters
 from armid.model.dynamics import DynamicsModel

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import cast
 
 from armid.excitation.formats import csv, fri, mat, ros2, urscript
-from armid.excitation.formats.track import Format, SampledMotion
+from armid.excitation.formats.sampled_motion import Format, SampledMotion
 
 __all__ = ["FORMATS", "Format", "SampledMotion"]
 

@@ -7,7 +7,7 @@ import io
 import numpy as np
 
 from armid.errors import ArmidError
-from armid.excitation.formats.track import SampledMotion, number_rows
+from armid.excitation.formats.sampled_motion import SampledMotion, number_rows
 from armid.model.motion import Motion
 
 SUFFIX = ".csv"

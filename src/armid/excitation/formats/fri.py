@@ -9,7 +9,7 @@ import io
 
 import numpy as np
 
-from armid.excitation.formats.track import SampledMotion, number_rows, states_of_positions
+from armid.excitation.formats.sampled_motion import SampledMotion, number_rows, states_of_positions
 
 SUFFIX = ".fri.csv"
 RATE = 200.0

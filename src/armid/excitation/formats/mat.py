@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from armid.errors import ArmidError
-from armid.excitation.formats.track import SampledMotion
+from armid.excitation.formats.sampled_motion import SampledMotion
 from armid.model.motion import Motion
 
 SUFFIX = ".mat"

@@ -8,7 +8,7 @@ import re
 import numpy as np
 
 from armid.errors import ArmidError
-from armid.excitation.formats.track import PLAN_MARK, SampledMotion, plan_in_comments
+from armid.excitation.formats.sampled_motion import PLAN_MARK, SampledMotion, plan_in_comments
 from armid.model.motion import Motion
 from armid.values import Array
 

@@ -7,7 +7,7 @@ import re
 import numpy as np
 
 from armid.errors import ArmidError
-from armid.excitation.formats.track import (
+from armid.excitation.formats.sampled_motion import (
     PLAN_MARK,
     SampledMotion,
     number_rows,

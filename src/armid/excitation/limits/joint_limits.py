@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from armid.errors import ArmidError, Finding, did_you_mean
 from armid.excitation.limits.constraints import AmplitudeLimit, CoefficientLimit, ConstraintChannel, RangeLimit
 from armid.excitation.limits.torque_limits import Torque
-from armid.excitation.series_basis import SeriesBasis
+from armid.excitation.rest_to_rest_basis import SeriesBasis
 from armid.model.motion import Motion
 from armid.robot.joint_selection import matching
 from armid.robot.robot import Robot

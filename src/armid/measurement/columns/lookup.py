@@ -14,13 +14,13 @@ from numpy.typing import NDArray
 
 from armid.errors import Finding, RecordingError
 from armid.measurement.columns.clocks import Values, evenly_growing, unit_of_step
-from armid.measurement.columns.guesses import ClockRequest, Guess, guess_columns, shortened
 from armid.measurement.columns.joint_names import other_arm, refuse_other_joints
+from armid.measurement.columns.pattern_matching import ClockRequest, Guess, guess_columns, shortened
 from armid.measurement.columns.units import factors, is_current, overruled, stated_units, unit_fields
 from armid.measurement.columns.unread import effort_possible, no_such_column, positions_missing
 from armid.measurement.log_format import PRESETS, QUANTITIES, LogFormat
+from armid.measurement.log_format_remedies import lines, naming
 from armid.measurement.recording import Recording
-from armid.measurement.remedy import lines, naming
 from armid.remedy import Remedy, setting
 from armid.robot.robot import Robot
 from armid.values import Array

@@ -8,10 +8,10 @@ from itertools import chain
 from pathlib import Path
 
 from armid.errors import Finding, RecordingError
-from armid.measurement.columns.guesses import shortened
 from armid.measurement.columns.names import split_unit, words
+from armid.measurement.columns.pattern_matching import shortened
 from armid.measurement.log_format import PRESETS, LogFormat
-from armid.measurement.remedy import naming
+from armid.measurement.log_format_remedies import naming
 from armid.remedy import Remedy, setting
 from armid.robot.robot import Robot
 

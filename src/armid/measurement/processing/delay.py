@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from armid.errors import RecordingError
 from armid.maths.median import median
-from armid.maths.sampling import resample
+from armid.maths.resampling import resample
 from armid.measurement.log_format import LogFormat
 from armid.measurement.recording import Recording
 from armid.values import Array

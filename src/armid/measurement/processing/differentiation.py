@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from armid.maths.derivatives import central_difference, periodic_derivative
+from armid.maths.signal_derivatives import central_difference, periodic_derivative
 from armid.maths.signals import (
     filtered_derivatives,
     low_pass,

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 from armid.errors import StudyError
-from armid.measurement.band import Band, Edges, Family
+from armid.measurement.low_pass_band import Band, Edges, Family
 from armid.remedy import Remedy, setting
 
 Derivatives = Literal["given", "velocity", "central", "periodic", "filter"]

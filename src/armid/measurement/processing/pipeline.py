@@ -14,14 +14,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from armid.errors import Finding, RecordingError
-from armid.maths.sampling import automatic_cutoff
+from armid.maths.resampling import automatic_cutoff
 from armid.measurement.observations import Observations, ObservedRun
-from armid.measurement.processing.alignment import average, check_closed, whole_periods, windows
 from armid.measurement.processing.differentiation import differentiate
 from armid.measurement.processing.options import ProcessingOptions
-from armid.measurement.processing.output_grid import edge_margin, moving, run_of, separate_rows
 from armid.measurement.processing.period import find_period
+from armid.measurement.processing.repetitions import average, check_closed, whole_periods, windows
 from armid.measurement.processing.resampling import Stretch, gather, is_even, jitter, resample_uniform, stretches
+from armid.measurement.processing.row_mask import edge_margin, moving, run_of, separate_rows
 from armid.measurement.processing.standstill import position_noise, standstill_findings, sticks_and_rests
 from armid.measurement.recording import Recording
 from armid.model.motion import Motion

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from armid.errors import Finding, RecordingError
 from armid.maths.median import median
-from armid.maths.sampling import resample
+from armid.maths.resampling import resample
 from armid.measurement.recording import Recording
 from armid.remedy import Remedy, setting
 from armid.values import Array

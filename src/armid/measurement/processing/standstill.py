@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from armid.errors import Finding
 from armid.maths.median import median
-from armid.measurement.processing.output_grid import MOST_STILL
+from armid.measurement.processing.row_mask import MOST_STILL
 from armid.measurement.recording import Recording
 from armid.values import Array
 

@@ -11,7 +11,7 @@ import numpy as np
 from armid.errors import ArmidError
 from armid.report.data.recording_data import RecordingData, evaluate_recording
 from armid.robot import Joint
-from armid.runs.certification import Verdict, certify_run
+from armid.runs.consistency_check import Verdict, certify_run
 from armid.runs.locate_recording import read_recording_of
 from armid.runs.records import RunRecords, read_records, trained_and_validated
 from armid.runs.run import Run

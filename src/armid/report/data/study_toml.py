@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from armid.study.config import Study
 from armid.study.records import plain, study_record
-from armid.toml import to_toml
+from armid.toml_writing import to_toml
 
 
 def study_to_toml(study: Study) -> str:

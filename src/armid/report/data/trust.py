@@ -11,7 +11,7 @@ from armid.report.data.findings import evidence_words, remedy_words, serious
 from armid.report.data.joint_names import MAX_NAMES, by_joint, label_of
 from armid.report.data.number_format import share, short
 from armid.report.data.page_data import PageData, velocity_unit
-from armid.report.data.residual_analysis import LARGE_SHARE, residual_shares
+from armid.report.data.residual_dependence import LARGE_SHARE, residual_shares
 from armid.report.section import effort_unit
 
 GOOD_SHARE = 0.1

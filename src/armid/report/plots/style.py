@@ -12,7 +12,7 @@ from typing import Any, Literal, get_args
 
 from armid.errors import ArmidError
 from armid.report.plots.encoding import packed
-from armid.report.plots.traces import Plot, PlotTrace
+from armid.report.plots.plot_data import Plot, PlotTrace
 from armid.report.rendering import text_of
 from armid.values import Array
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from armid.excitation.plan import Plan
-from armid.excitation.point_to_point import Moves
+from armid.excitation.poses_and_sweeps import Moves
 from armid.measurement.recording import Recording
 from armid.model.motion import Motion
 from armid.values import Array

@@ -22,8 +22,8 @@ from armid.runs.run import Run
 from armid.study.config import RecordingChoice
 from armid.study.identify import read_choice
 from armid.study.plans.design import Designed
-from armid.study.plans.moves import DesignedMoves
 from armid.study.plans.plan_files import is_plan, limits_of_plan, motion_of_plan, read_whole_plan
+from armid.study.plans.poses_and_sweeps import DesignedMoves
 from armid.values import Array
 
 

@@ -8,7 +8,7 @@ from armid.report.data.number_format import short
 from armid.report.data.page_data import PageData
 from armid.report.section import Section, effort_unit
 from armid.report.tables import Column, Table, TableCell
-from armid.study.compare import MethodScore
+from armid.study.compare_methods import MethodScore
 
 
 def show_methods(page_data: PageData) -> Section | None:

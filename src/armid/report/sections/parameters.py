@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from armid.estimation.fit import POORLY_IDENTIFIED
+from armid.estimation.fit_result import POORLY_IDENTIFIED
 from armid.maths.median import median
 from armid.model.base_formulas import base_sums, parameter_latex
 from armid.report.data.joint_names import groups_of

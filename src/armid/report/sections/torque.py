@@ -10,7 +10,7 @@ from armid.report.data.number_format import fixed, share, short
 from armid.report.data.page_data import PageData
 from armid.report.data.recording_data import RecordingData
 from armid.report.data.trust import POOR_COVERAGE
-from armid.report.plots.traces import Axes, Plot, PlotRange, line, spread
+from armid.report.plots.plot_data import Axes, Plot, PlotRange, line, spread
 from armid.report.section import Section, clipped_caption, effort_unit
 from armid.report.tables import Column, Table, TableCell
 

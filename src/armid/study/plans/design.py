@@ -17,7 +17,7 @@ from armid.excitation.collision.closest_approach import closest_approaches
 from armid.excitation.collision.collision_model import CollisionOptions
 from armid.excitation.design.multistart import Progress, Search, search, single_threaded_pool
 from armid.excitation.design.objective import CriterionGoal
-from armid.excitation.design.sensitivity import Columns
+from armid.excitation.design.regressor_gradients import Columns
 from armid.excitation.design.sqp import DescentProblem, about_start
 from armid.excitation.limits.constraints import ConstraintChannel
 from armid.excitation.limits.joint_limits import (
@@ -31,8 +31,8 @@ from armid.excitation.limits.joint_limits import (
 from armid.excitation.limits.torque_limits import Torque
 from armid.excitation.plan import Plan, seconds_for
 from armid.excitation.preflight import Expectation, Preflight, preflight, worst
-from armid.excitation.series_basis import SeriesBasis
-from armid.excitation.settled import unsettled
+from armid.excitation.rest_to_rest_basis import SeriesBasis
+from armid.excitation.search_convergence import unsettled
 from armid.excitation.start_pose import Holds, TorqueHolds, any_pose
 from armid.excitation.weak_motion import weak_motion
 from armid.notebook import Displayed, Summary
@@ -40,7 +40,7 @@ from armid.robot.kinematics import forward_kinematics
 from armid.robot.missing_inertia import inertial_key, massless_joints
 from armid.robot.robot import Robot
 from armid.study.plans.goals import LIMIT_KINDS, DesignConstraints, DesignGoal, SearchBudget
-from armid.study.plans.placement import place_motion
+from armid.study.plans.start_pose import place_motion
 from armid.values import Array
 
 LEAD_SHARE = 0.5

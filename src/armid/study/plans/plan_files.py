@@ -15,7 +15,7 @@ from armid.excitation.formats import FORMATS
 from armid.excitation.fourier import PLAN_FILE, Excitation, load_plan
 from armid.excitation.limits.joint_limits import Limits
 from armid.excitation.plan import Plan
-from armid.excitation.point_to_point import Moves
+from armid.excitation.poses_and_sweeps import Moves
 from armid.model.motion import Motion
 from armid.robot.robot import Robot
 from armid.robot.shapes import Shape

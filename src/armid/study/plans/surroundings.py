@@ -12,9 +12,9 @@ from armid.excitation.collision.capsules import box_triangles, covering
 from armid.excitation.collision.coal import mesh_faces
 from armid.excitation.collision.distances import floor
 from armid.excitation.collision.environment import load_environment
+from armid.robot.collision_from_visual import missing_bodies
 from armid.robot.robot import Robot
 from armid.robot.shapes import Shape
-from armid.robot.visual_bodies import missing_bodies
 
 UPRIGHT = 0.996
 """Cosine of the largest angle, five degrees, between gravity and -z of the base of a standing arm."""

@@ -5,15 +5,15 @@ from __future__ import annotations
 import numpy as np
 
 from armid.report.data.number_format import fixed, short
-from armid.report.plots.traces import Axes, Plot, line
+from armid.report.plots.plot_data import Axes, Plot, line
 from armid.report.section import Section
 from armid.report.tables import Column, Table, TableCell
 from armid.thesis.algorithm import NOISE
+from armid.thesis.algorithm_corrections import Step
 from armid.thesis.page.chapter import Figures, Text, chapter, named, number
 from armid.thesis.published import published
 from armid.thesis.results import Pictures, Table41
 from armid.thesis.retell import Thesis
-from armid.thesis.steps import Step
 from armid.values import Array
 
 GROUPS = 3

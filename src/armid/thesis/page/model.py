@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from armid.report.data.number_format import fixed, short
-from armid.report.plots.traces import Plot, PlotTrace
+from armid.report.plots.plot_data import Plot, PlotTrace
 from armid.report.section import Section
 from armid.report.tables import Column, Table, TableCell
 from armid.thesis.page.chapter import Figures, Text, chapter, named, number, subscripts

@@ -6,10 +6,10 @@ import numpy as np
 
 from armid.excitation.fourier import Excitation
 from armid.report.data.number_format import fixed, short
-from armid.report.plots.traces import Plot, PlotTrace, line
+from armid.report.plots.plot_data import Plot, PlotTrace, line
 from armid.report.section import Section
 from armid.report.tables import Column, Table, TableCell
-from armid.thesis.designs import DesignTrial
+from armid.thesis.design_trials import DesignTrial
 from armid.thesis.page.chapter import Block, Figures, Text, chapter, counted, number, subscripts
 from armid.thesis.published import published
 from armid.thesis.retell import Thesis

@@ -6,17 +6,17 @@ from dataclasses import replace
 
 import numpy as np
 
+from armid.doctor.check_input import WIDTH, LogEvidence
 from armid.doctor.downsample import downsample
-from armid.doctor.evidence import WIDTH, LogEvidence
-from armid.doctor.explanation import Explanation, LogState
 from armid.doctor.log_check import LogCheck
+from armid.doctor.log_interpretation import Explanation, LogState
 from armid.doctor.quick_fit import QuickRows, solve
 from armid.doctor.stuck_channels import without_stuck
 from armid.errors import Finding
 from armid.maths.spectrum import frequencies, inverse, spectrum
 from armid.maths.spline import spline_slopes
+from armid.measurement.log_format_remedies import lines
 from armid.measurement.observations import ObservedRun
-from armid.measurement.remedy import lines
 from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics import DynamicsModel
 from armid.model.terms import Stribeck

@@ -6,9 +6,9 @@ from typing import Literal
 
 import numpy as np
 
-from armid.doctor.evidence import LogEvidence
-from armid.doctor.explanation import LogState
+from armid.doctor.check_input import LogEvidence
 from armid.doctor.log_check import LogCheck
+from armid.doctor.log_interpretation import LogState
 from armid.doctor.quick_fit import products
 from armid.errors import Finding
 from armid.model.base_parameters import find_base_parameters

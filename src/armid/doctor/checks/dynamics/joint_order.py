@@ -9,15 +9,15 @@ from itertools import combinations, permutations
 import numpy as np
 from numpy.typing import NDArray
 
+from armid.doctor.check_input import LogEvidence
 from armid.doctor.checks.signals import velocity_mismatch
 from armid.doctor.downsample import DownsampledLog
-from armid.doctor.evidence import LogEvidence
-from armid.doctor.explanation import Explanation, LogState
 from armid.doctor.log_check import LogCheck
+from armid.doctor.log_interpretation import Explanation, LogState
 from armid.doctor.quick_fit import QuickRows, cost_of, make_rows, products, tables
 from armid.errors import Finding
-from armid.measurement.columns.channels import channels_of_joints
-from armid.measurement.remedy import lines, naming
+from armid.measurement.columns.joint_assignment import channels_of_joints
+from armid.measurement.log_format_remedies import lines, naming
 from armid.values import Array
 
 CODE = "joint-order"

@@ -6,13 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from armid.doctor.evidence import LogEvidence
-from armid.doctor.explanation import LogState
+from armid.doctor.check_input import LogEvidence
 from armid.doctor.log_check import LogCheck
+from armid.doctor.log_interpretation import LogState
 from armid.doctor.quick_fit import QuickRows, solve
 from armid.doctor.remedy_trial import try_remedy
 from armid.errors import Finding
-from armid.measurement.remedy import lines
+from armid.measurement.log_format_remedies import lines
 from armid.model.terms import DEFAULT_TERMS
 
 GAIN = 0.04

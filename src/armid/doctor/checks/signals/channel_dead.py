@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from armid.doctor.evidence import LogEvidence
+from armid.doctor.check_input import LogEvidence
 from armid.doctor.log_check import LogCheck
 from armid.doctor.stuck_channels import longest
 from armid.errors import Finding
-from armid.measurement.remedy import excluding
+from armid.measurement.log_format_remedies import excluding
 
 STANDSTILL = 1.0
 """Shortest standstill of all joints that is reported [s]."""

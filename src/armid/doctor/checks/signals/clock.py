@@ -7,15 +7,15 @@ from dataclasses import replace
 
 import numpy as np
 
+from armid.doctor.check_input import LogEvidence
 from armid.doctor.downsample import downsample
-from armid.doctor.evidence import LogEvidence
 from armid.doctor.log_check import LogCheck
 from armid.doctor.remedy_trial import RemedyTrial, try_remedy
 from armid.errors import Finding
 from armid.maths.median import median
+from armid.measurement.log_format_remedies import lines, naming
 from armid.measurement.processing.resampling import Stretch, is_even, jitter, stretches
 from armid.measurement.recording import Recording
-from armid.measurement.remedy import lines, naming
 from armid.remedy import Remedy
 
 CUTOFF = 5.0

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from armid.doctor.evidence import LogEvidence
-from armid.doctor.explanation import Explanation, LogState
+from armid.doctor.check_input import LogEvidence
 from armid.doctor.log_check import LogCheck
+from armid.doctor.log_interpretation import Explanation, LogState
 from armid.errors import Finding
 from armid.measurement.log_format import LogFormat
-from armid.measurement.remedy import lines
+from armid.measurement.log_format_remedies import lines
 from armid.values import Array
 
 CODE = "degrees"

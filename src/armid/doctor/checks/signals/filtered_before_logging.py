@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from armid.doctor.evidence import LogEvidence
+from armid.doctor.check_input import LogEvidence
 from armid.doctor.log_check import LogCheck
 from armid.errors import Finding
 from armid.maths.median import median

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from armid.doctor.evidence import LogEvidence
-from armid.doctor.explanation import Explanation, LogState
+from armid.doctor.check_input import LogEvidence
 from armid.doctor.log_check import LogCheck
+from armid.doctor.log_interpretation import Explanation, LogState
 from armid.errors import Finding
 from armid.maths.median import median
-from armid.measurement.remedy import lines
+from armid.measurement.log_format_remedies import lines
 
 MOTOR, CURRENT = "motor-side", "current-without-gain"
 

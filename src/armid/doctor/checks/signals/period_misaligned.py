@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from armid.doctor.evidence import LogEvidence
+from armid.doctor.check_input import LogEvidence
 from armid.doctor.log_check import LogCheck
 from armid.errors import Finding
-from armid.measurement.processing.alignment import windows
+from armid.measurement.log_format_remedies import lines
+from armid.measurement.processing.repetitions import windows
 from armid.measurement.processing.resampling import resample_uniform, stretches
-from armid.measurement.remedy import lines
 from armid.values import Array
 
 LATE_SAMPLES, LATE_SECONDS = 1.5, 0.005

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from armid.doctor.evidence import LogEvidence
+from armid.doctor.check_input import LogEvidence
 from armid.doctor.log_check import LogCheck
 from armid.errors import Finding
 

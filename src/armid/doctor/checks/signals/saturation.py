@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from armid.doctor.evidence import LogEvidence
+from armid.doctor.check_input import LogEvidence
 from armid.doctor.log_check import LogCheck
 from armid.errors import Finding
-from armid.measurement.remedy import excluding, lines
+from armid.measurement.log_format_remedies import excluding, lines
 from armid.values import Array
 
 FEWEST, SHARE = 10, 0.002

@@ -6,15 +6,15 @@ from typing import Literal
 
 import numpy as np
 
-from armid.doctor.evidence import LogEvidence
+from armid.doctor.check_input import LogEvidence
 from armid.doctor.log_check import LogCheck
 from armid.errors import Finding
-from armid.maths.derivatives import central_difference
 from armid.maths.median import median
+from armid.maths.signal_derivatives import central_difference
 from armid.maths.signals import edge_samples, low_pass, zero_phase
+from armid.measurement.log_format_remedies import naming
 from armid.measurement.processing.resampling import resample_uniform, stretches
 from armid.measurement.recording import Recording
-from armid.measurement.remedy import naming
 from armid.values import Array
 
 CUTOFF = 4.0

@@ -14,7 +14,7 @@ from armid.excitation.design.objective import CriterionGoal
 from armid.excitation.design.sqp import STAGES, DescentProblem, descend, shrink_to_feasible
 from armid.excitation.fourier import Excitation
 from armid.excitation.limits.joint_limits import limits_of, thesis_channels
-from armid.excitation.series_basis import SeriesBasis
+from armid.excitation.rest_to_rest_basis import SeriesBasis
 from armid.lab.controller import Controller
 from armid.lab.known_arms import truth_of
 from armid.lab.options import LabOptions
@@ -24,8 +24,8 @@ from armid.maths.linalg import condition
 from armid.measurement.processing.options import THESIS
 from armid.robot import forward_kinematics
 from armid.thesis.algorithm import TEST_RATE, Errors, errors_of, estimate, observed
+from armid.thesis.algorithm_corrections import CORRECTED
 from armid.thesis.setting import DESIGNED, PERIOD, Setting
-from armid.thesis.steps import CORRECTED
 from armid.values import Array
 
 HARMONICS = 10

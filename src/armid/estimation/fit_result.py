@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from armid.errors import Finding
-from armid.estimation.standard_fit import StandardFit
+from armid.estimation.standard_parameter_status import StandardFit
 from armid.information.information import Information
 from armid.maths.distributions import student_quantile
 from armid.model.parameter_name import ParameterName, parameter_names

@@ -20,7 +20,7 @@ from armid.errors import ArmidError, EstimationError
 from armid.estimation.catalogue import ESTIMATORS, Estimator, EstimatorWithPrior, MultiStartEstimator
 from armid.estimation.crossvalidation import folds, held_out_squares, training_information
 from armid.estimation.estimate import collapse
-from armid.estimation.fit import Fit
+from armid.estimation.fit_result import Fit
 from armid.estimation.problem import EstimationProblem
 from armid.information.accumulate import accumulate_information
 from armid.information.information import Information, select, total
@@ -28,7 +28,7 @@ from armid.measurement.observations import Observations
 from armid.study.config import build_estimator
 from armid.study.identify import Prepared, Progress, stated_problem
 from armid.study.processed import joined_observations, of_role
-from armid.validation.certificate import certify_values
+from armid.validation.consistency_certificate import certify_values
 from armid.values import Array
 
 VALIDATE = "keep a recording for validation."

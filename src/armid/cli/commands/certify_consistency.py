@@ -11,7 +11,7 @@ import typer
 from armid.cli.options import Gravity, Json, Lock, Only, Package, TipLink, robot_choice
 
 if TYPE_CHECKING:
-    from armid.runs.certification import Verdict
+    from armid.runs.consistency_check import Verdict
     from armid.values import Array
 
 RULES = {
@@ -68,7 +68,7 @@ def certify(
 
         armid certify iiwa14-r820 values.json --gravity 0 0 9.81 --motion thesis-a2
     """
-    from armid.runs import certification as stage
+    from armid.runs import consistency_check as stage
     from armid.runs.run import load_run
     from armid.study.config import load_choice
     from armid.study.records import to_json

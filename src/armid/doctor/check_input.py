@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from armid.doctor.downsample import downsample
-from armid.doctor.explanation import Explanation, LogState
+from armid.doctor.log_interpretation import Explanation, LogState
 from armid.doctor.remedy_trial import RemedyTrial, try_remedy
 from armid.doctor.stuck_channels import stuck_stretches, without_stuck
 from armid.errors import Finding

@@ -11,7 +11,7 @@ from typing import Any
 from armid.measurement.log_format import LogFormat
 from armid.remedy import Assignment, Remedy
 from armid.study.config import EstimationChoice, ModelChoice, RobotChoice, Study
-from armid.toml import to_toml
+from armid.toml_writing import to_toml
 
 TABLES: Mapping[str, type] = {
     "robot": RobotChoice,

@@ -13,10 +13,10 @@ from armid.excitation.certification import UNITS, Margin
 from armid.excitation.collision.closest_approach import closest_approaches
 from armid.excitation.collision.collision_model import CollisionOptions
 from armid.excitation.design.objective import CriterionGoal
-from armid.excitation.design.sensitivity import Columns
+from armid.excitation.design.regressor_gradients import Columns
 from armid.excitation.limits.joint_limits import Limits, limits_of, soft_limits_used
 from armid.excitation.limits.torque_limits import Torque
-from armid.excitation.point_to_point import (
+from armid.excitation.poses_and_sweeps import (
     Moves,
     choose_poses,
     free_ranges,
@@ -32,7 +32,7 @@ from armid.robot.kinematics import forward_kinematics
 from armid.robot.robot import Robot
 from armid.study.plans.design import judged_torque, pose_holds
 from armid.study.plans.goals import DesignConstraints
-from armid.study.plans.placement import place_motion
+from armid.study.plans.start_pose import place_motion
 from armid.values import Array
 
 CHECK_RATE, APPROACH_RATE = 1000.0, 100.0

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from armid.estimation.fit import Fit
+from armid.estimation.fit_result import Fit
 from armid.estimation.problem import EstimationProblem
 from armid.estimation.uncertainty.covariance import Uncertainty
 from armid.estimation.uncertainty.jackknife import blend_with_textbook

@@ -20,14 +20,14 @@ def hint(remedy: str) -> str:
     """
     if not isinstance(remedy, Remedy) or CONTEXT.get() is None:
         return remedy
-    from armid.study.remedies import at_the_prompt
+    from armid.study.remedy_translation import at_the_prompt
 
     return at_the_prompt(remedy, options_of_command())
 
 
 def options_of_command() -> tuple[str, ...]:
     """Keys of a study that are options of the running command; without log-format keys if a study is given."""
-    from armid.study.remedies import OF_READING, OPTIONS
+    from armid.study.remedy_translation import OF_READING, OPTIONS
 
     context = CONTEXT.get()
     if context is None:

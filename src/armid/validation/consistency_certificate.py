@@ -15,7 +15,7 @@ import numpy as np
 from armid.errors import EstimationError
 from armid.estimation.consistency.cones import EPSILON, consistency_cones
 from armid.estimation.problem import bare_standard
-from armid.maths.cones import Cone, solve_cones
+from armid.maths.conic_solver import Cone, solve_cones
 from armid.model.dynamics import DynamicsModel
 from armid.threads import one_blas_thread
 from armid.values import Array, array

@@ -10,8 +10,8 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from armid.codegen.graph import Graph, Scalar
+from armid.codegen.language_input import FunctionSource
 from armid.codegen.program import Argument, Program
-from armid.codegen.source import FunctionSource
 from armid.model.dynamics import Parameter
 from armid.model.terms import RigidBody
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from armid.errors import Finding, RecordingError
-from armid.maths.sampling import periodic_delay, periodic_shift
+from armid.maths.resampling import periodic_delay, periodic_shift
 from armid.measurement.processing.resampling import Stretch
 from armid.remedy import Remedy, setting
 from armid.values import Array

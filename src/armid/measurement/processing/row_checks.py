@@ -11,8 +11,8 @@ from armid.errors import Finding, RecordingError
 from armid.maths.median import median
 from armid.measurement.columns.clocks import unit_of_step
 from armid.measurement.log_format import LogFormat
+from armid.measurement.log_format_remedies import excluding, lines, naming
 from armid.measurement.recording import Recording
-from armid.measurement.remedy import excluding, lines, naming
 from armid.remedy import Remedy, setting
 from armid.values import Array
 

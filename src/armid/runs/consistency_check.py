@@ -13,7 +13,7 @@ import numpy as np
 
 from armid.errors import ArmidError, Finding, ModelError
 from armid.estimation.estimate import collapse
-from armid.estimation.standard_fit import StandardFit
+from armid.estimation.standard_parameter_status import StandardFit
 from armid.maths.inertia import com_inertia_to_vector, pseudo_inertia, vector_to_com_inertia
 from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics import DynamicsModel
@@ -23,10 +23,10 @@ from armid.model.terms import Coulomb, Offset, RigidBody, RotorInertia, Term, Vi
 from armid.notebook import Displayed, Summary
 from armid.robot import Robot
 from armid.runs.run import Run
-from armid.validation.certificate import Certificate, certify_values
+from armid.validation.consistency_certificate import Certificate, certify_values
 from armid.validation.gravity_sign import gravity_sign_finding
-from armid.validation.reference_constraints import Constraint, thesis_constraints
-from armid.validation.worst_pose import Pose, worst_along, worst_pose
+from armid.validation.smallest_mass_matrix import Pose, worst_along, worst_pose
+from armid.validation.thesis_constraints import Constraint, thesis_constraints
 from armid.values import Array
 
 HEAVIEST = 10.0

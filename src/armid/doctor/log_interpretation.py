@@ -22,7 +22,7 @@ from armid.model.motion import Motion
 from armid.values import Array
 
 if TYPE_CHECKING:
-    from armid.doctor.evidence import LogEvidence
+    from armid.doctor.check_input import LogEvidence
 
 JOINT_SYMBOLS = ("FV", "FS", "FO", "IA")
 """Symbols of parameters that belong to one joint alone: friction, offset, rotor inertia."""

@@ -16,7 +16,7 @@ from itertools import chain
 from pathlib import Path
 
 import armid
-from armid.cli.next_step import DESCRIPTIONS
+from armid.cli.folder_overview import DESCRIPTIONS
 from armid.model.catalogue import TERMS
 
 CRITERIA = ("d-optimal", "condition", "scaled-condition", "a-optimal", "e-optimal", "prediction", "worst")

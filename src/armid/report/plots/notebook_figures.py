@@ -1,7 +1,7 @@
 """Plots of the report as plotly figures, for notebooks.
 
     from armid import load_run
-    from armid.report.plots.figures import plot_torque
+    from armid.report.plots.notebook_figures import plot_torque
 
     plot_torque(load_run("runs/today"), joint="joint_2")
 
@@ -28,8 +28,8 @@ from armid.model.dynamics import DynamicsModel
 from armid.model.terms import RigidBody
 from armid.report.data.joint_names import heading_of, residual_title
 from armid.report.data.page_data import PageData, with_recordings
+from armid.report.plots.plot_data import Plot
 from armid.report.plots.style import Theme, axes_of, colours, levels_of, resolved, trace_style
-from armid.report.plots.traces import Plot
 from armid.report.preflight_page import motion_section
 from armid.report.rendering import require_extra
 from armid.report.section import Section
