@@ -30,7 +30,14 @@ from armid.values import Array
 WIDTH_IN_A_PIPE = 120
 """Width of output that does not go to a terminal, unless the variable `COLUMNS` gives one [characters]."""
 
-SHAPE_FINDINGS = ("bodies-from-visuals", "mesh-missing", "visual-left-out", "visual-missing")
+SHAPE_FINDINGS = (
+    "bodies-from-visuals",
+    "bodies-unknown",
+    "markers-unchecked",
+    "mesh-missing",
+    "visual-left-out",
+    "visual-missing",
+)
 """Codes of findings about the shapes of an arm; shapes have no effect on its dynamics."""
 
 SHORT_TITLES = {"validation": "valid.", "earlier run": "earlier"}

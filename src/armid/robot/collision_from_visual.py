@@ -1,11 +1,21 @@
-"""Collision geometry from visual geometry, for links without collision geometry."""
+"""Collision geometry from visual geometry, for links without collision geometry.
+
+Links are those of the description, not the groups that move together: a gripper that is only drawn keeps its bodies
+where the wrist that carries it has collision geometry, and so does a base beside a table.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 from armid.errors import Finding
+from armid.robot.body_names import BodyName, link_of
 from armid.robot.robot import Robot
+from armid.robot.shapes import Shape
+
+LIGHT = 0.01
+"""Mass below which a link without geometry is a frame, and no body that a collision check lacks [kg]."""
 
 
 def missing_bodies(robot: Robot) -> list[Finding]:
@@ -17,17 +27,76 @@ def missing_bodies(robot: Robot) -> list[Finding]:
     return [finding for finding in robot.findings if finding.code in codes]
 
 
-def with_bodies(robot: Robot) -> Robot:
-    """Robot whose visual geometry replaces missing collision geometry, with a finding about it."""
-    known = {shape.link for shape in robot.shapes}
-    seen = tuple(each for each in robot.visuals if each.link not in known and each.kind != "half-space")
-    if not seen:
-        return robot
-    names = list(dict.fromkeys(_name(robot, each.link) for each in seen))
-    evidence = f"{', '.join(names)} have no collision geometry; their visual geometry is used instead"
-    finding = Finding("bodies-from-visuals", "info", "", evidence)
-    return replace(robot, shapes=(*robot.shapes, *seen), findings=(*robot.findings, finding))
+def with_bodies(
+    robot: Robot, *, described: Collection[str] = (), markers: Sequence[Shape] = (), world: str = ""
+) -> Robot:
+    """Robot whose visual geometry replaces missing collision geometry, with findings about it.
+
+    Args:
+        robot: The robot, with its collision and visual geometry.
+        described: Names of the links that the description gives any geometry.
+        markers: Visual geometry that is no body, such as targets in a scene.
+        world: Name of the group of bodies that belong to no link; each of them is decided on its own.
+    """
+    known = {link_of(shape.name) for shape in robot.shapes} - {world}
+    apart = {id(shape) for shape in (*markers, *robot.shapes)}
+    same = {_key(shape) for shape in robot.shapes}
+    taken = [
+        each
+        for each in robot.visuals
+        if link_of(each.name) not in known
+        and id(each) not in apart
+        and each.kind != "half-space"
+        and _key(each) not in same
+    ]
+    names = list(dict.fromkeys(link_of(each.name) for each in taken))
+    count = sum(link_of(shape.name) == world for shape in robot.shapes)
+    taken = [
+        replace(each, name=_numbered(each.name, count)) if link_of(each.name) == world else each for each in taken
+    ]
+    findings: list[Finding] = []
+    if names:
+        verb, whose = ("has", "its") if len(names) == 1 else ("have", "their")
+        evidence = f"{', '.join(names)} {verb} no collision geometry; {whose} visual geometry is used instead"
+        findings.append(Finding("bodies-from-visuals", "info", "", evidence))
+    if markers:
+        listed = ", ".join(dict.fromkeys(each.name for each in markers))
+        evidence = f"drawn without contacts, and taken for markers that an arm may pass through: {listed}"
+        remedy = "describe with --environment what stands in the way."
+        findings.append(Finding("markers-unchecked", "info", "", evidence, remedy))
+    shapes = (*robot.shapes, *taken)
+    passed = {*(link_of(each.name) for each in (*robot.visuals, *shapes)), world}
+    unknown = _unknown(robot, shapes, [name for name in described if name not in passed])
+    return replace(robot, shapes=shapes, findings=(*robot.findings, *findings, *unknown))
 
 
-def _name(robot: Robot, link: int) -> str:
-    return "the base" if link < 0 else robot.links[link].name
+def _unknown(robot: Robot, shapes: Sequence[Shape], lost: Sequence[str]) -> tuple[Finding, ...]:
+    """Finding about links of which no geometry can be checked; none for a robot without any shapes.
+
+    Args:
+        robot: The robot.
+        shapes: All bodies that are checked.
+        lost: Names of links whose geometry cannot be read.
+    """
+    carrying = {shape.link for shape in shapes}
+    bare = [
+        link.name
+        for k, link in enumerate(robot.links)
+        if k not in carrying and link.inertial is not None and link.inertial.mass >= LIGHT
+    ]
+    names = list(dict.fromkeys((*bare, *lost)))
+    if not names or not shapes:
+        return ()
+    evidence = f"no geometry that could be checked for collisions is known of {', '.join(names)}"
+    remedy = "give these links geometry in the description, or its package with --package NAME=DIR."
+    return (Finding("bodies-unknown", "warning", "", evidence, remedy),)
+
+
+def _key(shape: Shape) -> tuple[str, int, str, bytes, bytes]:
+    """Values by which two shapes that fill the same space agree."""
+    return shape.kind, shape.link, shape.path, shape.size.tobytes(), shape.placement.tobytes()
+
+
+def _numbered(name: str, count: int) -> str:
+    """Name of a body behind those that its link has already."""
+    return BodyName(name.link, name.number + count) if isinstance(name, BodyName) else name

@@ -12,7 +12,6 @@ from numpy.typing import ArrayLike
 
 from armid.errors import RobotError
 from armid.robot.angle_rounding import rounded
-from armid.robot.collision_from_visual import with_bodies
 from armid.robot.joint_selection import held_joints
 from armid.robot.packages import forget, give_packages
 from armid.robot.readers import READERS, DescriptionReader, urdf, xacro
@@ -65,7 +64,7 @@ def load_robot(
     try:
         text, source, reader = _expanded(description)
         held = held_joints(reader.outline(text, source=source), source, asked, _names(only), tip)
-        robot = with_bodies(reader.read(text, source=source, locked=held.at, tip=tip))
+        robot = reader.read(text, source=source, locked=held.at, tip=tip)
     finally:
         forget(given)
     sha256 = robot.sha256 or hashlib.sha256(text.encode()).hexdigest()

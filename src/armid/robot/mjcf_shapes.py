@@ -1,7 +1,9 @@
 """Visual and collision geometry of an MJCF and its sites, each on the link that carries it.
 
 A geom without contacts (contype and conaffinity of zero) is visual; by MuJoCo's convention, groups from 3 on are
-hidden. Meshes are searched in the compiler's folders; files are not opened here.
+hidden. In trees of bodies without hinges and slides, visual geoms are markers where they are see-through, small, or
+moved by a simulation (mocap and free bodies). Meshes are searched in the compiler's folders; files are not opened
+here.
 """
 
 from __future__ import annotations
@@ -33,6 +35,12 @@ from armid.values import Array
 FIRST_HIDDEN = 3.0
 """First group of geoms that MuJoCo's viewer hides by default."""
 
+WORLD = "world"
+"""Name of the group of geoms that belong to no body."""
+
+MARKER = 0.1
+"""Largest extent of a primitive without contacts, beside the robots of a scene, that is taken for a marker [m]."""
+
 
 def carriers_of(model: Any) -> dict[str, tuple[int, Array]]:
     """Index of the joint that moves each body, -1 for none, and the body's frame in that joint's link."""
@@ -56,8 +64,8 @@ def add_sites(model: Any, plain: Plain) -> None:
 
 def shapes_of_mjcf(
     root: ET.Element, plain: Plain, carriers: Mapping[str, tuple[int, Array]], source: str
-) -> tuple[tuple[Shape, ...], tuple[Shape, ...], tuple[Finding, ...]]:
-    """Collision geometry, visual geometry, and findings about missing parts of it.
+) -> tuple[tuple[Shape, ...], tuple[Shape, ...], tuple[Shape, ...], tuple[Finding, ...]]:
+    """Collision geometry, visual geometry, its markers, and findings about missing parts of it.
 
     Args:
         root: The flattened document.
@@ -68,6 +76,8 @@ def shapes_of_mjcf(
     meshes = _meshes(root, source)
     shapes: list[Shape] = []
     visuals: list[Shape] = []
+    markers: list[Shape] = []
+    moved, beside, glass = *_scenery(root), _see_through(root)
     missing: dict[str, str] = {}
     unseen: dict[str, str] = {}
     count: Counter[tuple[str, bool]] = Counter()
@@ -75,7 +85,7 @@ def shapes_of_mjcf(
         link, placement = carriers.get(body, (-1, np.eye(4)))
         touches = (geom.get("contype", "1"), geom.get("conaffinity", "1")) != ("0", "0")
         count[body, touches] += 1
-        name = BodyName(body or "world", count[body, touches])
+        name = BodyName(body or WORLD, count[body, touches])
         shape = _shape(name, geom, meshes)
         if shape is None:
             (missing if touches else unseen)[name] = geom.get("mesh", "")
@@ -85,7 +95,45 @@ def shapes_of_mjcf(
             shapes.append(shape)
         if float(geom.get("group", "0")) < FIRST_HIDDEN:
             visuals.append(shape)
-    return tuple(shapes), tuple(visuals), (*meshes_missing(missing), *looks_missing(unseen))
+            seen_through = glass.get(geom.get("material", ""), False) if "rgba" not in geom.attrib else _clear(geom)
+            marks = body in moved or (body in beside and (seen_through or _is_small(shape)))
+            markers += [shape] * (marks and not touches and shape.kind != "half-space")
+    return tuple(shapes), tuple(visuals), tuple(markers), (*meshes_missing(missing), *looks_missing(unseen))
+
+
+def _scenery(root: ET.Element) -> tuple[set[str], set[str]]:
+    """Bodies outside of robots that a simulation moves, and those that stand; the world itself is the name ``""``."""
+    moved, standing = set[str](), {""}
+    for tree in (body for worldbody in root.findall("worldbody") for body in worldbody.findall("body")):
+        joints = [*tree.iter("joint"), *tree.iter("freejoint")]
+        if any(joint.tag == "joint" and joint.get("type", "hinge") in ("hinge", "slide") for joint in joints):
+            continue
+        dragged = bool(joints) or tree.get("mocap") == "true"
+        (moved if dragged else standing).update(body.get("name", "") for body in tree.iter("body"))
+    return moved, standing
+
+
+def _see_through(root: ET.Element) -> dict[str, bool]:
+    """Materials by name, and whether they are see-through."""
+    return {material.get("name", ""): _clear(material) for asset in root.findall("asset") for material in asset}
+
+
+def _clear(element: ET.Element) -> bool:
+    """Tests whether a colour is see-through."""
+    colour = element.get("rgba", "").split()
+    return len(colour) == 4 and float(colour[3]) < 1.0
+
+
+def _is_small(shape: Shape) -> bool:
+    """Tests whether a primitive is as small as a marker."""
+    radius, length, _ = shape.size
+    extent = {
+        "sphere": 2.0 * radius,
+        "box": float(shape.size.max()),
+        "cylinder": max(2.0 * radius, length),
+        "capsule": 2.0 * radius + length,
+    }
+    return extent.get(shape.kind, MARKER) < MARKER
 
 
 def _meshes(root: ET.Element, source: str) -> dict[str, tuple[str, Array]]:

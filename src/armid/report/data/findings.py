@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from armid.errors import Finding
 from armid.remedy import Assignment, Remedy
 
-NOT_ABOUT_MODEL = ("bodies-from-visuals", "mesh-missing", "visual-missing")
+NOT_ABOUT_MODEL = ("bodies-from-visuals", "bodies-unknown", "markers-unchecked", "mesh-missing", "visual-missing")
 """Codes of findings that do not concern the model; the provenance lists all findings."""
 
 

@@ -12,6 +12,7 @@ from armid.errors import ArmidError
 from armid.excitation.collision.coal import mesh_faces
 from armid.excitation.limits.joint_limits import Limits
 from armid.report.preview.meshes import MAX_TRIANGLES, mesh_record, simplified
+from armid.robot.body_names import link_of
 from armid.robot.robot import Robot
 from armid.robot.shapes import Shape
 from armid.values import Array
@@ -46,8 +47,8 @@ def joint_records(robot: Robot, limits: Limits) -> list[dict[str, Any]]:
 
 def bodies_of(robot: Robot) -> Bodies:
     """Visual shapes of the links; collision shapes for links without visual shapes."""
-    with_visuals = {shape.link for shape in robot.visuals}
-    shapes = (*robot.visuals, *(shape for shape in robot.shapes if shape.link not in with_visuals))
+    with_visuals = {link_of(shape.name) for shape in robot.visuals}
+    shapes = (*robot.visuals, *(shape for shape in robot.shapes if link_of(shape.name) not in with_visuals))
     drawn: list[dict[str, Any]] = []
     missing = [
         f"{each.channel}: {each.evidence}" if each.channel else each.evidence

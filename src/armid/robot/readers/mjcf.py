@@ -15,10 +15,11 @@ from pathlib import Path
 from typing import Any
 
 from armid.errors import RobotError
+from armid.robot.collision_from_visual import with_bodies
 from armid.robot.joint_selection import JointOutline
 from armid.robot.mjcf_joints import joint_names, outline_of
 from armid.robot.mjcf_plain import flatten, plain_mjcf
-from armid.robot.mjcf_shapes import add_sites, carriers_of, shapes_of_mjcf
+from armid.robot.mjcf_shapes import WORLD, add_sites, carriers_of, shapes_of_mjcf
 from armid.robot.pinocchio_model import build, pinocchio, robot_from_model
 from armid.robot.robot import Robot
 from armid.robot.xml import check_locked, parse_xml, root_tag
@@ -61,7 +62,7 @@ def read(text: str, *, source: str, locked: Mapping[str, float], tip: str | None
     carriers = carriers_of(model)
     still = {body for body, (joint, _) in carriers.items() if not _is_moved(model, joint + 1, locked)}
     noticed = (each for each in plain.findings if each.code != "inertial-missing" or each.channel not in still)
-    shapes, visuals, missing = shapes_of_mjcf(root, plain, carriers, source)
+    shapes, visuals, markers, missing = shapes_of_mjcf(root, plain, carriers, source)
     robot = robot_from_model(
         model,
         name=root.get("model") or "robot",
@@ -72,7 +73,8 @@ def read(text: str, *, source: str, locked: Mapping[str, float], tip: str | None
         gravity=plain.gravity,
         findings=(*noticed, *missing),
     )
-    robot = replace(robot, shapes=shapes, visuals=visuals)
+    drawn = dict.fromkeys(body or WORLD for body, _ in plain.geoms)
+    robot = with_bodies(replace(robot, shapes=shapes, visuals=visuals), described=drawn, markers=markers, world=WORLD)
     if not included:
         return robot
     return replace(robot, sha256=hashlib.sha256(ET.tostring(root)).hexdigest())

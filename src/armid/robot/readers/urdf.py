@@ -14,6 +14,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from armid.errors import Finding, RobotError
+from armid.robot.collision_from_visual import with_bodies
 from armid.robot.joint_selection import Follows, JointOutline, SelectedJoint
 from armid.robot.pinocchio_model import DescribedLimits, build, limits_of, pinocchio, robot_from_model
 from armid.robot.robot import Robot
@@ -73,7 +74,9 @@ def read(text: str, *, source: str, locked: Mapping[str, float], tip: str | None
     )
     shapes, missing = shapes_of_urdf(root, robot, locked, source)
     visuals, left_out = shapes_of_urdf(root, robot, locked, source, "visual")
-    return replace(robot, shapes=shapes, visuals=visuals, findings=(*robot.findings, *missing, *left_out))
+    robot = replace(robot, shapes=shapes, visuals=visuals, findings=(*robot.findings, *missing, *left_out))
+    drawn = [link.get("name", "") for link in root.iter("link") if link.findall("*/geometry/*")]
+    return with_bodies(robot, described=drawn)
 
 
 def outline(text: str, *, source: str) -> JointOutline:
