@@ -19,6 +19,7 @@ from armid.information.accumulate import accumulate_information
 from armid.information.information import Information, select
 from armid.measurement.observations import Observations, ObservedRun
 from armid.measurement.processing.pipeline import process_recordings
+from armid.measurement.recording import Recording
 from armid.model.parameter_name import ParameterName
 from armid.model.terms.rigid_body import rigid_body_units
 from armid.runs.new_recordings import load_columns, new_recording_findings, read_new_recordings
@@ -61,7 +62,8 @@ class TrackedRun:
         time: End of each block on the recordings' clock, which goes on from one to the next, shape (K,) [s].
         values: Shape (K, m).
         deviation: Standard deviations, shape (K, m).
-        error: RMS torque error of each block by the estimate before it, shape (K, n) [N·m or N].
+        error: RMS torque error of each block by the estimate before it, shape (K, n) [N·m or N]; zero where the joint
+            rests.
         before: The same by the run, shape (K, n).
         normalized_innovation: Normalised innovation, shape (K, n).
         events: Blocks in which it exceeded `THRESHOLD`.
@@ -110,12 +112,7 @@ def track(
     tell = progress or no_progress
     tell("recordings", 0.0)
     recordings, findings = read_new_recordings(run, paths, reading)
-    # Periods averaged or taken together would hide what changes from one to the next.
-    edges = "drop" if run.processing.edges == "periodic" else run.processing.edges
-    processing = replace(run.processing, edges=edges, average=False)
-    limits = [joint.effort_limit for joint in run.robot.joints]
-    observed, found = process_recordings([each for _, each in recordings], processing, effort_limits=limits)
-    observations = Observations(tuple(_cut(one, block) for one in observed.runs), observed.band)
+    observations, found = _observed(run, [each for _, each in recordings], block)
     base = run.estimate.base
     tell("information", 0.0)
     new = accumulate_information(
@@ -140,6 +137,23 @@ def track(
     )
     units = (*base.units, *(rigid_body_units() if changed == "tool" else ()))
     return _update_all(run, state, new, ends, lengths, units, (*new_recording_findings(run), *findings, *found), tell)
+
+
+def _observed(run: Run, recordings: Sequence[Recording], block: float) -> tuple[Observations, tuple[Finding, ...]]:
+    """Observations of recordings in blocks of some seconds, without rows of joints at rest, and the findings."""
+    # Periods averaged or taken together would hide what changes from one to the next.
+    edges = "drop" if run.processing.edges == "periodic" else run.processing.edges
+    # A joint at rest has any friction torque up to its bound; an estimate that forgets would be made of such rows.
+    standstill = "keep" if run.processing.standstill == "keep" else "moving"
+    processing = replace(run.processing, edges=edges, average=False, standstill=standstill)
+    limits = [joint.effort_limit for joint in run.robot.joints]
+    observed, found = process_recordings(recordings, processing, effort_limits=limits)
+    if not any(one.mask.any() for one in observed.runs):
+        raise StudyError(
+            "The recordings have no row in which a joint moves, and joints at rest do not show their friction.",
+            remedy="give recordings with motion; masked and trimmed rows do not count either.",
+        )
+    return Observations(tuple(_cut(one, block) for one in observed.runs), observed.band), found
 
 
 def _update_all(

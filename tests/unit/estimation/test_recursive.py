@@ -129,6 +129,34 @@ def test_what_is_not_shown_is_not_forgotten():
     np.testing.assert_allclose(later.covariance, state.covariance, atol=1e-12)
 
 
+def without(part: Information, joints: list[int]) -> Information:
+    """A block in which some joints have no rows."""
+    R = [type(x)(x.parameters, (0.0 if j in joints else 1.0) * x.R) for j, x in enumerate(part.joints)]
+    rows = part.rows.copy()
+    rows[:, joints] = 0
+    return Information(part.names, tuple(R), rows, part.run, part.recording)
+
+
+@pytest.mark.parametrize("resting", [[0, 1, 2], [1]])
+def test_noise_is_known_after_a_rest_as_before(resting: list[int]):
+    """Five minutes at rest with a memory of ten seconds: weights and what is usual stay; motion is no surprise."""
+    information = informed(1)
+    state = through(begin(information, ForgettingOptions(10.0)), information)
+    later = state
+    for k in range(300):
+        later = update(later, without(select(information, np.array([1 + k % 30])), resting), 1.0)
+    # The others' rows move the estimate a little, and with it the residual of the joint's earlier rows.
+    np.testing.assert_allclose(later.weights[resting], state.weights[resting], rtol=0.05)
+    for name in ("level", "blocks", "power", "expected"):
+        after, before = getattr(later.innovations, name), getattr(state.innovations, name)
+        np.testing.assert_allclose(after[resting], before[resting], rtol=EXACT)
+    assert not later.innovations.normalized_innovation[resting].any()
+    # What moves again after that is as usual as it was: two is hardly reached by motion of a kind.
+    again = update(later, select(information, np.array([5])), 1.0)
+    assert (again.innovations.normalized_innovation < 2.0).all()
+    assert np.isfinite(fit(again).residual_rms).all()
+
+
 def test_one_joint_alone_does_not_make_the_others_drift():
     """Five minutes in which only the last joint's parameters show, with a memory of ten seconds."""
     information, truth = informed(1), base().values_of(small_truth())

@@ -239,3 +239,29 @@ def test_the_doctor_tells_of_joints_that_stick_as_an_identification_does():
     assert (finding.severity, finding.evidence, finding.remedy) == (named.severity, named.evidence, named.remedy)
     kept = diagnose_recording(robot, log, LogFormat(), processing=ProcessingOptions(standstill="keep"))
     assert "sticking" not in codes(kept)
+
+
+@pytest.mark.parametrize("step", [0.0, 2.0 * np.pi / 4096.0])
+def test_long_rests_of_each_joint_are_found_where_only_motion_counts(step: float):
+    """At the ends, while others move, and of a joint that never moves; from coarse encoders, too."""
+    rate, t = 250.0, clock(30.0, 250.0)
+    rng = np.random.default_rng(1)
+    moves = np.stack([(t >= 2.0) & (t < 28.0), (t < 10.0) | (t >= 14.0), np.zeros(len(t), dtype=bool)], axis=1)
+    # Speeds of constant sign: joints that never turn round rest where they are said to and nowhere else.
+    q = np.cumsum(moves, axis=0) / rate + 2e-4 * rng.standard_normal(moves.shape)
+    q = np.round(q / step) * step if step else q
+    found = sticks_and_rests(q, rate, every=True)[1]
+    assert found[:, 2].all()
+    for j in (0, 1):
+        assert found[~moves[:, j], j].mean() > 0.97
+        assert found[moves[:, j], j].mean() < 0.01
+    assert not sticks_and_rests(q, rate)[1].any()
+
+
+def test_a_recording_of_rest_alone_has_no_row_in_motion():
+    t = clock(20.0)
+    log = recording(t, noise=1e-5)
+    still = replace(log, q=log.q[:1] + 1e-5 * np.random.default_rng(2).standard_normal(log.q.shape), sha256="")
+    run, findings = one(still, ProcessingOptions(standstill="moving"))
+    assert not run.mask.any() and "rests-left-out" in codes(findings)
+    assert one(still, ProcessingOptions())[0].mask.any()

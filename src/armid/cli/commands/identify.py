@@ -71,7 +71,7 @@ Slow = Annotated[
     float | None, typer.Option(help="Least speed at which rows of a joint count, rad/s or m/s; 0 by default.")
 ]
 Standstill = Annotated[
-    str | None, typer.Option(metavar="drop|keep", help="Rows in which a joint stands still; drop by default.")
+    str | None, typer.Option(metavar="drop|moving|keep", help="Rows in which a joint stands still; drop by default.")
 ]
 Method = Annotated[
     str | None,

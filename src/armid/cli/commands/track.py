@@ -90,7 +90,8 @@ def _report(run: Run, tracked: TrackedRun, *, tool: bool) -> None:
         table.add_column(name, justify="right")
     for k in np.unique(np.linspace(0, len(tracked.time) - 1, MAX_TABLE_ROWS).round().astype(int)):
         numbers = [f"{tracked.values[k, i]:.3f} ± {1.96 * tracked.deviation[k, i]:.3f}" for i in at]
-        errors = [f"{np.linalg.norm(each[k]):.3f}" for each in (tracked.before, tracked.error)]
+        # A block in which all joints rest has no rows, so its error is exactly zero.
+        errors = [f"{np.linalg.norm(x[k]):.3f}" if x[k].any() else "–" for x in (tracked.before, tracked.error)]
         table.add_row(f"{tracked.time[k]:.2f}", *errors, f"{tracked.normalized_innovation[k].max():.1f}", *numbers)
     console.print(table)
     for event in tracked.events[:MAX_TABLE_ROWS]:

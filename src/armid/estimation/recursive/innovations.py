@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from armid.estimation.recursive.state import Innovations, RecursiveState
@@ -38,6 +40,11 @@ def normalized_innovation(state: RecursiveState, values: Array, new: Information
     return error, np.sqrt(error / level)
 
 
+def after_a_gap(stats: Innovations) -> Innovations:
+    """Statistics after a block without rows: they stay, and the next block has no neighbour to correlate with."""
+    return replace(stats, normalized_innovation=np.zeros_like(stats.level), pull=np.zeros_like(stats.pull))
+
+
 def update_noise_color(
     before: RecursiveState,
     values: Array,
@@ -56,18 +63,20 @@ def update_noise_color(
         new: The block.
         half: Square root of the inverse of all information after the block, shape (b, b).
         error: Result of `normalized_innovation` for the block.
-        discount: Discount factor of earlier blocks.
+        discount: Discount factor of earlier blocks of the joints that the block observes.
         usual: Whether no change was detected; a block with a change hardly enters the noise statistics.
     """
     stats = before.innovations
     observed = new.rows[0] > 0
     if before.root is None:
         return stats
-    blocks = discount * stats.blocks + observed
+    # What is known of a joint's noise is as old as its last rows.
+    discounts = np.where(observed, discount, 1.0)
+    blocks = discounts * stats.blocks + observed
     # A persistently large error becomes the usual one over time.
     bounded = error[0] if usual else np.minimum(error[0], CREEP * stats.level)
     level = np.where(observed, stats.level + (bounded - stats.level) / np.maximum(blocks, 1.0), stats.level)
-    pull, power, expected = np.zeros_like(stats.pull), discount * stats.power, discount * stats.expected
+    pull, power, expected = np.zeros_like(stats.pull), discounts * stats.power, discounts * stats.expected
     for j in np.flatnonzero(observed):
         indices, R = new.joints[j].parameters, before.weights[j] * new.joints[j].R[0]
         pull[j, indices] = R[:, :-1].T @ (R[:, -1] - R[:, :-1] @ values[indices])

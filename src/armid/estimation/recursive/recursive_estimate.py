@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from armid.errors import EstimationError
 from armid.estimation.fit_result import CovarianceReport, Fit
 from armid.estimation.recursive.forgetting import discount, retained_rows
-from armid.estimation.recursive.innovations import normalized_innovation, update_noise_color
+from armid.estimation.recursive.innovations import after_a_gap, normalized_innovation, update_noise_color
 from armid.estimation.recursive.state import JUMP, ForgettingOptions, Innovations, RecursiveState
 from armid.estimation.uncertainty.jackknife import blend_with_textbook
 from armid.estimation.whitened_system import RESOLUTION, minimum_norm_solution
@@ -139,6 +139,8 @@ def update(state: RecursiveState, block: Information, seconds: float) -> Recursi
     if not seconds >= 0.0:
         raise EstimationError(f"The time from one block to the next must not be negative; found {seconds:g} s.")
     new = total(block)
+    if not new.rows.any():  # nothing is excited, so nothing is forgotten
+        return replace(state, innovations=after_a_gap(state.innovations))
     values = state.values
     error = normalized_innovation(state, values, new)
     changed = bool((error[1] >= state.memory.renewal).any())
@@ -196,13 +198,13 @@ def fit(state: RecursiveState) -> Fit:
         covariance,
         "recursive",
         max(float(np.sum(state.innovations.expected)), 1.0),
-        np.sqrt(squares / np.maximum(state.rows, 1.0)),
+        np.sqrt(squares / np.where(state.rows > 0.0, state.rows, 1.0)),
         data.rows[0],
         condition(A),
         scaled_condition(A),
         weights,
         known if known.any() else None,
-        CovarianceReport(reason, noise=np.sqrt(squares / free)),
+        CovarianceReport(reason, noise=np.where(state.rows >= 1.0, np.sqrt(squares / free), 1.0 / weights)),
     )
 
 
@@ -276,7 +278,8 @@ def _next_weights(state: RecursiveState, data: Information, rows: Array, kept: A
     squares, effective = _residual_statistics(data, values, state.weights, half)
     torque = np.array([np.sum(joint.R[0, :, -1] ** 2) for joint in data.joints])
     deviation = np.sqrt(np.maximum(squares, RESOLUTION**2 * torque) / np.maximum(rows - effective, 1.0))
-    usable = (deviation > 0.0) & (rows > ENOUGH * effective)
+    # Rows of a joint that has none for long are discounted below one; they leave its weight as it is.
+    usable = (deviation > 0.0) & (rows > ENOUGH * effective) & (rows >= 1.0)
     return np.where(usable, 1.0 / np.where(usable, deviation, 1.0), state.weights)
 
 

@@ -10,7 +10,7 @@ from armid.measurement.low_pass_band import Band, Edges, Family
 from armid.remedy import Remedy, setting
 
 Derivatives = Literal["given", "velocity", "central", "periodic", "filter"]
-Standstill = Literal["drop", "keep"]
+Standstill = Literal["drop", "keep", "moving"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +38,8 @@ class ProcessingOptions:
         average: The mean of all repetitions of a periodic motion is used, aligned, instead of each of them.
         saturation: Rows near a sample whose effort reaches this share of the joint's limit do not count.
         standstill: `drop` leaves out, for a joint that stands still between motion, the rows that this reaches: dry
-            friction may have any value up to its bound there. `keep` keeps them.
+            friction may have any value up to its bound there. `moving` leaves out its longer rests as well, before,
+            between and after motions, however few rows remain. `keep` keeps all rows.
     """
 
     cutoff: float | Literal["auto"] = 5.0
@@ -58,7 +59,7 @@ class ProcessingOptions:
     def __post_init__(self) -> None:
         _choice("family", self.family, ("butterworth", "fir", "none"))
         _choice("edges", self.edges, ("drop", "periodic", "pad"))
-        _choice("standstill", self.standstill, ("drop", "keep"))
+        _choice("standstill", self.standstill, ("drop", "keep", "moving"))
         _choice("derivatives", self.derivatives, ("given", "velocity", "central", "periodic", "filter", None))
         for name in ("columns", "average"):
             _choice(name, getattr(self, name), (True, False))

@@ -127,7 +127,7 @@ def process_recording(
             findings.append(_nothing_left(piece, margin, recording.source))
         else:
             runs.append(run)
-            still.append(sticks_and_rests(piece.q, piece.rate, noise))
+            still.append(sticks_and_rests(piece.q, piece.rate, noise, every=processing.standstill == "moving"))
     if not runs:
         raise _no_row(recording, findings)
     return _moving(runs, still, processing, recording, findings), tuple(findings)
@@ -223,7 +223,7 @@ def _moving(
         return tuple(runs)
     kept, share = moving(runs, [sticks | rests for sticks, rests in still], processing)
     parts = (moving(runs, part, processing)[1] for part in zip(*still, strict=True))
-    findings.extend(standstill_findings(recording, share, *parts))
+    findings.extend(standstill_findings(recording, share, *parts, every=processing.standstill == "moving"))
     return tuple(kept)
 
 

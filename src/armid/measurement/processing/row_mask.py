@@ -102,13 +102,13 @@ def moving(
 
     Returns:
         The runs, and the share of each joint's rows that standstill reaches, shape (n,): those of a joint of
-        which it is more than `MOST_STILL` count.
+        which it is more than `MOST_STILL` count, unless only rows in motion are asked for.
     """
     near = [_at_standstill(flags, run, processing) for run, flags in zip(runs, still, strict=True)]
     had = np.sum([run.mask.sum(axis=0) for run in runs], axis=0)
     lost = np.sum([(run.mask & rows).sum(axis=0) for run, rows in zip(runs, near, strict=True)], axis=0)
     share = lost / np.maximum(had, 1)
-    masked = share <= MOST_STILL
+    masked = (share <= MOST_STILL) | (processing.standstill == "moving")
     return [replace(run, mask=run.mask & ~(rows & masked)) for run, rows in zip(runs, near, strict=True)], share
 
 
