@@ -123,16 +123,19 @@ class LogEvidence:
 
     def _holds(self, before: LogState, each: Explanation) -> bool:
         """True if held-out motion supports an explanation, or does not contradict one with further evidence."""
-        trial = self._trial(before, each.after)
+        trial = self._trial(before, each)
         return trial.helps if each.by_error_alone else not trial.harms
 
     def trial_of(self, accepted: Explanation) -> RemedyTrial:
         """Held-out errors without and with an accepted explanation."""
         before = next(state for state, each in self._accepted if each is accepted)
-        return self._trial(before, accepted.after)
+        return self._trial(before, accepted)
 
-    def _trial(self, before: LogState, after: LogState) -> RemedyTrial:
-        """Held-out errors before and after, each computed once."""
+    def _trial(self, before: LogState, each: Explanation) -> RemedyTrial:
+        """Held-out errors before and after an explanation, each computed once."""
+        if each.trial is not None:
+            return each.trial
+        after = each.after
         key = id(before), id(after)
         if key not in self._trials:
             self._trials[key] = try_remedy(before.rows, after.rows)
@@ -152,7 +155,7 @@ class LogEvidence:
         findings: list[Finding] = []
         for before, each in self._accepted:
             if each.code == code:
-                text = f"{each.evidence} {self._trial(before, each.after)}"
+                text = f"{each.evidence} {self._trial(before, each)}"
                 findings.append(
                     Finding(code, each.severity, each.channel, text, Remedy.read(each.remedy(self)).marked())
                 )

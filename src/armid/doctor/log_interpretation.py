@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from armid import kernel
 from armid.doctor.downsample import DownsampledLog
 from armid.doctor.quick_fit import QuickFit, QuickRows, make_rows, solve
+from armid.doctor.remedy_trial import RemedyTrial
 from armid.information.column_source import ColumnSource, column_source
 from armid.information.filtering import in_band
 from armid.measurement.observations import ObservedRun
@@ -84,14 +85,13 @@ class LogState:
         return after
 
     def without(self, left_out: NDArray[np.bool_]) -> LogState:
-        """The same with some rows excluded, flags of shape (M,)."""
+        """The same with some rows excluded, flags of shape (M,) for all joints or (M, n)."""
+        flags = left_out[:, None] if left_out.ndim == 1 else left_out
         ends = np.cumsum([len(run.mask) for run in self.log.runs])[:-1]
-        included = np.split(~left_out, ends)
-        runs = tuple(
-            replace(run, mask=run.mask & rows[:, None]) for run, rows in zip(self.log.runs, included, strict=True)
-        )
+        included = np.split(~flags, ends)
+        runs = tuple(replace(run, mask=run.mask & rows) for run, rows in zip(self.log.runs, included, strict=True))
         after = self.on(replace(self.log, runs=runs))
-        after.__dict__["rows"] = replace(self.rows, mask=self.rows.mask & ~left_out[:, None])
+        after.__dict__["rows"] = replace(self.rows, mask=self.rows.mask & ~flags)
         return after
 
     @cached_property
@@ -257,6 +257,7 @@ class Explanation:
         confirmed: Independent check on the log, where there is one; made for the first fault alone.
         by_error_alone: True if the error is the only evidence, so that the held-out error must fall, too. Signs of
             torques, zeros and gravity also show in friction, inertias and weights.
+        trial: Test on held-out motion, where the fault shows in some rows alone; otherwise all rows are tested.
     """
 
     code: str
@@ -268,3 +269,4 @@ class Explanation:
     after: LogState
     confirmed: Callable[[LogEvidence], bool] | None = None
     by_error_alone: bool = False
+    trial: RemedyTrial | None = None

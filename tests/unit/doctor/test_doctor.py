@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -21,7 +22,7 @@ from armid.doctor.remedy_trial import heldout_error
 from armid.errors import Finding
 from armid.excitation.fourier import Excitation
 from armid.lab.known_arms import truth_of
-from armid.lab.options import LabOptions
+from armid.lab.options import Arm, LabOptions
 from armid.lab.sensors import Sensing, SensorChannel
 from armid.lab.simulation import simulate
 from armid.maths.resampling import resample
@@ -100,6 +101,24 @@ def test_a_delay_is_found_to_a_fifth_of_a_sample(seed: int):
     case = FAULTS["channel-delay"](seed)
     (found,) = (f for f in examined(case) if f.code == "channel-delay")
     assert delay_error(case, found.remedy) < 0.2
+
+
+@pytest.mark.parametrize("late", [0, 8, 40])
+def test_joints_that_stick_at_reversals_do_not_change_a_delay(late: int):
+    """Delay of a slow log in ms; torque passes from one bound of friction to the other while a joint stands."""
+    rng = np.random.default_rng(3)
+    a, b = 0.15 * rng.normal(size=(2, 6, 5))
+    robot = load_robot("ur10e")
+    sensing = Sensing(rate=500.0, effort=SensorChannel(noise=0.3, delay=1e-3 * late))
+    options = LabOptions(arm=Arm(effects=("stribeck",)), sensing=sensing)
+    log = simulate(truth_of(robot), Excitation(2 * np.pi / 20.0, a, b, np.zeros(6)), options, seed=1).recording
+    found = [f for f in diagnose_recording(robot, log, LogFormat()) if f.code == "channel-delay"]
+    assert len(found) == (late > 0)
+    for each in found:
+        told, deviation = re.findall(r"([\d.]+) ± ([\d.]+) ms", each.evidence)[0]
+        # Three deviations, and half of the last digit; friction at reversals would change it by 3 ms.
+        assert float(told) == pytest.approx(late, abs=3.0 * float(deviation) + 0.005)
+        assert float(deviation) < 0.5
 
 
 def test_an_offset_is_found_in_its_joint_and_with_its_sign():

@@ -5,12 +5,14 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
-from armid.doctor.check_input import WIDTH, LogEvidence
+from armid.doctor.check_input import ROWS, WIDTH, LogEvidence
 from armid.doctor.downsample import downsample
 from armid.doctor.log_check import LogCheck
 from armid.doctor.log_interpretation import Explanation, LogState
 from armid.doctor.quick_fit import QuickRows, solve
+from armid.doctor.remedy_trial import try_remedy
 from armid.doctor.stuck_channels import without_stuck
 from armid.errors import Finding
 from armid.maths.spectrum import frequencies, inverse, spectrum
@@ -44,8 +46,8 @@ STEPS, SETTLED = 8, 0.1
 """Largest number of Gauss-Newton steps, and step in standard deviations that ends them."""
 
 SHARP = 15.0
-"""Cut-off with which a detected delay is measured [Hz]: friction at reversals determines it better in a wider band,
-up to where noise of the positions dominates."""
+"""Cut-off with which a detected delay is measured on all rows [Hz]: where friction reverses with the velocity,
+reversals determine it better in a wider band, up to where noise of the positions dominates."""
 
 SAME = 0.5
 """Relative difference of the delay that is allowed between the two bands: true delays differ by some percent, effects
@@ -55,6 +57,20 @@ RISE = 0.1
 """Stribeck velocity of the model in the wider band [rad/s]: without that term, the rise of friction near rest could
 look like a delay."""
 
+LEAST = 1e-3
+"""Shortest delay that is a fault [s]: torque that a 1 kHz controller holds over its period leads by half of it."""
+
+SLOW = 0.1
+"""Speed over the RMS speed of a joint below which it is near a reversal."""
+
+SPREAD = 1.0
+"""Time around slow rows that is left out with them, in units of one over the cut-off: as far as the filter spreads
+the torque of a reversal."""
+
+AGREE, CONTRADICT = 2.0, 3.0
+"""Difference from the delay away from reversals, in the deviations of that one, up to which a delay is measured on
+all rows, and from which one that only all rows show is rejected."""
+
 DIGITS = 5
 """Decimals of a reported delay in seconds: a twentieth of a sample at 5 kHz."""
 
@@ -63,13 +79,16 @@ PADDING = 0.25
 
 
 def check(evidence: LogEvidence) -> list[Finding]:
-    """Reports a delay if it explains the log; it is measured in a wider band if it is the strongest fault."""
+    """Reports a delay if it explains the log; it is measured more sharply if it is the strongest fault."""
     found = evidence.explained(CODE)
     sharp = _in_wider_band(evidence) if found and evidence.explanations[0].code == CODE else None
-    if sharp is None:
+    if sharp is None or evidence.state is None:
         return found
-    delay, deviation, _ = delay_of(sharp)
+    (delay, deviation, _), (moving, spread) = delay_of(sharp), _away_from_reversals_alone(evidence.state)
+    if abs(delay - moving) > AGREE * spread:
+        return found
     first = evidence.explanations[0]
+    deviation = _with_difference(deviation, delay - moving, spread)
     text = f"{_delay_text(delay, deviation, first.gain, sharp.log.rate)} {evidence.trial_of(first)}"
     remedy = lines("s", delay=_total_delay(evidence, delay)).marked()
     return [replace(each, evidence=text, remedy=remedy) for each in found]
@@ -92,13 +111,23 @@ def explain(state: LogState) -> Explanation | None:
     """Explanation by a delay; `None` if there is no significant one."""
     if state.log.band.is_open or not all(run.consecutive for run in state.log.runs):
         return None
-    first = solve(state.rows, extra=state.torque_slope()[None])
-    if state.fit.cost - first.cost < HINT:
+    return _explained_by(state, away_from_reversals(state)) or _explained_by(state, state)
+
+
+def _explained_by(state: LogState, judged: LogState) -> Explanation | None:
+    """Explanation by a delay that shows in all rows of a log or in those away from reversals."""
+    cost, whole = judged.fit.cost, judged is state
+    if cost - solve(judged.rows, extra=judged.torque_slope()[None]).cost < HINT:
         return None
-    delay, deviation, after = delay_of(state)
-    gain = state.fit.cost - after.fit.cost
-    if gain < GAIN or abs(delay) < SURE * deviation or gain < SHARE * (state.fit.cost - _friction_alone(state)):
+    delay, deviation, after = delay_of(judged)
+    gain = cost - after.fit.cost
+    if gain < GAIN or abs(delay) < max(LEAST, SURE * deviation) or gain < SHARE * (cost - _friction_alone(judged)):
         return None
+    if whole:
+        moving, spread = _away_from_reversals_alone(state)
+        if abs(delay - moving) > CONTRADICT * spread:
+            return None
+        deviation = _with_difference(deviation, delay - moving, spread)
     return Explanation(
         CODE,
         gain,
@@ -106,16 +135,52 @@ def explain(state: LogState) -> Explanation | None:
         "effort",
         _delay_text(delay, deviation, gain, state.log.rate),
         lambda evidence: lines("s", delay=_total_delay(evidence, delay)),
-        after,
-        lambda evidence: _is_in_every_band(evidence, delay),
+        _with_torque_advanced(state, delay),
+        lambda evidence: _is_in_every_band(evidence, delay, whole),
         by_error_alone=True,
+        trial=None if whole else try_remedy(judged.rows, after.rows),
     )
 
 
-def _is_in_every_band(evidence: LogEvidence, delay: float) -> bool:
+def _away_from_reversals_alone(state: LogState) -> tuple[float, float]:
+    """Delay away from reversals and its standard deviation [s], infinite where no joint keeps enough rows."""
+    moving = away_from_reversals(state)
+    return delay_of(moving)[:2] if moving.rows.mask.any() else (0.0, np.inf)
+
+
+def _with_difference(deviation: float, difference: float, spread: float) -> float:
+    """Deviation of a delay from all rows, with what friction at reversals may have changed in it [s]."""
+    return float(np.hypot(deviation, difference)) if np.isfinite(spread) else deviation
+
+
+def away_from_reversals(state: LogState) -> LogState:
+    """The log without each joint's rows near its reversals.
+
+    A joint that sticks stands still while its torque passes from one bound of friction to the other, and when it does
+    so depends on the controller. Friction that reverses with the velocity misses this by a lead or lag of many
+    milliseconds, which is no delay of the log. A joint that keeps too few rows for a fit keeps none.
+    """
+    runs, rows = state.log.runs, state.rows
+    slow = SLOW * np.sqrt(np.mean(np.concatenate([run.motion.dq for run in runs]) ** 2, axis=0))
+    near = np.concatenate([_any_within(np.abs(r.motion.dq) < slow, SPREAD / state.log.cutoff, r) for r in runs])
+    kept = (rows.mask & ~near).sum(axis=0)
+    few = kept <= ROWS * np.array([len(parameters) for parameters in rows.parameters])
+    return state.without(near | few)
+
+
+def _any_within(flags: NDArray[np.bool_], seconds: float, run: ObservedRun) -> NDArray[np.bool_]:
+    """Flags at the rows of a run, set where any sample within some seconds is flagged."""
+    reach, rows = int(np.ceil(seconds * run.rate)), run.rows
+    counts = np.concatenate([np.zeros((1, flags.shape[1]), dtype=np.int64), flags.cumsum(axis=0)])
+    return counts[np.minimum(rows + reach + 1, len(flags))] > counts[np.maximum(rows - reach, 0)]
+
+
+def _is_in_every_band(evidence: LogEvidence, delay: float, whole: bool) -> bool:
     """True if the delay is the same in a wider band; that of presliding friction is not."""
     sharp = _in_wider_band(evidence)
-    return sharp is None or abs(delay_of(sharp)[0] - delay) < SAME * abs(delay)
+    if sharp is None:
+        return True
+    return abs(delay_of(sharp if whole else away_from_reversals(sharp))[0] - delay) < SAME * abs(delay)
 
 
 def _delay_text(delay: float, deviation: float, gain: float, rate: float) -> str:
@@ -137,7 +202,8 @@ def delay_of(state: LogState) -> tuple[float, float, LogState]:
     """Estimates the delay of the torque against the positions [s], its standard deviation, and the corrected log.
 
     The derivative is that of the model's torque: noise in the derivative of the measured torque would bias each step
-    towards zero.
+    towards zero. The deviation is larger where the joints disagree on the delay by more than their own deviations, as
+    noisy positions and friction that the model lacks make them.
     """
     delay, deviation = 0.0, np.inf
     for _ in range(STEPS):
@@ -145,11 +211,32 @@ def delay_of(state: LogState) -> tuple[float, float, LogState]:
         fit = solve(rows, extra=_slopes(rows, rows.torque - state.fit.residual)[None])
         late, deviation = -float(fit.values[-1]), float(fit.deviation[-1])
         delay += late
-        runs = tuple(_advanced(run, late) for run in state.log.runs)
-        state = state.on(replace(state.log, runs=runs))
+        state = _with_torque_advanced(state, late)
         if abs(late) < SETTLED * deviation:
             break
-    return delay, deviation, state
+    return delay, deviation * _disagreement(state), state
+
+
+def _with_torque_advanced(state: LogState, seconds: float) -> LogState:
+    """The log with its torque advanced by some seconds."""
+    return state.on(replace(state.log, runs=tuple(_advanced(run, seconds) for run in state.log.runs)))
+
+
+def _disagreement(state: LogState) -> float:
+    """Scatter of the delays of single joints over the one that their deviations give, at least 1 (Birge's ratio)."""
+    rows = state.rows
+    slopes = _slopes(rows, rows.torque - state.fit.residual)
+    extra = np.zeros((rows.n, *slopes.shape))
+    for j in range(rows.n):
+        extra[j, :, j] = slopes[:, j]
+    fit = solve(rows, extra=extra)
+    late, spread = fit.values[-rows.n :], fit.deviation[-rows.n :]
+    known = spread > 0.0
+    if known.sum() < 2:
+        return 1.0
+    weight = spread[known] ** -2.0
+    mean = weight @ late[known] / weight.sum()
+    return max(1.0, float(np.sqrt(weight @ (late[known] - mean) ** 2 / (known.sum() - 1))))
 
 
 def _slopes(rows: QuickRows, values: Array) -> Array:
