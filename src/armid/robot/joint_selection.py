@@ -123,10 +123,12 @@ def held_joints(
             remedy=did_you_mean(tip, outline.frames) or "give the name of a link.",
         )
     at: dict[str, float] = {}
+    beyond: dict[str, Finding | None] = {}
     for pattern in sorted(lock, key=lambda each: each in outline.names):
         value = lock[pattern]
         for joint in _fitting(outline, pattern, source, "to lock"):
             at[joint.name] = joint.rest if value is None else value
+            beyond[joint.name] = _outside(joint, at[joint.name])
     locked = set(at)
     if only:
         moving = {joint.name for pattern in only for joint in _fitting(outline, pattern, source, "to move")}
@@ -154,9 +156,17 @@ def held_joints(
             remedy=f"lock them (--lock {','.join(loose)}), which fixes what they carry; --tip LINK chooses one arm.",
         )
     if free:
-        by_name = [name for name in outline.names if name in locked]
+        by_name = [name + (f" at {at[name]:.4g}" if at[name] else "") for name in outline.names if name in locked]
         findings = (_said(free, by_name, len(led), outline, by_tip=by_tip), *findings)
-    return HeldJoint(at, findings)
+    return HeldJoint(at, (*findings, *filter(None, beyond.values())))
+
+
+def _outside(joint: SelectedJoint, value: float) -> Finding | None:
+    """Finding about a position [rad or m] outside of a joint's limits; `None` inside."""
+    if not joint.is_simple or joint.lower > joint.upper or joint.lower <= value <= joint.upper:
+        return None
+    what = f"locked at {value:.4g}, outside of its limits {joint.lower:.4g} to {joint.upper:.4g}"
+    return Finding("lock-outside-limits", "warning", joint.name, what, "lock it where it is in the recordings.")
 
 
 def _fitting(outline: JointOutline, pattern: str, source: str, purpose: str) -> list[SelectedJoint]:

@@ -70,9 +70,14 @@ def refuse(folder: Path | str, marker: str, kind: str) -> None:
     if folder.resolve() == Path.cwd():
         raise OutputError(f"{folder} is the working folder.", remedy="name a folder inside it with --out.")
     nearest = next(parent for parent in folder.resolve().parents if parent.exists())
-    if not (nearest.is_dir() and os.access(nearest, os.W_OK | os.X_OK)):
+    try:
+        with tempfile.TemporaryDirectory(prefix=".armid-", dir=nearest):
+            pass
+    except OSError as error:
         why = "is not writable" if nearest.is_dir() else "is a file"
-        raise OutputError(f"{folder} cannot be written: {nearest} {why}.", remedy="choose another with --out.")
+        raise OutputError(
+            f"{folder} cannot be written: {nearest} {why}.", remedy="choose another with --out."
+        ) from error
 
 
 def _put_in_place(draft: Path, folder: Path) -> None:

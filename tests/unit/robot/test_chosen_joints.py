@@ -116,7 +116,19 @@ def test_joints_that_were_locked_by_name_count_among_those_that_are_held(two):
     every = load_robot(two, lock=["root"])
     joints = len({*every.described_joints, "root"} | {held.name for held in every.held})
     assert said.startswith(f"2 of {joints} joints move, so the other {joints - 2} are locked"), said
-    assert "root, right_2 (by name), " in said and said.count("right_2") == 1
+    assert "root, right_2 at 0.4 (by name), " in said and said.count("right_2") == 1
+
+
+def test_a_position_outside_of_the_limits_is_said(two):
+    """And a joint locked without a position is held inside of them, with the value beside its name."""
+    found = {each.code: each for each in load_robot(two, only=["left_[12]"], lock=["torso=9"]).findings}
+    assert (
+        found["lock-outside-limits"].channel == "torso"
+        and "locked at 9, outside" in found["lock-outside-limits"].evidence
+    )
+    assert "torso at 9 (by name)" in found["joints-held"].evidence
+    kept = {each.code: each for each in load_robot(two, only=["left_[12]"], lock=["torso"]).findings}
+    assert "lock-outside-limits" not in kept and "torso at 0.1 (by name)" in kept["joints-held"].evidence
 
 
 def test_a_follower_of_a_joint_that_moves_is_held_and_said(two):

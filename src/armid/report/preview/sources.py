@@ -14,6 +14,7 @@ from armid.report.preview.approach import bodies_to_watch
 from armid.report.preview.clip import Clip, clip_of_motion, clip_of_plan, clip_of_recording, still
 from armid.report.preview.masses import MassLayer, layer_of_description
 from armid.report.preview.page import Preview
+from armid.robot.collision_from_visual import missing_bodies
 from armid.robot.robot import Robot
 from armid.robot.shapes import Shape
 from armid.runs.locate_recording import read_recording_of
@@ -86,7 +87,11 @@ def _collision_options(robot: Robot, around: tuple[Shape, ...]) -> tuple[Collisi
         collision = bodies_to_watch(robot, around)
     except ArmidError as error:
         return None, f"Collisions are not checked: {error.problem.rstrip('.')}"
-    return collision, "" if collision is not None else "Collisions are not checked: the description has no bodies"
+    if collision is not None:
+        return collision, ""
+    lost = missing_bodies(robot)
+    why = lost[0].evidence if lost else "the description has no bodies"
+    return None, f"Collisions are not checked: {why}"
 
 
 def estimate_layer(theta: Array, run: Run, note: str = "") -> MassLayer:

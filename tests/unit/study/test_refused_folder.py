@@ -1,0 +1,24 @@
+"""Folders for results that cannot be made are refused before any work."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+
+import pytest
+
+from armid.errors import OutputError
+from armid.study.plans.design_files import refuse_plan_folder
+
+
+def test_a_file_system_that_takes_no_folder_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """Permission bits say nothing about it: a mounted folder may be read-only, and root may write anywhere."""
+
+    def refused(*_: object, **__: object) -> None:
+        raise OSError(30, "Read-only file system")
+
+    refuse_plan_folder(tmp_path / "plan")
+    assert not list(tmp_path.iterdir())
+    monkeypatch.setattr(tempfile, "mkdtemp", refused)
+    with pytest.raises(OutputError, match="is not writable"):
+        refuse_plan_folder(tmp_path / "plan")
