@@ -40,6 +40,6 @@ def _own_cache() -> Iterator[None]:
     """A cache of the tests' own, never the user's, and screens that do not depend on the caller's terminal."""
     with tempfile.TemporaryDirectory() as folder, pytest.MonkeyPatch.context() as patch:
         patch.setenv("ARMID_CACHE", os.path.join(folder, "cache"))
-        for name in ("COLUMNS", "LINES", "NO_COLOR", "FORCE_COLOR"):
+        for name in ("COLUMNS", "LINES", "NO_COLOR", "FORCE_COLOR", "TTY_COMPATIBLE", "TTY_INTERACTIVE"):
             patch.delenv(name, raising=False)
         yield

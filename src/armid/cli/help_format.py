@@ -18,9 +18,12 @@ class Command(TyperCommand):
             _without_type(param)
 
     def invoke(self, ctx: Any) -> Any:
-        """Run the command; store its context, from which hints take the command's options."""
-        CONTEXT.set(ctx)
-        return super().invoke(ctx)
+        """Run the command; its context is stored meanwhile, because hints name the command's options."""
+        token = CONTEXT.set(ctx)
+        try:
+            return super().invoke(ctx)
+        finally:
+            CONTEXT.reset(token)
 
     def get_help_option(self, ctx: Any) -> Any:
         """Option for help, shown as a switch without a type."""

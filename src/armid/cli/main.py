@@ -8,7 +8,6 @@ from __future__ import annotations
 import re
 import sys
 from collections.abc import Callable
-from contextvars import copy_context
 from functools import wraps
 from io import TextIOWrapper
 from typing import Annotated, Any
@@ -43,7 +42,7 @@ INTERRUPTED = 130
 
 
 class _StoppedError(Exception):
-    """Interruption by Ctrl-C follows_option a command, which the parser would otherwise end without a message."""
+    """Interruption of a command by Ctrl-C, which the parser would otherwise end without a message."""
 
 
 def _interruptible(command: Callable[..., None]) -> Callable[..., None]:
@@ -125,7 +124,7 @@ def main(arguments: list[str] | None = None) -> None:
             stream.reconfigure(errors="backslashreplace")
     try:
         parsed = _repeat_option("--validate", _join_numbers(raw_arguments))
-        copy_context().run(app, parsed, prog_name="armid", standalone_mode=True)
+        app(parsed, prog_name="armid", standalone_mode=True)
     except ArmidError as error:
         from armid.cli.console import print_error
 

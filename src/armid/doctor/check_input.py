@@ -1,15 +1,16 @@
-"""Evidence for the checks: a recording as logged, as read, and as a model explains it."""
+"""Input of the checks: a recording as logged, as read, and as a model explains it."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Literal
 
 import numpy as np
 
 from armid.doctor.downsample import downsample
-from armid.doctor.log_interpretation import Explanation, LogState
+from armid.doctor.log_interpretation import LogState
 from armid.doctor.remedy_trial import RemedyTrial, try_remedy
 from armid.doctor.stuck_channels import stuck_stretches, without_stuck
 from armid.errors import Finding
@@ -22,8 +23,6 @@ from armid.model.terms import Coulomb, Offset, RigidBody, RotorInertia, Viscous
 from armid.remedy import Remedy
 from armid.robot import Robot
 
-Explain = Callable[[LogState], Explanation | None]
-
 ROUNDS = 3
 """Largest number of faults that are corrected one after the other."""
 
@@ -33,6 +32,39 @@ of the wrong sign can seem significant."""
 
 WIDTH = 0.02
 """Width of Coulomb friction in the doctor's model [rad/s]."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Explanation:
+    """Fault that would explain a misfit of the model.
+
+    Attributes:
+        code: Code of the finding.
+        gain: Fall of the log residual once the fault is corrected.
+        severity: Severity of the finding.
+        channel: Joint, or empty for all.
+        evidence: Observation, with numbers.
+        remedy: Makes the lines of a study that correct the fault, combined with the log format of the evidence.
+        after: The log with the fault corrected.
+        confirmed: Independent check on the log, where there is one; made for the first fault alone.
+        by_error_alone: True if the error is the only evidence, so that the held-out error must fall, too. Signs of
+            torques, zeros and gravity also show in friction, inertias and weights.
+        trial: Test on held-out motion, where the fault shows in some rows alone; otherwise all rows are tested.
+    """
+
+    code: str
+    gain: float
+    severity: Literal["error", "warning", "info"]
+    channel: str
+    evidence: str
+    remedy: Callable[[LogEvidence], str]
+    after: LogState
+    confirmed: Callable[[LogEvidence], bool] | None = None
+    by_error_alone: bool = False
+    trial: RemedyTrial | None = None
+
+
+Explain = Callable[[LogState], Explanation | None]
 
 
 @dataclass(frozen=True, eq=False)

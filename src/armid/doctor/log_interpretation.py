@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +12,6 @@ from numpy.typing import NDArray
 from armid import kernel
 from armid.doctor.downsample import DownsampledLog
 from armid.doctor.quick_fit import QuickFit, QuickRows, make_rows, solve
-from armid.doctor.remedy_trial import RemedyTrial
 from armid.information.column_source import ColumnSource, column_source
 from armid.information.filtering import in_band
 from armid.measurement.observations import ObservedRun
@@ -21,9 +19,6 @@ from armid.model.base_parameters import BaseParameters
 from armid.model.dynamics import DynamicsModel
 from armid.model.motion import Motion
 from armid.values import Array
-
-if TYPE_CHECKING:
-    from armid.doctor.check_input import LogEvidence
 
 JOINT_SYMBOLS = ("FV", "FS", "FO", "IA")
 """Symbols of parameters that belong to one joint alone: friction, offset, rotor inertia."""
@@ -240,33 +235,3 @@ def _certainty(direction: Array, fit: QuickFit) -> float:
     """Linear function of an estimate, in its standard deviations."""
     spread = float(np.sqrt(max(direction @ fit.covariance @ direction, 0.0)))
     return float(direction @ fit.values) / spread if spread > 0.0 else 0.0
-
-
-@dataclass(frozen=True, eq=False, slots=True)
-class Explanation:
-    """Fault that would explain a misfit of the model.
-
-    Attributes:
-        code: Code of the finding.
-        gain: Fall of the log residual once the fault is corrected.
-        severity: Severity of the finding.
-        channel: Joint, or empty for all.
-        evidence: Observation, with numbers.
-        remedy: Makes the lines of a study that correct the fault, combined with the log format of the evidence.
-        after: The log with the fault corrected.
-        confirmed: Independent check on the log, where there is one; made for the first fault alone.
-        by_error_alone: True if the error is the only evidence, so that the held-out error must fall, too. Signs of
-            torques, zeros and gravity also show in friction, inertias and weights.
-        trial: Test on held-out motion, where the fault shows in some rows alone; otherwise all rows are tested.
-    """
-
-    code: str
-    gain: float
-    severity: Literal["error", "warning", "info"]
-    channel: str
-    evidence: str
-    remedy: Callable[[LogEvidence], str]
-    after: LogState
-    confirmed: Callable[[LogEvidence], bool] | None = None
-    by_error_alone: bool = False
-    trial: RemedyTrial | None = None

@@ -11,12 +11,13 @@ import numpy as np
 import pytest
 
 from armid.doctor import CHECKS, LogEvidence, effects, explanations_of
+from armid.doctor.check_input import Explanation
 from armid.doctor.checks.dynamics import joint_order
 from armid.doctor.checks.dynamics.excitation_weak import poorly_determined
 from armid.doctor.checks.dynamics.gravity_direction import explain as explain_gravity
 from armid.doctor.checks.dynamics.position_offset import offsets_of
 from armid.doctor.checks.signals import velocity_mismatch
-from armid.doctor.log_interpretation import Explanation, LogState
+from armid.doctor.log_interpretation import LogState
 from armid.doctor.quick_fit import solve
 from armid.doctor.remedy_trial import heldout_error
 from armid.errors import Finding

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from armid.doctor.check_input import ROWS, WIDTH, LogEvidence
+from armid.doctor.check_input import ROWS, WIDTH, Explanation, LogEvidence
 from armid.doctor.downsample import downsample
 from armid.doctor.log_check import LogCheck
-from armid.doctor.log_interpretation import Explanation, LogState
+from armid.doctor.log_interpretation import LogState
 from armid.doctor.quick_fit import QuickRows, solve
 from armid.doctor.remedy_trial import try_remedy
 from armid.doctor.stuck_channels import without_stuck

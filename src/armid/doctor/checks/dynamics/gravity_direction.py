@@ -8,9 +8,9 @@ from functools import lru_cache
 
 import numpy as np
 
-from armid.doctor.check_input import LogEvidence
+from armid.doctor.check_input import Explanation, LogEvidence
 from armid.doctor.log_check import LogCheck
-from armid.doctor.log_interpretation import Explanation, LogState
+from armid.doctor.log_interpretation import LogState
 from armid.doctor.quick_fit import QuickRows, cost_of, make_rows, products, solve
 from armid.errors import Finding
 from armid.information.column_source import column_source

@@ -9,11 +9,11 @@ from itertools import combinations, permutations
 import numpy as np
 from numpy.typing import NDArray
 
-from armid.doctor.check_input import LogEvidence
+from armid.doctor.check_input import Explanation, LogEvidence
 from armid.doctor.checks.signals import velocity_mismatch
 from armid.doctor.downsample import DownsampledLog
 from armid.doctor.log_check import LogCheck
-from armid.doctor.log_interpretation import Explanation, LogState
+from armid.doctor.log_interpretation import LogState
 from armid.doctor.quick_fit import QuickRows, cost_of, make_rows, products, tables
 from armid.errors import Finding
 from armid.measurement.columns.joint_assignment import channels_of_joints

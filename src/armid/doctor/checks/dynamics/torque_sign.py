@@ -8,9 +8,9 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from armid.doctor.check_input import LogEvidence
+from armid.doctor.check_input import Explanation, LogEvidence
 from armid.doctor.log_check import LogCheck
-from armid.doctor.log_interpretation import Explanation, LogState
+from armid.doctor.log_interpretation import LogState
 from armid.doctor.quick_fit import QuickRows, cost_of, make_rows, products
 from armid.errors import Finding
 from armid.measurement.log_format_remedies import lines

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from armid.doctor.check_input import LogEvidence
+from armid.doctor.check_input import Explanation, LogEvidence
 from armid.doctor.log_check import LogCheck
-from armid.doctor.log_interpretation import Explanation, LogState
+from armid.doctor.log_interpretation import LogState
 from armid.errors import Finding
 from armid.measurement.log_format import LogFormat
 from armid.measurement.log_format_remedies import lines
