@@ -47,7 +47,15 @@ from armid.study.processed import ProcessedRecording, joined_observations, of_ro
 from armid.study.recording_labels import labels
 from armid.study.recording_parts import cut_recording, refuse_shared
 from armid.threads import one_blas_thread
-from armid.validation.prediction import PredictedRecording, Score, Validation, predict_recording, score, validate
+from armid.validation.prediction import (
+    PredictedRecording,
+    Score,
+    Validation,
+    predict_recording,
+    score,
+    validate,
+    with_doubted_unit,
+)
 from armid.values import Array, digest
 
 Progress = Callable[[str, float], None]
@@ -248,7 +256,7 @@ def conclude(prepared: Prepared, *, progress: Progress | None = None) -> Result:
     predictions = {each: predict_recording(model, estimate, each.observations) for each in recordings}
     training, _ = score_recordings(model, estimate, train, predictions)
     scores, found = score_recordings(model, estimate, of_role(recordings, "validate"), predictions)
-    validation = validate(robot.joint_names, scores, estimate)
+    validation = with_doubted_unit(validate(robot.joint_names, scores, estimate), prepared.findings)
     tell("validation", 1.0)
     seconds = time.perf_counter() - prepared.began
     estimate = replace(estimate, findings=(*findings, *found), seconds=seconds)

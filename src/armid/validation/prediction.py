@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
+from armid.errors import Finding
 from armid.estimation.estimate import Estimate, torque_parameters
 from armid.information.residuals import Comparison, compare
 from armid.measurement.observations import Observations
@@ -25,6 +26,10 @@ nearly zero."""
 
 COVERED_ROWS = 20_000
 """Largest number of rows on which prediction intervals are evaluated; of more rows, every k-th."""
+
+
+OF_UNIT = ("current-without-gain", "motor-side", "torque-unit")
+"""Codes of findings on a torque in a wrong unit."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -185,6 +190,22 @@ def validate(joints: Sequence[str], scores: Sequence[Score], estimate: Estimate)
         checks.append(Check(f"NRMSE of every joint below 1{where}", worst, 1.0, worst < 1.0))
     verdict = "not judged" if not scores else "pass" if all(check.ok for check in checks) else "fail"
     return Validation(tuple(joints), tuple(scores), verdict, tuple(checks))
+
+
+def with_doubted_unit(validation: Validation, findings: Sequence[Finding]) -> Validation:
+    """Validation that fails where the torque's unit contradicts the description.
+
+    Training and validation recordings in one wrong unit agree with each other, so that no error shows it.
+
+    Args:
+        validation: Scores, checks and verdict.
+        findings: Findings on the recordings.
+    """
+    doubts = sorted({each.code for each in findings if each.severity == "error"} & set(OF_UNIT))
+    if not doubts or not validation.recordings:
+        return validation
+    check = Check(f"findings against the torque's unit ({', '.join(doubts)})", float(len(doubts)), 0.0, False)
+    return replace(validation, verdict="fail", checks=(*validation.checks, check))
 
 
 def _together(parts: Sequence[Comparison]) -> Comparison:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tomllib
 from dataclasses import replace
 
 import numpy as np
@@ -77,6 +78,27 @@ def test_torque_of_motors_and_currents_are_told(share: float, code: str):
     case = described()
     assert case.recording.effort is not None
     assert [c for c, _ in errors(findings(case.logged(effort=share * case.recording.effort)))] == [code]
+
+
+@pytest.mark.parametrize(
+    ("factor", "gain", "unit"),
+    [(5.0, None, "No usual unit"), (37.0, None, "raw units"), (100.0, 0.01, "N·cm"), (1000.0, 0.001, "mN·m")],
+)
+def test_torque_in_a_larger_number_of_smaller_units_is_told(factor: float, gain: float | None, unit: str):
+    case = described()
+    assert case.recording.effort is not None
+    found = [f for f in findings(case.logged(effort=factor * case.recording.effort)) if f.severity == "error"]
+    assert [f.code for f in found] == ["torque-unit"] and unit in found[0].evidence
+    told = tomllib.loads(found[0].remedy)["drive_gain"]
+    # Links are off the description by up to 15 % in mass.
+    assert len(set(told)) == 1 and told[0] == pytest.approx(gain or 1.0 / factor, rel=1e-6 if gain else 0.15)
+
+
+@pytest.mark.parametrize("factor", [0.5, 2.0])
+def test_twice_and_half_the_described_torque_are_no_error(factor: float):
+    case = described()
+    assert case.recording.effort is not None
+    assert errors(findings(case.logged(effort=factor * case.recording.effort))) == []
 
 
 def test_a_hanging_arm_that_is_described_as_upright_is_told():
