@@ -56,10 +56,15 @@ class RemedyTrial:
         return self.after > self.before + WORSE
 
     def __str__(self) -> str:
-        errors = f"{np.exp(self.before):.2%} of the torque without the remedy, {np.exp(self.after):.2%} with it"
         if abs(self.after - self.before) <= WORTH:
-            return f"Left-out motion does not judge the remedy: the error is {errors}."
-        return f"On left-out motion the error is {errors}."
+            return (
+                f"On left-out motion the remedy changes nothing: the error is {np.exp(self.after):.2%} of the torque "
+                "either way."
+            )
+        return (
+            f"On left-out motion the error is {np.exp(self.before):.2%} of the torque without the remedy, "
+            f"{np.exp(self.after):.2%} with it."
+        )
 
 
 def try_remedy(before: QuickRows, after: QuickRows) -> RemedyTrial:
@@ -113,5 +118,5 @@ def with_reason(finding: Finding, reasons: Mapping[str, str]) -> Finding:
     code, remedy = finding.code, finding.remedy
     if not isinstance(remedy, Remedy) or not remedy.keys or remedy.judged or code not in reasons:
         return finding
-    evidence = f"{finding.evidence} Not tried on left-out motion: {reasons[code]}."
+    evidence = f"{finding.evidence} The remedy was not tried on left-out motion: {reasons[code]}."
     return replace(finding, evidence=evidence, remedy=remedy.marked())

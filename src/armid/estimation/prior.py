@@ -253,7 +253,11 @@ def _nominal(standard: StandardParameters) -> tuple[Array, tuple[Finding, ...]]:
         if about[0] < least:
             J[:3, :3] = (vectors * np.maximum(about, least)) @ vectors.T + mass * np.outer(com, com)
             result[k] = vector_from_pseudo_inertia(J)
-            what = "no body has its inertia" if about[0] < 0.0 else "its inertia is that of a thing without thickness"
+            what = (
+                "no body has its inertia"
+                if about[0] < 0.0
+                else "its inertia is that of a body without thickness: a plate, a rod or a point"
+            )
             findings.append(
                 Finding(
                     "nominal-projected",

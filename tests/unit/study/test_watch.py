@@ -82,7 +82,7 @@ def test_torque_of_motors_and_currents_are_told(share: float, code: str):
 
 @pytest.mark.parametrize(
     ("factor", "gain", "unit"),
-    [(5.0, None, "No usual unit"), (37.0, None, "raw units"), (100.0, 0.01, "N·cm"), (1000.0, 0.001, "mN·m")],
+    [(5.0, None, "no usual unit"), (37.0, None, "raw units"), (100.0, 0.01, "N·cm"), (1000.0, 0.001, "mN·m")],
 )
 def test_torque_in_a_larger_number_of_smaller_units_is_told(factor: float, gain: float | None, unit: str):
     case = described()

@@ -98,8 +98,8 @@ def explain(state: LogState) -> Explanation | None:
         gain,
         "info" if doubt else "error",
         ", ".join(names[j] for j in moved),
-        f"With {_order_text(best)} one set of parameters leaves {1 - np.exp(-gain):.0%} less of the torque"
-        + (f"; with {' or '.join(doubt)} it leaves as little, and the log does not say which." if doubt else "."),
+        f"With {_order_text(best)} the error of one model for all joints is {1 - np.exp(-gain):.0%} smaller"
+        + (f"; with {' or '.join(doubt)} it is as small, and the log does not say which." if doubt else "."),
         lambda evidence: _remedy(evidence, best),
         state.on(state.log.reordered(best.motion, best.torque)),
         by_error_alone=True,

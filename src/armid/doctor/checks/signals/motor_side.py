@@ -22,8 +22,8 @@ MOTOR_SCALE = 0.04
 at the joint for an ampere."""
 
 LARGE = 4.0
-"""Multiple of the described torque from which a torque is in another unit. On nine recorded arms the joints that count
-have 0.7 to 2.3 of the described torque, and their median 0.8 to 1.5."""
+"""Multiple of the described torque from which a torque is in another unit. On eight recorded arms the joints that
+count have 0.7 to 2.3 times the described torque, and their median 0.8 to 1.5 times."""
 
 UNITS = ((10.197, "kgf·cm"), (100.0, "N·cm"), (1000.0, "mN·m"), (1e4, "0.1 mN·m"))
 """Torque units by their number in a newton metre."""
@@ -101,8 +101,8 @@ def _too_large(state: LogState, typical: float) -> Explanation:
     unit = next((u for u in UNITS if 1.0 / NEAR_UNIT < typical / u[0] < NEAR_UNIT), None)
     factor = float(f"{typical:.2g}") if unit is None else unit[0]
     what = (
-        "No usual unit has this factor; raw units of a drive, motor currents and a wrong gain have such ones, and so has "
-        "a description whose masses are too small"
+        "That is no usual unit of torque; it may be raw units of the drive, a motor current or a wrong gain, unless the "
+        "description's masses are too small"
         if unit is None
         else f"It is probably in {unit[1]}, unless the description's masses are too small"
     )
@@ -146,7 +146,7 @@ CHECK = LogCheck(
     effects={
         "motor-side": "All parameters are too small by the gear ratio.",
         "current-without-gain": "All parameters are in units of the drive's current.",
-        "torque-unit": "All parameters are too large by one factor, and validation in the same unit does not show it.",
+        "torque-unit": "All parameters are too large by one factor; a validation in the same unit does not show it.",
     },
     explain=explain,
     hides=("saturation",),

@@ -10,7 +10,7 @@ EFFECTS = {
     "position-wrapped": "Differences across the jumps would be velocities of hundreds of rad/s; they are unwrapped.",
     "clock-missing": "Velocities and accelerations, and all parameters that depend on them, have no scale.",
     "columns-guessed": "With wrong columns the estimate is useless: check the names.",
-    "units-of-header": "None if the names are right; the lines state the units in a study.",
+    "units-of-header": "No effect if the names are right. In a study, these lines state the same units.",
     "clock-received": "Jitter of network and recorder becomes noise of velocity and acceleration.",
     "joints-extra": "None: channels of joints that the model does not have are not used.",
     "joints-merged": "Interpolated values are smoother than measured ones, and shifted by a fraction of a step.",
