@@ -101,8 +101,8 @@ def _too_large(state: LogState, typical: float) -> Explanation:
     unit = next((u for u in UNITS if 1.0 / NEAR_UNIT < typical / u[0] < NEAR_UNIT), None)
     factor = float(f"{typical:.2g}") if unit is None else unit[0]
     what = (
-        "That is no usual unit of torque; it may be raw units of the drive, a motor current or a wrong gain, unless the "
-        "description's masses are too small"
+        "That is no usual unit of torque; it may be raw units of the drive, a motor current or a wrong gain, "
+        "unless the description's masses are too small"
         if unit is None
         else f"It is probably in {unit[1]}, unless the description's masses are too small"
     )
