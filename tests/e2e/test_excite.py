@@ -215,15 +215,15 @@ def test_the_same_seed_gives_the_same_problem_to_other_options(small, tmp_path, 
         (["--duration", "0"], "duration must be positive"),
         (["--experiment", "dance"], "no experiment 'dance'"),
         (["--criterion", "best"], "no criterion 'best'"),
-        (["--criterion", "prediction"], "needs motions"),
+        (["--criterion", "prediction"], "needs at least one motion"),
         (["--limits", "soft"], "no limits of kind"),
         (["--limit", "first.velocity=fast"], "not a limit"),
         (["--limit", "third.velocity=1"], "no joint 'third'"),
-        (["--limit", "first.position=1:-1"], "leave no room"),
+        (["--limit", "first.position=1:-1"], "are reversed or equal"),
         (["--start", "0,2"], "outside -1.5 to 1.5"),
         (["--start", "0"], "needs 2 finite numbers"),
         (["--start", "0,x"], "not a list of numbers"),
-        (["--collision"], "what space its links take"),
+        (["--collision"], "has no shapes of its links"),
         (["--tip-box", "1", "1", "1", "0", "0", "0"], "the box is empty"),
         (["--noise", "0"], "must be positive"),
         (["--format", "gcode"], "no format 'gcode'"),
@@ -231,7 +231,7 @@ def test_the_same_seed_gives_the_same_problem_to_other_options(small, tmp_path, 
         (["--envelope", "thesis-a1@27"], "moves 7 joints"),
         (["--envelope", "thesis-a1@soon"], "not a duration"),
         (["--torque-margin", "1.5"], ""),
-        (["--environment", "nowhere.toml"], "no environment"),
+        (["--environment", "nowhere.toml"], "not an environment file"),
         (["--duration", "nan"], "duration must be positive"),
         (["--limit", "first.velocity=-1"], "velocity limit of first must be positive"),
         (["--limit", "first.position=0.2:0.4", "--start", "0,0"], "outside 0.2 to 0.4"),
@@ -276,7 +276,7 @@ def test_sweeps_that_need_more_torque_than_the_joints_have_fail(tmp_path, capsys
     call = ["excite", "ur5e", "--experiment", "sweeps", "--format", "csv", "--no-report", "--out", str(out), *weak]
     with pytest.raises(SystemExit) as ended:
         main(call)
-    assert ended.value.code == 1 and "torque of shoulder_lift_joint is missed" in capsys.readouterr().err
+    assert ended.value.code == 1 and "torque of shoulder_lift_joint is exceeded" in capsys.readouterr().err
     assert not (out / "plan.csv").exists() and (out / "preflight.txt").is_file()
 
 
@@ -291,7 +291,7 @@ def test_an_unknown_link_of_a_tool_is_refused(tmp_path, capsys):
     cell = tmp_path / "cell.toml"
     cell.write_text('[[sphere]]\nlink = "hand"\nradius = 0.1\nxyz = [0, 0, 0]\n')
     said = stopped(["ur5e", *QUICK, "--environment", cell, "--out", tmp_path / "plan"], capsys)
-    assert "carried by 'hand'" in said and "link_6" in said
+    assert "has no link 'hand' to carry it" in " ".join(said.split()) and "link_6" in said
     assert not (tmp_path / "plan").exists()
 
 
@@ -320,7 +320,7 @@ def test_a_search_that_time_cut_short_says_so(tmp_path, capsys):
     """No machine completes a descent in ten milliseconds."""
     asked = ["panda", "--budget", "0.01", "--workers", "0", "--no-collision", "--duration", "10", "--no-report"]
     shown = run([*asked, "--out", tmp_path / "plan"], capsys)
-    assert "before any descent had come to its end" in " ".join(shown.err.split()) and "--budget 60" in shown.err
+    assert "before the first descent was completed" in " ".join(shown.err.split()) and "--budget 60" in shown.err
     assert "search-unsettled" in (tmp_path / "plan" / "preflight.json").read_text()
     assert "--budget 60" in (tmp_path / "plan" / "preflight.txt").read_text()
 

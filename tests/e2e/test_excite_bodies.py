@@ -173,11 +173,11 @@ def test_a_plan_that_touches_is_no_plan(arm, tmp_path, capsys, monkeypatch):
     monkeypatch.setattr(excite_request, "design_plan", touching)
     folder = tmp_path / "plan"
     code, text, err = run(["excite", arm, *QUICK, "--out", folder], capsys)
-    said = "base - hand come within -6 mm at 2.20 s, less than the 20 mm that they should keep"
+    said = "the distance of base - hand is -6 mm at 2.20 s, less than the required 20 mm"
     assert code == 1 and said in " ".join(err.split())
     page = prose(folder / "preflight.html")
     for account in (text, (folder / "preflight.txt").read_text(), page, prose(folder / "preview.html")):
-        assert said in account.replace("Base", "base") and "✓" not in account
+        assert said in account.replace("The distance", "the distance") and "✓" not in account
     assert json.loads((folder / "preflight.json").read_text())["verdict"] == "fail"
     assert not list(folder.glob("*.csv"))
 

@@ -1,4 +1,4 @@
-"""Catalogue `LANGUAGES` of code languages: a new language is a new file and one line here."""
+"""Catalogue `LANGUAGES` of code languages: for a new language, a module and one line here are added."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ if TYPE_CHECKING:
 
 
 class Language(Protocol):
-    """Interface of the module of a language."""
+    """Interface of the module of a code language."""
 
     @staticmethod
     def write(source: FunctionSource) -> dict[str, str]:
-        """Text of each file by its path."""
+        """Text of each file, by the path of the file."""
         ...
 
 
@@ -28,4 +28,4 @@ LANGUAGES: Catalogue[Language] = Catalogue(
         "julia": "armid.codegen.languages.julia",
     }
 )
-"""Languages by their name in `armid export --to`."""
+"""Modules of the languages, by the names that `armid export --to` uses."""

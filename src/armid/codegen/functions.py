@@ -1,7 +1,8 @@
-"""Functions of a model that code is generated for: regressors, torques, mass matrix, friction, hysteresis state.
+"""Functions of a model for which code is generated: regressors, torques, mass matrix, friction, hysteresis state.
 
-Base parameters are the only parameters. They stand in the place of the standard parameters whose columns are kept,
-and zero stands in all other places: the torque is the same, and what has no effect costs nothing.
+The only parameters of the functions are base parameters. Each base parameter is used in the place of the standard
+parameter whose column is kept; all other standard parameters are zero. The torque is the same, and parameters without
+effect need no operations.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from armid.codegen.graph import Graph, Scalar
 from armid.codegen.program import STATE_FUNCTIONS, Argument, Program
 from armid.codegen.rigid_bodies import Geometry, inverse_dynamics, mass_matrix, numbers, regressor
 from armid.codegen.term_laws import combined, is_inertia, law_value, rotor_matrix, updated, uses
-from armid.errors import ModelError
+from armid.errors import ModelError, did_you_mean
 from armid.model.base_parameters import BaseParameters
 from armid.model.dynamics import DynamicsModel
 
@@ -27,39 +28,43 @@ PROGRAMS = (
     "state_start",
     "state_update",
 )
-"""Names of the functions in the order of the code; the last two only for models with hysteresis."""
+"""Names of the functions, in the order of the code; the last two exist only for models with hysteresis."""
 
 
 def make_programs(
     model: DynamicsModel, base: BaseParameters, wanted: Sequence[str] = PROGRAMS
 ) -> tuple[Program, ...]:
-    """Programs of the functions of a model, independent of each other.
+    """Makes the programs of functions of a model; they are independent of each other.
 
     Args:
-        model: Arm and torque terms, with its load parameters where a term depends on the load.
+        model: Arm and torque terms; it needs load parameters if a term depends on the load.
         base: Base parameters of the model.
         wanted: Names of the functions; those of the hysteresis state are omitted for models without hysteresis.
 
     Raises:
-        ModelError: A function that does not exist, or a load that is not known.
+        ModelError: A function does not exist, or a term depends on the load and no load parameters are given.
     """
     maker = Maker(model, base)
     unknown = sorted(set(wanted) - set(PROGRAMS))
     if unknown:
-        raise ModelError(f"There is no function {unknown[0]!r} to generate.", possible=", ".join(PROGRAMS))
+        raise ModelError(
+            f"There is no function {unknown[0]!r} for which code can be generated.",
+            possible=", ".join(PROGRAMS),
+            remedy=did_you_mean(unknown[0], PROGRAMS),
+        )
     names = [name for name in wanted if model.nodes or name not in STATE_FUNCTIONS]
     return tuple(maker.make(name) for name in names)
 
 
 @dataclass(eq=False, slots=True)
 class Maker:
-    """Generator of the functions of one model on one graph.
+    """Generator of the functions of one model, all on one graph.
 
     Attributes:
         model: Arm and torque terms.
         base: Base parameters of the model.
-        graph: Graph of the operations.
-        geometry: The tree, of numbers unless symbols are given.
+        graph: Graph that contains the operations.
+        geometry: Geometry of the tree; if `None`, the numbers of the model are used.
     """
 
     model: DynamicsModel
@@ -68,7 +73,7 @@ class Maker:
     geometry: Geometry | None = None
 
     def make(self, name: str) -> Program:
-        """One of `PROGRAMS`."""
+        """Makes the program of one of the functions in `PROGRAMS`."""
         arguments = tuple(self._argument(a) for a in self._arguments(name))
         inputs = {a.name: self.graph.symbols(a.name, a.length) for a in arguments}
         n = self.model.n
@@ -89,7 +94,7 @@ class Maker:
         return Program(name, SUMMARIES[name], arguments, (n,), dict(enumerate(torque[name](inputs))), "tau")
 
     def _arguments(self, name: str) -> list[str]:
-        """Names of a function's inputs."""
+        """Names of the inputs of a function."""
         state = ["state"] if self.model.nodes else []
         if name == "friction":
             return ["parameters", "q", "dq", *(["ddq"] if uses(self.model, "load") else []), *state]
@@ -114,11 +119,11 @@ class Maker:
         return self.geometry
 
     def _theta(self, inputs: Mapping[str, Sequence[Scalar]]) -> dict[int, Scalar]:
-        """Base parameters by the column of the standard parameter that they replace."""
+        """Base parameters, by the column of the standard parameter in whose place they are used."""
         return dict(zip(self.base.kept.tolist(), inputs["parameters"], strict=True))
 
     def _bodies(self, theta: Mapping[int, Scalar]) -> list[list[Scalar]]:
-        """Inertial parameters (n, 10)."""
+        """Inertial parameters of the links (n, 10)."""
         columns = self.model.inertial_columns.tolist()
         flat: list[Scalar] = [theta.get(c, 0.0) for c in columns] or [0.0] * (10 * self.model.n)
         return [flat[10 * i : 10 * i + 10] for i in range(self.model.n)]
@@ -143,7 +148,7 @@ class Maker:
         *,
         inertia: bool,
     ) -> list[Scalar]:
-        """Torque with that of the laws added; laws proportional to the acceleration only if requested."""
+        """Torque plus that of the terms' laws; laws proportional to the acceleration only if `inertia` is true."""
         inputs, torque = self._with_load(inputs), list(torque)
         for j, column, law, weight in self.model.entries:
             if column in theta and (inertia or not is_inertia(law)):
@@ -151,13 +156,14 @@ class Maker:
         return torque
 
     def _with_load(self, inputs: Mapping[str, Sequence[Scalar]]) -> dict[str, Sequence[Scalar]]:
-        """Inputs of the laws, with the load torque if a law reads it."""
+        """Inputs of the laws; the load torque is added if a law depends on it."""
         if not uses(self.model, "load"):
             return dict(inputs)
         if self.model.load_parameters is None:
             raise ModelError(
-                "A term depends on the load torque of the joints, but the model has no load_parameters for it.",
-                remedy="give the model the inertial parameters of an earlier estimate as load_parameters.",
+                "A torque term depends on the load torque of the joints, but the model has no `load_parameters` to "
+                "compute it.",
+                remedy="give inertial parameters of an earlier estimate as `load_parameters` of the model.",
             )
         bodies: list[list[Scalar]] = [list(body) for body in self.model.load_parameters.tolist()]
         load = inverse_dynamics(self._tree, bodies, inputs["q"], inputs["dq"], inputs["ddq"])

@@ -24,20 +24,20 @@ def generate(
     heading: Sequence[str] = (),
     wanted: Sequence[str] = PROGRAMS,
 ) -> dict[str, str]:
-    """Generate the source code of a model: the text of each file by its path.
+    """Generates the source code of a model: the text of each file, by the path of the file.
 
     Args:
-        model: Arm and torque terms, with its load parameters where a term depends on the load.
+        model: Arm and torque terms; it needs load parameters if a term depends on the load.
         base: Base parameters of the model.
-        values: Their values, shape (b,).
-        language: A row of `LANGUAGES`.
-        name: Name of the code; by default the robot's name.
-        heading: Lines about its origin, for the head of the file.
-        wanted: Names of the functions, of `PROGRAMS`.
+        values: Values of the base parameters, shape (b,).
+        language: Name of the language, one of `LANGUAGES`.
+        name: Name of the code; if empty, the name of the robot.
+        heading: Lines about the origin of the code, for the head of the files.
+        wanted: Names of the functions, from `PROGRAMS`.
 
     Raises:
-        OutputError: No such language.
-        ModelError: No such function, or a term that depends on a load that is not known.
+        OutputError: There is no such language.
+        ModelError: A function does not exist, or a term depends on the load and no load parameters are given.
     """
     if language not in LANGUAGES:
         raise OutputError(

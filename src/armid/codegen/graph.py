@@ -1,8 +1,9 @@
-"""Symbolic arithmetic: a graph of operations in which equal operations are shared.
+"""Symbolic arithmetic: a graph of operations in which equal operations exist only once.
 
-A scalar is a number or a `Node`. Nodes are written with the usual operators; what is known of numbers is done at
-once: zeros and ones drop out, constants are folded, signs are pulled to the front so that a - b and b - a are one
-node. Equal operations on equal operands are the same node, which is all that common subexpressions need.
+A scalar is a number or a `Node`. Nodes are combined with the usual operators. Simplifications are made at once: zeros
+and ones are removed, operations on numbers are carried out, and signs are moved outwards so that a - b and b - a use
+the same node. Equal operations on equal operands are the same node, so no other search for common subexpressions is
+needed.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from collections.abc import Callable, Iterable
 from typing import Any, TypeAlias
 
 Scalar: TypeAlias = "Node | float"
-"""Number or node."""
+"""Type of a scalar: number or node."""
 
 
 def _sign(x: float) -> float:
@@ -39,7 +40,7 @@ FUNCTIONS: dict[str, Callable[..., float]] = {
     "max": _larger,
     "min": _smaller,
 }
-"""Functions of a node, in addition to add, sub, mul, div and neg, with their numeric implementations."""
+"""Functions of nodes, with their numeric implementations; add, sub, mul, div and neg are operations, too."""
 
 ODD = frozenset({"sin", "tanh", "sign"})
 EVEN = frozenset({"cos", "abs"})
@@ -47,14 +48,14 @@ SYMMETRIC = frozenset({"add", "mul", "max", "min"})
 
 
 class Node:
-    """An operation on earlier scalars, or a symbol: an element of an input.
+    """Operation on scalars, or a symbol: an element of an input.
 
     Attributes:
-        graph: Graph that it belongs to.
-        number: Its index there; operands have smaller indices.
-        operation: `add`, `sub`, `mul`, `div`, `neg`, a function, or `symbol`.
+        graph: Graph to which the node belongs.
+        number: Index in this graph; the operands have smaller indices.
+        operation: Kind: `add`, `sub`, `mul`, `div`, `neg`, a function, or `symbol`.
         operands: Operands of the operation.
-        symbol: Name of the input and index into it; ("", 0) for an operation.
+        symbol: Name of the input and index of the element; ("", 0) for an operation.
     """
 
     __slots__ = ("graph", "number", "operands", "operation", "symbol")
@@ -107,15 +108,15 @@ class Graph:
         self._known: dict[object, Node] = {}
 
     def symbols(self, name: str, count: int) -> list[Scalar]:
-        """Nodes of the elements of an input."""
+        """Nodes of all elements of an input."""
         return [self.symbol(name, index) for index in range(count)]
 
     def symbol(self, name: str, index: int) -> Node:
-        """Node of one element of an input, or of a named number."""
+        """Node of one element of an input, or of a number that has a name."""
         return self._node("symbol", (), (name, index))
 
     def node(self, operation: str, operands: tuple[Scalar, ...]) -> Node:
-        """Node of an operation, without simplification."""
+        """Node of an operation that is not simplified."""
         if operation in SYMMETRIC:
             operands = tuple(sorted(operands, key=_place))
         return self._node(operation, operands, ("", 0))
@@ -129,7 +130,10 @@ class Graph:
 
 
 def call(function: str, *arguments: Scalar) -> Scalar:
-    """Scalar that a function of `FUNCTIONS` gives for scalars."""
+    """Applies a function of `FUNCTIONS` to its arguments.
+
+    The result is a node of the graph if an argument is a node, otherwise a number.
+    """
     graph = _graph(arguments)
     if graph is None:
         return FUNCTIONS[function](*arguments)
@@ -147,12 +151,12 @@ def _graph(arguments: Iterable[Scalar]) -> Graph | None:
 
 
 def _place(x: Scalar) -> tuple[int, float]:
-    """Sort key of operands, numbers before nodes."""
+    """Sort key of operands: numbers come before nodes."""
     return (1, x.number) if isinstance(x, Node) else (0, x)
 
 
 def _inside_negative(x: Scalar) -> Scalar | None:
-    """Negative of x if x is a negation or a negative number."""
+    """The negative of x, if x is a negation or a negative number; otherwise `None`."""
     if isinstance(x, Node):
         return x.operands[0] if x.operation == "neg" else None
     return -x if x < 0.0 else None
@@ -223,7 +227,7 @@ def _product(a: Scalar, b: Scalar) -> Scalar:
 
 
 def _power(graph: Graph, base: Scalar, exponent: Scalar) -> Scalar:
-    """Power, without a call of `pow` if other operations are cheaper."""
+    """Power; other operations replace `pow` if they are faster."""
     if exponent == 1.0:
         return base
     if exponent == 2.0:

@@ -1,4 +1,4 @@
-"""Program in the form that the kernel runs for single samples: a tape of operations in runs of one kind."""
+"""Program in a form that the kernel can run for single samples: a tape with runs of equal operations."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ Integers = NDArray[np.int32]
 class TapeRecord:
     """Operations of a tape for the kernel.
 
-    Values are in one array: the inputs, then the constants, then the results of the operations in order.
+    All values are stored in one array: the inputs, then the constants, then the results of the operations in order.
 
     Attributes:
-        sizes: Length of each input.
-        constants: Numbers that stand after the inputs.
-        runs: Operation and how many of it, run by run, shape (runs, 2).
-        operands: Places of what each operation reads, shape (operations, 2).
-        results: Place of each element of the result; -1 for zero.
+        sizes: Number of elements of each input.
+        constants: Constants, which are stored after the inputs.
+        runs: Code of an operation and how often it is repeated, for each run of equal operations, shape (runs, 2).
+        operands: Indices of the values that each operation uses, shape (operations, 2).
+        results: Index of the value of each element of the result; -1 for zero.
     """
 
     sizes: Integers
@@ -38,18 +38,18 @@ class TapeRecord:
 
 
 def make_tape(program: Program, given: Mapping[str, Array]) -> _native.Tape:
-    """Program that the kernel runs.
+    """Tape of a program, which the kernel can run.
 
     Args:
         program: The function.
-        given: Inputs whose values are fixed, by name; the others are those of the tape, in order.
+        given: Inputs with fixed values, by name; the other inputs are those of the tape, in order.
     """
     record = record_tape(program, given)
     return _native.Tape(record.sizes, record.constants, record.runs, record.operands, record.results)
 
 
 def record_tape(program: Program, given: Mapping[str, Array]) -> TapeRecord:
-    """Operations and constants from which `make_tape` makes a tape."""
+    """Operations and constants from which `make_tape` makes a tape; the arguments are the same."""
     inputs = [argument for argument in program.arguments if argument.name not in given]
     sizes = [argument.length for argument in inputs]
     starts = dict(zip((a.name for a in inputs), np.cumsum([0, *sizes]).tolist(), strict=False))
@@ -62,7 +62,7 @@ def record_tape(program: Program, given: Mapping[str, Array]) -> TapeRecord:
         return places[x]
 
     def outside(x: Scalar) -> int | None:
-        """Index of an input or a constant."""
+        """Index of the value of an input or a constant; `None` for an operation."""
         if not isinstance(x, Node):
             return of_number(x)
         if x.operation != "symbol":
@@ -94,7 +94,7 @@ def record_tape(program: Program, given: Mapping[str, Array]) -> TapeRecord:
 
 
 def _in_runs(program: Program) -> tuple[list[Node], list[tuple[int, int]]]:
-    """Operations in an order with few changes of kind: next comes the kind with the most executable ones."""
+    """Operations in an order with few changes of kind: the next kind is the one with most executable operations."""
     codes = {name: code for code, name in enumerate(_native.Tape.operations())}
     waiting = {
         node: sum(isinstance(x, Node) and x.operation != "symbol" for x in node.operands) for node in program.nodes

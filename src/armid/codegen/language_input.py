@@ -1,4 +1,4 @@
-"""Input of a code language: functions of a model, parameters and names."""
+"""Input for a code language: functions of a model, its parameters, and names."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ RESERVED = frozenset(
     virtual void volatile while begin end module baremodule local global let quote macro elseif otherwise parfor
     persistent spmd math std armid""".split()
 )
-"""Reserved words of the languages, which names must avoid."""
+"""Reserved words of the languages; names in generated code must differ from them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,11 +31,11 @@ class NamedValue:
     """Base parameter in generated code.
 
     Attributes:
-        name: As the field writes it.
-        variable: The same as a name in code.
-        unit: Its unit.
-        value: Its estimate.
-        formula: What it stands for.
+        name: Name as in armid, for instance `ZZR_2`.
+        variable: Name as a variable in code.
+        unit: Unit of the parameter.
+        value: Estimated value.
+        formula: Formula of the base parameter in terms of standard parameters.
     """
 
     name: str
@@ -56,15 +56,15 @@ class FunctionSource:
     """Model prepared for code generation.
 
     Attributes:
-        name: Name of the file, module or prefix.
-        heading: Lines about where it comes from.
+        name: Name of the file or module, and prefix of functions.
+        heading: Lines about the origin of the code.
         joints: Names of the joints.
         parameters: Base parameters in order.
-        columns: Names of the standard parameters, columns of the regressor.
-        programs: The functions, by name.
-        widths: Of each memory node what drives it and its half-width, for comments.
-        model: What it is the code of.
-        base: Its base parameters.
+        columns: Names of the standard parameters; they belong to the columns of the regressor.
+        programs: Programs of the functions, by name.
+        widths: For each hysteresis state, its coordinate and half-width, as text for comments.
+        model: Model for which the code is.
+        base: Base parameters of the model.
     """
 
     name: str
@@ -110,15 +110,15 @@ def make_source(
     heading: Sequence[str] = (),
     wanted: Sequence[str] = PROGRAMS,
 ) -> FunctionSource:
-    """Input of a language for a model.
+    """Prepares the input of a code language for a model.
 
     Args:
         model: Arm and torque terms.
         base: Base parameters of the model.
-        values: Their values, shape (b,).
-        name: What the code is called; the robot's name where none is given.
-        heading: Lines about where it comes from.
-        wanted: Names of the functions.
+        values: Values of the base parameters, shape (b,).
+        name: Name of the code; if empty, the name of the robot.
+        heading: Lines about the origin of the code.
+        wanted: Names of the functions, from `PROGRAMS`.
     """
     numbers = array(values, (base.count,), "base parameters")
     parameters = tuple(
@@ -152,11 +152,11 @@ def identifier(name: str) -> str:
 
 
 def _harmless(text: str) -> str:
-    """Text made safe for a comment of any language: it cannot end a comment, string or line."""
+    """Text that is safe in a comment of any language: it cannot end a comment, string or line."""
     return re.sub(r"[^\w .,:;()/+=-]", "_", text)
 
 
 def _coordinate(coordinate: Sequence[tuple[int, float]]) -> str:
-    """`q3`, or `q5 + q6` with weights."""
+    """Coordinate as text: `q3`, or a sum with weights such as `q5 + q6`."""
     parts = [f"q{j + 1}" if weight == 1.0 else f"{weight:g} q{j + 1}" for j, weight in coordinate]
     return " + ".join(parts)

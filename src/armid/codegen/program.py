@@ -1,4 +1,4 @@
-"""Function as a sequence of operations: the required part of a graph in order, with use counts."""
+"""Function as a list of operations in order: the part of a graph that its result needs."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from armid.codegen.graph import Graph, Node, Scalar
 from armid.values import Array
 
 STATE_FUNCTIONS = ("state_start", "state_update")
-"""Names of the functions of the hysteresis state."""
+"""Names of the functions that compute the hysteresis state."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,9 +24,9 @@ class Argument:
     """Input vector of a function.
 
     Attributes:
-        name: Its name: `parameters`, `q`, `dq`, `ddq` or `state`.
+        name: Name of the input: `parameters`, `q`, `dq`, `ddq` or `state`.
         length: Number of elements.
-        meaning: Its meaning, with its unit.
+        meaning: Description of the input, with its unit.
     """
 
     name: str
@@ -39,11 +39,11 @@ class Program:
     """Function of vectors without branches or loops.
 
     Attributes:
-        name: Its name.
+        name: Name of the function.
         summary: Description of the result in one line.
-        arguments: Its inputs.
+        arguments: Inputs of the function.
         shape: Shape of the result: (n,) or (rows, columns).
-        entries: The elements that are not zero, by index into the flattened result, row by row.
+        entries: Elements of the result that are not zero, by index into the result flattened row by row.
         output: Name of the result.
     """
 
@@ -61,32 +61,32 @@ class Program:
 
     @cached_property
     def results(self) -> dict[int, Scalar]:
-        """`entries` with fewer negations: -(a - b) becomes b - a if a - b has no other use."""
+        """Elements of `entries` with fewer negations: -(a - b) becomes b - a if a - b is not used otherwise."""
         return _without_signs({k: x for k, x in sorted(self.entries.items()) if isinstance(x, Node) or x != 0.0})
 
     @cached_property
     def nodes(self) -> tuple[Node, ...]:
-        """Operations that the result needs, operands first, without symbols."""
+        """Operations that the result needs, without symbols; operands come before the operations that use them."""
         return tuple(node for node in _reached(self.results.values()) if node.operation != "symbol")
 
     @cached_property
     def uses(self) -> Counter[Node]:
-        """Number of operations and results that read each node."""
+        """Number of operations and results that use each node."""
         read = [x for node in self.nodes for x in node.operands] + list(self.results.values())
         return Counter(x for x in read if isinstance(x, Node))
 
     @property
     def operations(self) -> Counter[str]:
-        """Number of operations of each kind in a call."""
+        """Number of operations of each kind in one call."""
         return Counter(node.operation for node in self.nodes)
 
     @property
     def reads(self) -> frozenset[str]:
-        """Names of the inputs that the result depends on."""
+        """Names of the inputs on which the result depends."""
         return frozenset(x.symbol[0] for x in _reached(self.results.values()) if x.operation == "symbol")
 
     def evaluate(self, inputs: Mapping[str, ArrayLike]) -> Array:
-        """Numeric result for inputs (..., length), shape (..., *shape); defines what generated code must compute."""
+        """Numeric result for inputs (..., length), shape (..., *shape); generated code must give the same values."""
         given = {name: np.asarray(x, dtype=np.float64) for name, x in inputs.items()}
         leading = np.broadcast_shapes(*(given[a.name].shape[:-1] for a in self.arguments))
         values: dict[Node, Array] = {}
@@ -124,7 +124,7 @@ _NUMPY: dict[str, Callable[..., Any]] = {
 
 
 def _reached(results: Iterable[Scalar]) -> list[Node]:
-    """Nodes that the scalars depend on, in the order of their creation."""
+    """Nodes on which scalars depend, in the order in which they were created."""
     needed: set[Node] = set()
     waiting = [x for x in results if isinstance(x, Node)]
     while waiting:
@@ -136,7 +136,7 @@ def _reached(results: Iterable[Scalar]) -> list[Node]:
 
 
 def _without_signs(results: dict[int, Scalar]) -> dict[int, Scalar]:
-    """Same results in a new graph, where a difference used only by its negation is reversed."""
+    """Same results in a new graph: a difference of which only the negative is used has its operands exchanged."""
     nodes = _reached(results.values())
     readers = Counter(x for node in nodes for x in node.operands if isinstance(x, Node))
     readers.update(x for x in results.values() if isinstance(x, Node))

@@ -1,9 +1,9 @@
 """Symbolic rigid-body dynamics of a tree.
 
-The recursion is that of Newton and Euler with bodies given about the origin of their frame, where everything is
-linear in the ten inertial parameters [Khalil2004]: a link with angular velocity ω, angular acceleration α and
-acceleration a of its origin (less gravity) needs, for U = [α]× + [ω]×[ω]×, the force m a + U h and a moment that is
-linear in the same quantities. `_columns` states this once, for torque and regressor alike. Vectors are object
+The recursion is that of Newton and Euler. Inertia is given about the origin of the link frame, so that everything is
+linear in the ten inertial parameters [Khalil2004]. Let a link have the angular velocity ω, the angular acceleration α
+and the acceleration a of its origin minus gravity, and U = [α]× + [ω]×[ω]×. It needs the force m a + U h, and a
+moment that is linear in the same quantities. `_columns` computes both for torque and regressor. Vectors are object
 arrays of scalars.
 """
 
@@ -20,22 +20,22 @@ from armid.codegen.graph import Scalar, call
 from armid.kernel.tree import Tree
 
 Symbols = NDArray[Any]
-"""Object array of scalars."""
+"""Type of an object array of scalars."""
 
 ROUNDING = 4e-16
-"""Tolerance for rounding entries of a rotation to -1, 0 or 1: two units in the last place of 1."""
+"""Tolerance with which elements of a rotation are rounded to -1, 0 or 1: two units in the last place of 1."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Geometry:
-    """Kinematic tree with lengths, directions and gravity as scalars.
+    """Kinematic tree whose lengths, directions and gravity are scalars.
 
     Attributes:
-        parent: Index of the joint before, -1 for the base.
-        prismatic: Which joints are prismatic.
-        axis: Unit axes in the frame of the joint, shape (n, 3).
-        rotation: R of frame i in frame parent_i at q_i = 0, shape (n, 3, 3).
-        translation: Origin of frame i in frame parent_i at q_i = 0, shape (n, 3) [m].
+        parent: Index of the joint whose link carries the joint; -1 for the base.
+        prismatic: Whether each joint is prismatic.
+        axis: Unit vectors of the axes in the frames of the joints, shape (n, 3).
+        rotation: Rotation of frame i in the frame of its parent at q_i = 0, shape (n, 3, 3).
+        translation: Origin of frame i in the frame of its parent at q_i = 0, shape (n, 3) [m].
         gravity: Acceleration of gravity in the base frame, shape (3,) [m/s²].
     """
 
@@ -52,7 +52,7 @@ class Geometry:
         return len(self.parent)
 
     def chain(self, i: int) -> list[int]:
-        """Joints from i to the base, i included."""
+        """Indices of the joints from i to the base, including i."""
         joints: list[int] = []
         while i >= 0:
             joints.append(i)
@@ -61,7 +61,7 @@ class Geometry:
 
 
 def numbers(tree: Tree) -> Geometry:
-    """Numeric geometry of a robot, with entries of rotations near -1, 0 and 1 made exact."""
+    """Numeric geometry of a robot; elements of rotations close to -1, 0 and 1 are rounded to them."""
     return Geometry(
         tuple(tree.parent.tolist()),
         tuple(bool(p) for p in tree.prismatic),
@@ -79,7 +79,7 @@ def inverse_dynamics(
     dq: Sequence[Scalar],
     ddq: Sequence[Scalar],
 ) -> list[Scalar]:
-    """Torque of each joint for inertial parameters (n, 10)."""
+    """Torque of each joint for bodies with inertial parameters (n, 10)."""
     joints = _joints(geometry, q)
     states = _states(geometry, joints, dq, ddq)
     forces = [_weighted(_columns(state), body) for state, body in zip(states, bodies, strict=True)]
@@ -112,7 +112,7 @@ def regressor(
     dq: Sequence[Scalar],
     ddq: Sequence[Scalar],
 ) -> dict[tuple[int, int, int], Scalar]:
-    """Nonzero entries of the regressor, by joint, link and index of the link's kept parameter."""
+    """Nonzero elements of the regressor, by indices of joint, link and the link's inertial parameter."""
     joints = _joints(geometry, q)
     entries: dict[tuple[int, int, int], Scalar] = {}
     jacobians: list[dict[int, tuple[Symbols, Symbols]]] = []
@@ -134,10 +134,10 @@ def regressor(
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Joint:
-    """Frame of a joint in that of its parent, at symbolic position.
+    """Frame of a joint in the frame of its parent, for a symbolic position.
 
-    A turn about an axis of the frame is kept apart from the constant rotation before it, which on most arms costs
-    nothing; otherwise `rotation` holds both and `turn` is `None`.
+    If the joint turns about an axis of its frame, the turn is stored separately from the constant rotation before it,
+    which for most arms needs no operations. Otherwise `rotation` contains both and `turn` is `None`.
     """
 
     rotation: Symbols  # (3, 3)
@@ -145,14 +145,14 @@ class _Joint:
     translation: Symbols  # (3,) in the parent's frame
 
     def to_parent(self, v: Symbols) -> Symbols:
-        """R v."""
+        """Vector v transformed to the frame of the parent: R v."""
         if self.turn is not None:
             axis, c, s = self.turn
             v = _turned(v, axis, c, s)
         return self.rotation @ v
 
     def to_child(self, v: Symbols) -> Symbols:
-        """Rᵀ v."""
+        """Vector v transformed from the frame of the parent: Rᵀ v."""
         v = self.rotation.T @ v
         if self.turn is None:
             return v
@@ -160,18 +160,18 @@ class _Joint:
         return _turned(v, axis, c, -s)
 
     def wrench_to_parent(self, force: Symbols, moment: Symbols) -> tuple[Symbols, Symbols]:
-        """Force and moment about the parent's origin, from those about this origin."""
+        """Force and moment about the origin of the parent's frame, from those about the origin of this frame."""
         force = self.to_parent(force)
         return force, self.to_parent(moment) + _cross(self.translation, force)
 
     def motion_to_child(self, angular: Symbols, linear: Symbols) -> tuple[Symbols, Symbols]:
-        """Velocity at this origin of a body fixed to the parent, from the velocity of the parent's frame."""
+        """Velocity of the parent's body at the origin of this frame, from that of the parent's frame."""
         return self.to_child(angular), self.to_child(linear + _cross(angular, self.translation))
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _State:
-    """Motion of a link's frame: ω, α, a less gravity, and U."""
+    """Motion of the frame of a link: ω, α, a minus gravity, and U."""
 
     omega: Symbols
     alpha: Symbols
@@ -181,7 +181,7 @@ class _State:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Body:
-    """Rigid body, with inertia about the origin of a frame."""
+    """Rigid body with inertia about the origin of a frame."""
 
     mass: Scalar
     moment: Symbols
@@ -196,7 +196,7 @@ class _Body:
         return _Body(self.mass + other.mass, self.moment + other.moment, self.inertia + other.inertia)
 
     def seen_from(self, joint: _Joint) -> _Body:
-        """Same body, with inertia about the origin of the parent's frame."""
+        """Same body with inertia about the origin of the parent's frame."""
         p, h = joint.translation, joint.to_parent(self.moment)
         half = np.column_stack([joint.to_parent(column) for column in self.inertia.T])
         turned = _symmetric(np.array([joint.to_parent(row) for row in half], dtype=object))
@@ -231,7 +231,7 @@ def _joint(geometry: Geometry, i: int, q: Scalar) -> _Joint:
 def _states(
     geometry: Geometry, joints: Sequence[_Joint], dq: Sequence[Scalar], ddq: Sequence[Scalar]
 ) -> list[_State]:
-    """Motion of every link, base to tips."""
+    """Motion of every link, from the base to the tips."""
     base = _state(_ZERO, _ZERO, -geometry.gravity)
     states: list[_State] = []
     for i, joint in enumerate(joints):
@@ -258,7 +258,7 @@ def _state(omega: Symbols, alpha: Symbols, acceleration: Symbols) -> _State:
 
 
 def _columns(state: _State) -> list[tuple[Symbols, Symbols]]:
-    """Force and moment about the origin for a unit of each of the ten inertial parameters."""
+    """Force and moment about the origin for a unit value of each of the ten inertial parameters."""
     (x, y, z), (a, b, c), U = state.omega, state.alpha, state.U
     u, v, w = state.acceleration
     yz, zx, xy = y * z, x * z, x * y
@@ -276,7 +276,7 @@ def _columns(state: _State) -> list[tuple[Symbols, Symbols]]:
 
 
 def _weighted(columns: list[tuple[Symbols, Symbols]], body: Sequence[Scalar]) -> tuple[Symbols, Symbols]:
-    """Force and moment that the motion of a body requires."""
+    """Force and moment that a body with ten parameters requires for its motion."""
     force, moment = _ZERO, _ZERO
     for (f, m), parameter in zip(columns, body, strict=True):
         force, moment = force + parameter * f, moment + parameter * m
@@ -302,7 +302,7 @@ def _along(geometry: Geometry, j: int, wrench: tuple[Symbols, Symbols]) -> Scala
 
 
 def _turned(v: Symbols, axis: int, c: Scalar, s: Scalar) -> Symbols:
-    """Vector v rotated about an axis of the frame."""
+    """Vector v rotated about an axis of the frame, given cosine and sine of the angle."""
     result = v.copy()
     j, k = (axis + 1) % 3, (axis + 2) % 3
     result[j], result[k] = c * v[j] - s * v[k], s * v[j] + c * v[k]
@@ -318,7 +318,7 @@ def _vector(x: Scalar, y: Scalar, z: Scalar) -> Symbols:
 
 
 def _symmetric(matrix: Symbols) -> Symbols:
-    """Symmetric matrix from its upper half."""
+    """Symmetric matrix from its upper triangle."""
     result = matrix.copy()
     for i, j in ((1, 0), (2, 0), (2, 1)):
         result[i, j] = result[j, i]

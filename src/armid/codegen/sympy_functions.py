@@ -1,4 +1,4 @@
-"""Functions of a model as SymPy expressions, with symbols for the geometry."""
+"""Functions of a model as SymPy expressions, in which symbols can stand for the geometry."""
 
 from __future__ import annotations
 
@@ -26,10 +26,11 @@ class Symbolic:
     """Function as SymPy expressions.
 
     Attributes:
-        result: What it gives: a SymPy matrix, (n, 1) or (rows, columns), in terms of `definitions`.
-        definitions: Symbols of shared expressions with what they stand for, in order; each uses earlier ones.
-        geometry: Symbols of lengths, directions and gravity with their numbers.
-        inputs: Symbols of each input.
+        result: Result as a SymPy matrix, (n, 1) or (rows, columns), in terms of `definitions`.
+        definitions: Symbols of shared expressions, each with its expression, in order; an expression uses earlier
+            symbols.
+        geometry: Symbols of lengths, directions and gravity, with their values.
+        inputs: Symbols of the elements of each input.
     """
 
     result: Any
@@ -38,7 +39,7 @@ class Symbolic:
     inputs: Mapping[str, tuple[Any, ...]]
 
     def expanded(self) -> Any:
-        """Result in terms of inputs and geometry only; it can be very large."""
+        """Result in terms of the inputs and the geometry only; it can be very large."""
         values: dict[Any, Any] = {}
         for symbol, expression in self.definitions:
             values[symbol] = expression.xreplace(values)
@@ -46,13 +47,13 @@ class Symbolic:
 
 
 def make_symbolic(model: DynamicsModel, base: BaseParameters, name: str, *, geometry: bool = True) -> Symbolic:
-    """Convert a function of a model to SymPy expressions.
+    """Converts a function of a model to SymPy expressions.
 
     Args:
         model: Arm and torque terms.
         base: Base parameters of the model.
-        name: The function, one of `armid.codegen.PROGRAMS`.
-        geometry: Whether lengths, oblique directions and gravity are symbols; else they are numbers.
+        name: Name of the function, one of `armid.codegen.PROGRAMS`.
+        geometry: Whether lengths, oblique directions and gravity are symbols; otherwise they are numbers.
 
     Raises:
         MissingExtraError: SymPy is not installed.
@@ -76,7 +77,7 @@ def make_symbolic(model: DynamicsModel, base: BaseParameters, name: str, *, geom
 
 
 def _named(tree: Geometry, graph: Graph) -> tuple[Geometry, dict[str, float]]:
-    """Geometry with a symbol for each number other than -1, 0 and 1, and the values of the symbols."""
+    """Geometry with a symbol for each number except -1, 0 and 1, and the values of the symbols."""
     given: dict[str, float] = {}
 
     def symbols(values: NDArray[Any], name: str) -> NDArray[Any]:
@@ -114,7 +115,7 @@ def _name(argument: str, k: int, base: BaseParameters) -> str:
 def _expressed(
     program: Program, sympy: Any, symbols_by_name: Mapping[str, Any], inputs: Mapping[str, tuple[Any, ...]]
 ) -> tuple[Any, tuple[tuple[Any, Any], ...]]:
-    """Program as expressions, with a symbol for each node that is read more than once."""
+    """Program as SymPy expressions, with a symbol for each node that is used more than once."""
     functions: dict[str, Callable[..., Any]] = {
         "add": operator.add,
         "sub": operator.sub,

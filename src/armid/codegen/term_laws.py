@@ -13,10 +13,10 @@ from armid.model.terms import Law
 
 
 def carried_out(expression: Expression, environment: Mapping[str, Scalar]) -> Scalar:
-    """Symbolic value of an expression for given scalars.
+    """Value of an expression, whose symbols have given scalar values.
 
     Raises:
-        ModelError: The expression has a function that generated code does not know.
+        ModelError: The expression contains a function for which no code can be generated.
     """
     head, arguments = expression.head, expression.arguments
     if not isinstance(head, str):
@@ -30,9 +30,9 @@ def carried_out(expression: Expression, environment: Mapping[str, Scalar]) -> Sc
         return values[0] * values[1]
     if head not in KNOWN:
         raise ModelError(
-            f"The function {head!r} of a torque term cannot be generated.",
+            f"A torque term contains the function {head!r}, for which no code can be generated.",
             possible=", ".join(sorted(KNOWN)),
-            remedy="add it to armid.codegen.graph.FUNCTIONS and to each language.",
+            remedy="use a possible function, or add this one to armid.codegen.graph.FUNCTIONS and to each language.",
         )
     return call(head, *values)
 
@@ -41,12 +41,12 @@ KNOWN = frozenset({"add", "mul", "pow", "sign", "tanh", "abs", "exp", "sin", "co
 
 
 def uses(model: DynamicsModel, name: str) -> bool:
-    """True if a law of the model reads the symbol `load` or `state`."""
+    """Tests whether a law of the model depends on the symbol `name`: `load` or `state`."""
     return any(name in symbols(law.expression) for _, law in model.laws)
 
 
 def is_inertia(law: Law) -> bool:
-    """True if a law is proportional to the acceleration, so that it belongs to the mass matrix."""
+    """Tests whether a law is proportional to the acceleration, so that it is a part of the mass matrix."""
     return derivative(law.expression, "ddq") != number(0.0)
 
 
@@ -54,9 +54,9 @@ def law_value(model: DynamicsModel, law: Law, inputs: Mapping[str, Sequence[Scal
     """Value of a law, without its parameter and weight.
 
     Args:
-        model: Model of the law.
-        law: The law.
-        inputs: The needed ones of `q`, `dq`, `ddq` and `load` by joint, and `state` by hysteresis node.
+        model: Model that contains the law.
+        law: Law of a torque term.
+        inputs: `q`, `dq`, `ddq` and `load` by joint, and `state` by hysteresis node, as far as the law needs them.
     """
     return carried_out(law.expression, _environment(model, law, inputs))
 
@@ -64,7 +64,7 @@ def law_value(model: DynamicsModel, law: Law, inputs: Mapping[str, Sequence[Scal
 def rotor_matrix(
     model: DynamicsModel, theta: Mapping[int, Scalar], q: Sequence[Scalar]
 ) -> dict[tuple[int, int], Scalar]:
-    """Part of the mass matrix due to laws proportional to the acceleration, for parameters by column."""
+    """Part of the mass matrix from laws that are proportional to the acceleration, for parameters given by column."""
     zero: list[Scalar] = [0.0] * model.n
     inputs = {"q": q, "dq": zero, "ddq": zero}
     matrix: dict[tuple[int, int], Scalar] = {}
@@ -85,7 +85,7 @@ def updated(node: MemoryNode, q: Sequence[Scalar], state: Scalar) -> Scalar:
 
 
 def combined(coordinate: Coordinate, values: Sequence[Scalar]) -> Scalar:
-    """Weighted sum Σ w_j x_j."""
+    """Weighted sum Σ w_j x_j of values x_j with the weights w_j of a coordinate."""
     total: Scalar = 0.0
     for j, weight in coordinate:
         total = total + weight * values[j]
@@ -93,7 +93,7 @@ def combined(coordinate: Coordinate, values: Sequence[Scalar]) -> Scalar:
 
 
 def _environment(model: DynamicsModel, law: Law, inputs: Mapping[str, Sequence[Scalar]]) -> dict[str, Scalar]:
-    """Values of the symbols in a law."""
+    """Values of the symbols that a law contains."""
     wanted = symbols(law.expression) | symbols(derivative(law.expression, "ddq"))
     values = {name: combined(law.coordinate, inputs[name]) for name in wanted if name in inputs and name != "state"}
     if "state" in wanted and "state" in inputs:

@@ -1,7 +1,8 @@
-"""Functions of the reference thesis: func_Y, func_Y_b, func_pi and func_pi_b [Halper2024].
+"""Functions of the thesis [Halper2024]: func_Y, func_Y_b, func_pi and func_pi_b.
 
-Its vectors go link by link through M MX MY MZ XX XY XZ YY YZ ZZ and then friction, its physical parameters through
-mass, centre of mass, inertia about it and friction. So π(μ) makes the standard parameters, and π_b(π) regroups them.
+The vector π of standard parameters contains for each link M MX MY MZ XX XY XZ YY YZ ZZ, then friction. The vector μ
+of physical parameters contains for each link mass, centre of mass, inertia about the centre of mass, then friction.
+The function π(μ) computes standard parameters, and π_b(π) computes base parameters from them.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ PHYSICAL = ("m", "rx", "ry", "rz", "Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz")
 
 
 def thesis_order(source: FunctionSource) -> list[int]:
-    """Positions of the standard parameters in the order of the thesis."""
+    """Indices of the standard parameters in the order of the thesis."""
 
     def place(k: int) -> tuple[int, int, int]:
         parameter = source.model.parameters[k]
@@ -31,7 +32,7 @@ def thesis_order(source: FunctionSource) -> list[int]:
 
 
 def thesis_programs(source: FunctionSource) -> list[tuple[Program, list[str]]]:
-    """Programs of the functions, each with lines that name its elements; regressors only if requested."""
+    """Programs of the functions, each with lines that name its elements; regressors only if they are requested."""
     order = thesis_order(source)
     rank = {column: k for k, column in enumerate(order)}
     rows = sorted(range(source.base.count), key=lambda k: rank[int(source.base.kept[k])])
@@ -52,7 +53,7 @@ def thesis_programs(source: FunctionSource) -> list[tuple[Program, list[str]]]:
 
 
 def _reordered(program: Program, name: str, columns: list[int]) -> Program:
-    """Regressor with reordered columns."""
+    """Regressor with its columns in another order."""
     width = program.shape[1]
     rank = {column: k for k, column in enumerate(columns)}
     entries = {index - index % width + rank[index % width]: x for index, x in program.entries.items()}
@@ -60,7 +61,7 @@ def _reordered(program: Program, name: str, columns: list[int]) -> Program:
 
 
 def _pi(source: FunctionSource, order: list[int]) -> Program:
-    """π(μ): standard parameters from mass, centre of mass and inertia about it; other parameters unchanged."""
+    """Program of π(μ): standard parameters from mass, centre of mass and inertia about it, others unchanged."""
     parameters = [source.model.parameters[k] for k in order]
     mu = Graph().symbols("mu", len(order))
     entries = dict(enumerate(mu))
@@ -72,7 +73,7 @@ def _pi(source: FunctionSource, order: list[int]) -> Program:
 
 
 def _about_origin(start: int, mu: list[Scalar]) -> Mapping[int, Scalar]:
-    """First moments, and inertia about the origin of the frame."""
+    """First moments, and inertia about the origin of the link frame, by index."""
     m, x, y, z, xx, xy, xz, yy, yz, zz = mu
     mx, my, mz = m * x, m * y, m * z
     values = [m, mx, my, mz]
@@ -81,7 +82,7 @@ def _about_origin(start: int, mu: list[Scalar]) -> Mapping[int, Scalar]:
 
 
 def _pi_b(source: FunctionSource, order: list[int], rows: list[int]) -> Program:
-    """π_b(π): base parameters from standard parameters."""
+    """Program of π_b(π): base parameters from standard parameters."""
     pi = Graph().symbols("pi_", len(order))
     entries: dict[int, Scalar] = {}
     for place, row in enumerate(rows):
@@ -94,12 +95,12 @@ def _pi_b(source: FunctionSource, order: list[int], rows: list[int]) -> Program:
 
 
 def _physical(parameter: Parameter) -> str:
-    """Name of the physical parameter, for instance `rx_2` for `MX_2`."""
+    """Name of the physical parameter in the place of a standard parameter, for instance `rx_2` for `MX_2`."""
     if parameter.kind == RigidBody.name:
         return f"{PHYSICAL[ORDER.index(parameter.symbol)]}_{parameter.number}"
     return parameter.name
 
 
 def _lines(names: list[str]) -> list[str]:
-    """Names in lines of twelve."""
+    """Names as lines with twelve names each."""
     return [f"  {' '.join(names[k : k + 12])}" for k in range(0, len(names), 12)]

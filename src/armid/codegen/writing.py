@@ -1,4 +1,4 @@
-"""Program as lines of text in the notation of a language: shared results become variables, others are inlined."""
+"""Program as lines of text in a code language: results that are used several times become variables."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from armid.codegen.graph import Node, Scalar
 from armid.codegen.program import Program
 
 LONGEST = 7
-"""Largest number of operations in a statement: about a line of text."""
+"""Largest number of operations in one statement; more would not fit on a line of text."""
 
 INFIX = {"add": (" + ", 1), "sub": (" - ", 1), "mul": (" * ", 2), "div": (" / ", 2)}
 """Infix operators and their precedence."""
@@ -19,12 +19,12 @@ NEGATIVE, ATOM = 3, 4
 
 @dataclass(frozen=True, slots=True)
 class Notation:
-    """Notation of a language.
+    """Notation of a code language.
 
     Attributes:
-        element: An element of an input, from its name and index from 0.
-        functions: Patterns of functions, `{}` for each argument.
-        declare: Pattern of a statement that assigns a value to a variable.
+        element: Function that gives the text of an element of an input, from its name and its index from 0.
+        functions: Patterns of function calls, with `{}` for each argument.
+        declare: Pattern of a statement that assigns a value to a new variable.
         variables: Names of the parameters.
     """
 
@@ -34,7 +34,7 @@ class Notation:
     variables: Sequence[str]
 
     def local(self, symbol: tuple[str, int]) -> str:
-        """Name of an element of an input within a function."""
+        """Name of the variable for an element of an input."""
         name, index = symbol
         if name == "parameters":
             return self.variables[index]
@@ -43,21 +43,21 @@ class Notation:
 
 @dataclass(frozen=True, slots=True)
 class _Text:
-    """Text of an expression, the lowest precedence in it, and its number of operations."""
+    """Text of an expression, its lowest precedence, and its number of operations."""
 
     text: str
     binding: int = ATOM
     size: int = 0
 
     def inside(self, binding: int) -> str:
-        """Text of the expression, in brackets if its precedence is lower than required."""
+        """Text of the expression, in brackets if its precedence is lower than `binding`."""
         return self.text if self.binding >= binding else f"({self.text})"
 
 
 def body(program: Program, notation: Notation) -> tuple[list[str], dict[int, str]]:
     """Statements of a program, and the expression of each element of the result.
 
-    Elements of inputs are read once and first, so that the output may overwrite an input.
+    Elements of inputs are read once and first. The output may therefore be the same array as an input.
     """
     symbols = {x for node in program.nodes for x in node.operands if isinstance(x, Node) and x.operation == "symbol"}
     symbols |= {x for x in program.results.values() if isinstance(x, Node) and x.operation == "symbol"}
@@ -84,13 +84,13 @@ def body(program: Program, notation: Notation) -> tuple[list[str], dict[int, str
 
 
 def matrix_rows(program: Program) -> list[list[int]]:
-    """Indices into the flattened result, row by row."""
+    """Indices into the flattened result, as one list for each row."""
     rows, columns = program.shape
     return [list(range(columns * i, columns * (i + 1))) for i in range(rows)]
 
 
 def _trigonometric(node: Node, notation: Notation) -> str | None:
-    """`s3` for the sine of q3."""
+    """Name such as `s3` for the sine of q3; `None` for other operations."""
     inner = node.operands[0]
     if node.operation in ("sin", "cos") and isinstance(inner, Node) and inner.symbol[0] == "q":
         return f"{node.operation[0]}{inner.symbol[1] + 1}"

@@ -1,1 +1,1 @@
-"""The motion to record."""
+"""Design and check of the motion to record."""

@@ -10,14 +10,14 @@ from armid.excitation.fourier import Excitation, load_plan
 TABLES = Path(__file__).parent / "tables"
 
 PLANS = {
-    "thesis-a1": "Table A.1: ten harmonics, made for the smallest condition number",
-    "thesis-a2": "Table A.2: five harmonics, made for a test of feasibility",
+    "thesis-a1": "Table A.1 of the thesis: ten harmonics, designed for the smallest condition number",
+    "thesis-a2": "Table A.2 of the thesis: five harmonics, designed for a test of feasibility",
 }
 """Names of the built-in plans, with a description of each."""
 
 
 def builtin_plan(name: str) -> Excitation:
-    """Built-in plan of a given name, as published, with a period of 20 s.
+    """Loads the built-in plan with a given name, as the thesis publishes it, with a period of 20 s.
 
     Raises:
         ArmidError: The name is unknown.

@@ -1,4 +1,4 @@
-"""Certification of a plan: every limit on a fine grid, with bounds of the values between its points.
+"""Certification of a plan: check of every limit on a fine grid, with bounds for the time between its points.
 
 A finite Fourier series is band-limited. Sums of its amplitudes bound its derivatives, and these bound how far a
 quantity can rise between two points of the grid. The certified value is the maximum on the grid plus this bound.
@@ -24,15 +24,15 @@ RATE = 1000.0
 """Rate of the grid [Hz]."""
 
 CHUNK = 2000
-"""Points of the grid that are evaluated at a time, to save memory."""
+"""Number of grid points that are evaluated at a time, to save memory."""
 
 STEPS = 40
-"""Largest number of times that a plan is shrunk before it counts as infeasible."""
+"""Largest number of times that the amplitudes of a plan are reduced before the plan counts as infeasible."""
 
 BLOCK, STRIDE, FAR = 256, 16, 0.0
-"""Points of the grid for which distances of bodies are evaluated at a time, and the stride of those that come first.
-Pairs whose utilisation stays below the last number between these, `SCALE` beyond the required distance, are not
-evaluated at the others."""
+"""Parameters of the evaluation of distances: number of grid points that are evaluated at a time; stride of the grid
+points that are evaluated first; and certified utilisation at these points from which a pair of bodies is evaluated at
+all points. The utilisation is zero at the distance `SCALE` above the required one."""
 
 SLACK = 2e-4
 """Smallest relative decrease of the amplitude in one step of shrinking."""
@@ -44,13 +44,14 @@ class Margin:
 
     Attributes:
         limit: Kind of the limit, for instance `velocity`.
-        label: Joint, pair of bodies or plane.
-        value: Value closest to the limit on the grid; a distance for collisions and workspace.
-        bound: The limit.
-        unit: Unit of both.
-        time: Time of this value [s], from the start of the series; NaN for limits without time.
-        share: Utilisation on the grid, value over limit; one at the limit.
-        certified: Utilisation with the bound of the rise between the points of the grid.
+        label: Name of the joint, of the pair of bodies or of the plane.
+        value: Value on the grid that is closest to the limit; for collisions and workspace it is a distance.
+        bound: Limit for this value.
+        unit: Unit of `value` and `bound`.
+        time: Time of this value [s], from the start of the series; NaN for limits that do not depend on time.
+        share: Utilisation on the grid, which is 1 at the limit: value divided by limit, or for distances a linear
+            measure.
+        certified: Utilisation on the grid plus the bound of its rise between the points of the grid.
     """
 
     limit: str
@@ -64,7 +65,7 @@ class Margin:
 
 
 def fine_grid(problem: DescentProblem) -> tuple[Objective, ...]:
-    """Grid in chunks, with at least a thousand points per second and forty per period of the highest harmonic."""
+    """Grid in chunks, with at least 1000 points per second and 40 points per period of the highest harmonic."""
     basis = problem.basis
     samples = math.ceil(max(RATE * basis.period, 40.0 * basis.harmonics))
     times = basis.times(samples)
@@ -80,8 +81,8 @@ Peaks = list[tuple[Array, Array, Array]]
 def _peaks(problem: DescentProblem, grid: tuple[Objective, ...], x: Array) -> Peaks:
     """Maximum utilisation (m,), certified utilisation (m,) and times (m,) [s] of each channel.
 
-    The rise between points is bounded for each chunk by itself, and only roughly where a chunk is far from a limit.
-    It is therefore added before chunks are compared.
+    The rise between points is bounded for each chunk separately, and only roughly if a chunk is far from a limit. The
+    bound is therefore added before the chunks are compared.
     """
     step = problem.basis.period / sum(len(chunk.times) for chunk in grid)
     by_channel: list[list[tuple[Array, Array, Array]]] = [[] for _ in problem.channels]
@@ -103,7 +104,7 @@ def _peaks(problem: DescentProblem, grid: tuple[Objective, ...], x: Array) -> Pe
 
 
 def _peaks_of(channel: ConstraintChannel, states: States, step: float) -> tuple[Array, Array, Array]:
-    """Maximum and certified utilisations (m,) and times (m,) [s] of a channel on a grid of a given step [s]."""
+    """Maximum and certified utilisations (m,) of a channel on a grid of a step [s], and times (m,) of the maxima."""
     values = channel.values(states)
     at, highest = values.argmax(axis=0), values.max(axis=0)
     times = states.objective.times[at] if len(values) > 1 else np.full(len(at), np.nan)
@@ -113,7 +114,7 @@ def _peaks_of(channel: ConstraintChannel, states: States, step: float) -> tuple[
 def _peaks_of_distances(
     problem: DescentProblem, channel: Clearance, times: Array, x: Array, step: float
 ) -> tuple[Array, Array, Array]:
-    """The same for distances of bodies, with fewer points and wider bounds for pairs that are far apart."""
+    """Maximum and certified utilisations and times of distances, with fewer points for pairs that are far apart."""
 
     def states(times: Array) -> States:
         return States(Objective(problem.goal, problem.basis, len(times), times=times), x, rough=True)
@@ -128,15 +129,15 @@ def _peaks_of_distances(
 
 
 def certified(problem: DescentProblem, grid: tuple[Objective, ...], x: Array) -> tuple[Array, tuple[Margin, ...]]:
-    """Plan shrunk about its start pose until every limit is certified, with its margins.
+    """Reduces the amplitudes of a plan about its start pose until every limit is certified.
 
     Args:
-        problem: The limits.
+        problem: Optimisation problem with the limits.
         grid: Grid of `fine_grid`.
-        x: The plan, shape (n k,).
+        x: Unknowns of the plan, shape (n k,).
 
     Returns:
-        Unknowns (n k,) of the certified plan, and its margin to each limit.
+        Unknowns (n k,) of the certified plan, and its margins to the limits.
 
     Raises:
         ArmidError: Even a very small motion violates a limit; the message names limit and joint.
@@ -159,8 +160,8 @@ def certified(problem: DescentProblem, grid: tuple[Objective, ...], x: Array) ->
         key=lambda each: each[2],
     )
     raise ArmidError(
-        f"The limit of {name} of {label} cannot be kept: {100 * worst:.1f} % of it is reached however little the "
-        "arm moves.",
+        f"The limit of {name} of {label} cannot be kept: even with a very small motion, {100 * worst:.1f} % of it "
+        "is reached.",
         remedy=f"relax {name} of {label}, or choose another start pose.",
     )
 
@@ -192,7 +193,7 @@ def _margins(problem: DescentProblem, x: Array, peaks: Peaks) -> tuple[Margin, .
 
 
 def _physical(channel: ConstraintChannel, k: int, share: float, slides: bool) -> tuple[float, float, str]:
-    """Value, bound and unit of entry k of a channel, from its utilisation."""
+    """Value, bound and unit of entry k of a channel, computed from the utilisation of its limit."""
     if isinstance(channel, RangeLimit):
         bound, unit = float(channel.half[k]), UNITS[channel.order][slides]
     elif isinstance(channel, Torque):

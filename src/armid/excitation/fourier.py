@@ -1,8 +1,8 @@
-"""Finite Fourier series, the band-limited periodic motion for excitation, with exact derivatives.
+"""Finite Fourier series: the band-limited periodic motion for excitation, with exact derivatives.
 
-    q_i(t) = offset_i + Σ_l a_il / (ω l) sin(ω l t) - b_il / (ω l) cos(ω l t)        (3.55b)
+    q_i(t) = offset_i + Σ_l a_il / (ω l) sin(ω l t) - b_il / (ω l) cos(ω l t)
 
-The coefficients a and b are those of the velocity [Swevers1997].
+This is equation (3.55b) of the thesis. The coefficients a and b are those of the velocity [Swevers1997].
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ from armid.notebook import Displayed, Summary
 from armid.values import Array, array, replace_file
 
 SUMMARY_RATE = 40
-"""Samples per period of the highest harmonic from which a summary is computed."""
+"""Samples per period of the highest harmonic with which a summary is computed."""
 
 PLAN_FILE = "plan.json"
-"""Name of the plan in a folder of `armid excite`."""
+"""Name of the plan file in a folder that `armid excite` has written."""
 
 PLAN_KEYS = ("robot", "base_frequency", "offset", "a", "b")
 
@@ -35,7 +35,7 @@ class Excitation(Displayed):
     """Periodic motion of n joints with L harmonics.
 
     Attributes:
-        base_frequency: ω [rad/s].
+        base_frequency: Angular frequency ω of the first harmonic [rad/s].
         a: Sine coefficients, shape (n, L) [rad/s or m/s].
         b: Cosine coefficients, shape (n, L) [rad/s or m/s].
         offset: Position about which the joints move, shape (n,) [rad or m].
@@ -51,14 +51,17 @@ class Excitation(Displayed):
     def __post_init__(self) -> None:
         object.__setattr__(self, "base_frequency", float(self.base_frequency))
         if not 0.0 < self.base_frequency < math.inf:
-            raise ArmidError(f"The base frequency must be positive; found {self.base_frequency} rad/s.")
+            raise ArmidError(
+                f"The base frequency must be positive and finite; found {self.base_frequency} rad/s.",
+                remedy="give a positive base_frequency.",
+            )
         a = array(self.a, (None, None), "a")
         object.__setattr__(self, "a", a)
         object.__setattr__(self, "b", array(self.b, a.shape, "b"))
         object.__setattr__(self, "offset", array(self.offset, (len(a),), "offset"))
 
     def summary(self) -> Summary:
-        """Range and speed of each joint over a period."""
+        """Range and velocity of each joint over one period."""
         summary = self.sample(SUMMARY_RATE * self.harmonics / self.period).summary()
         title = f"{self.robot or 'motion'}: {self.harmonics} harmonics over {self.period:.4g} s"
         return replace(summary, title=title)
@@ -89,64 +92,67 @@ class Excitation(Displayed):
         return Motion(t, q, dq, ddq)
 
     def sample(self, rate: float, periods: int = 1) -> Motion:
-        """Whole periods at `rate` samples per second [Hz], from t = 0 to one sample before the end."""
+        """Whole number of periods at `rate` samples per second [Hz], from t = 0 to one sample before the end."""
         return self.at(np.arange(round(periods * self.period * rate)) / rate)
 
     def stretched(self, period: float) -> Excitation:
-        """Same path with another period [s]: velocities scale with the ratio of the periods."""
+        """Same path with another period [s]; velocities change in inverse proportion to the period."""
         ratio = self.period / period
         return replace(self, base_frequency=self.base_frequency * ratio, a=self.a * ratio, b=self.b * ratio)
 
 
 def load_plan(path: Path | str) -> Excitation:
-    """Reads one period of the excitation of a `plan.json`, without the moves before and after it.
+    """Reads one period of the excitation of a plan, without the moves before and after it.
 
     Args:
-        path: The file, or a folder written by `armid excite`.
+        path: The file `plan.json`, or a folder that `armid excite` has written.
 
     Raises:
-        ArmidError: The file is missing, is no JSON, or lacks a key, as plans of poses or sweeps do.
+        ArmidError: The file is missing, is not JSON, or lacks a key. Plans of poses or sweeps lack keys, too.
     """
     path = Path(path)
     path = path / PLAN_FILE if path.is_dir() else path
     try:
         plan: Any = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
-        raise ArmidError(f"{path} is no plan: {error}.", remedy="give a plan.json.") from error
+        raise ArmidError(f"{path} is not a plan: {error}.", remedy="give a plan.json.") from error
     missing = [key for key in PLAN_KEYS if not isinstance(plan, dict) or key not in plan]
     if missing:
         point_to_point = isinstance(plan, dict) and "stretches" in plan
         raise ArmidError(
-            f"{path} lacks {', '.join(missing)}.",
+            f"{path} is not a plan of a periodic excitation: it lacks {', '.join(missing)}.",
             possible=", ".join(PLAN_KEYS),
-            remedy="it is a plan of poses or sweeps: armid.study.plans.plan_files.read_whole_plan reads it."
+            remedy="this is a plan of poses or sweeps: read it with armid.study.plans.plan_files.read_whole_plan."
             if point_to_point
-            else "",
+            else "give a plan.json that armid excite has written.",
         )
     try:
         return Excitation(plan["base_frequency"], plan["a"], plan["b"], plan["offset"], str(plan["robot"]))
     except (TypeError, ValueError) as error:
-        raise ArmidError(f"{path} is no plan: base_frequency must be a number ({error}).") from error
+        raise ArmidError(
+            f"{path} is not a plan: a value of it has the wrong type ({error}).",
+            remedy="give a plan.json that armid excite has written.",
+        ) from error
 
 
 def required_series(plan: object) -> Excitation:
     """Returns the argument if it is an `Excitation`.
 
     Raises:
-        ArmidError: It is something else, for instance the name of a file.
+        ArmidError: The argument is something else, for instance the name of a file.
     """
     if isinstance(plan, Excitation):
         return plan
     found = repr(plan)[:60] if isinstance(plan, str | Path) else f"a {type(plan).__name__}"
-    remedy = 'give load_plan("plan.json") of armid.excitation.fourier, or the excitation of a whole plan.'
-    raise ArmidError(f"A motion must be given as an Excitation; found {found}.", remedy=remedy)
+    remedy = 'load it with load_plan("plan.json") of armid.excitation.fourier, or give the excitation of a Plan.'
+    raise ArmidError(f"The motion must be an Excitation; found {found}.", remedy=remedy)
 
 
 def save_plan(excitation: Excitation, path: Path | str) -> Path:
-    """Writes an excitation as a `plan.json` with numbers in full precision.
+    """Writes an excitation to a file `plan.json`, with numbers in full precision.
 
     Raises:
-        ArmidError: The first argument is no excitation.
+        ArmidError: The first argument is not an `Excitation`.
     """
     excitation = required_series(excitation)
     plan = {

@@ -1,6 +1,6 @@
-"""Motion of a whole recording: a smooth move to the start pose, repeated excitation, and a smooth move back.
+"""Motion of a whole recording: a smooth move to the start pose, the repeated excitation, and a smooth move back.
 
-The series starts and ends at rest, so a polynomial of the fifth degree joins it without a jump in acceleration.
+The series starts and ends at rest. A move is a polynomial of the fifth degree, so the acceleration does not jump.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ from armid.notebook import Displayed, Summary
 from armid.values import Array, array
 
 PEAKS = (1.0, 1.875, 10.0 / 3.0**0.5, 60.0)
-"""Largest position, velocity, acceleration and jerk of the polynomial for one radian in one second."""
+"""Largest position, velocity, acceleration and jerk of the polynomial for a move of one radian in one second."""
 
 
 def seconds_for(distance: ArrayLike, velocity: ArrayLike, acceleration: ArrayLike, jerk: ArrayLike) -> float:
-    """Shortest duration [s] of a move over distances (n,) within limits (n,) of velocity, acceleration and jerk."""
+    """Shortest duration [s] of a move over distances (n,) with limits (n,) of velocity, acceleration and jerk."""
     way = np.abs(np.asarray(distance, dtype=np.float64))
     limits = (velocity, acceleration, jerk)
     times = [
@@ -33,14 +33,14 @@ def seconds_for(distance: ArrayLike, velocity: ArrayLike, acceleration: ArrayLik
 
 @dataclass(frozen=True, eq=False, slots=True, repr=False)
 class Plan(Displayed):
-    """Excitation with its repetitions and the moves before and after it.
+    """Excitation with its repetitions, and the moves before and after it.
 
     Attributes:
         excitation: The periodic motion.
-        repetitions: Number of periods, without a pause.
-        begin: Pose before the move to the start, shape (n,) [rad or m]; the start itself where not given.
-        end: Pose after the move back, shape (n,) [rad or m]; the start itself where not given.
-        lead_in: Duration of the move to the start [s].
+        repetitions: Number of periods; there is no pause between them.
+        begin: Pose before the move to the start pose, shape (n,) [rad or m]; `None` for no such move.
+        end: Pose after the move back, shape (n,) [rad or m]; `None` for no such move.
+        lead_in: Duration of the move to the start pose [s].
         lead_out: Duration of the move back [s].
     """
 
@@ -54,19 +54,23 @@ class Plan(Displayed):
     def __post_init__(self) -> None:
         required_series(self.excitation)
         if self.repetitions < 1:
-            raise ArmidError(f"A plan repeats its excitation at least once; found {self.repetitions}.")
+            raise ArmidError(
+                f"A plan needs at least one repetition of its excitation; found {self.repetitions}.",
+                remedy="give repetitions of 1 or more.",
+            )
         for name, seconds in (("begin", self.lead_in), ("end", self.lead_out)):
             pose = getattr(self, name)
             if pose is not None:
                 object.__setattr__(self, name, array(pose, (self.excitation.n,), name))
             if (pose is None) != (seconds == 0.0) or seconds < 0.0:
                 raise ArmidError(
-                    f"A move from or to a pose needs the pose and a time above zero; found {seconds} s.",
-                    remedy=f"give both for {name}, or neither.",
+                    f"A move before or after the excitation needs a pose and a duration above zero; {name!r} has "
+                    f"{'no pose' if pose is None else 'a pose'} and {seconds} s.",
+                    remedy=f"give both for {name!r}, or neither.",
                 )
 
     def summary(self) -> Summary:
-        """Summary of the excitation with repetitions and total duration."""
+        """Summary of the excitation, with repetitions and total duration."""
         summary = self.excitation.summary()
         often = "once" if self.repetitions == 1 else f"{self.repetitions} times"
         return replace(summary, title=f"{summary.title}, {often}; {self.duration:.4g} s in all")
@@ -78,11 +82,11 @@ class Plan(Displayed):
 
     @property
     def start(self) -> Array:
-        """Pose where the excitation begins and ends, shape (n,)."""
+        """Pose in which the excitation begins and ends, shape (n,) [rad or m]."""
         return self.excitation.at([0.0]).q[0]
 
     def at(self, time: ArrayLike) -> Motion:
-        """Motion at times (N,) [s] from the beginning of the plan; at rest before and after it."""
+        """Motion at times (N,) [s] from the beginning of the plan; before and after the plan the arm is at rest."""
         t = array(time, (None,), "time")
         q, dq, ddq = (np.zeros((len(t), self.excitation.n)) for _ in range(3))
         last = self.duration - self.lead_out
@@ -104,17 +108,21 @@ class Plan(Displayed):
         return Motion(t, q, dq, ddq)
 
     def sample(self, rate: float) -> Motion:
-        """Whole plan at `rate` samples per second [Hz], both ends included."""
+        """Whole plan at `rate` samples per second [Hz], including both ends."""
         return self.at(np.arange(int(np.floor(self.duration * rate + 1e-9)) + 1) / rate)
 
     def rehearsal(self, speed: float) -> Plan:
-        """Same path with one repetition at a fraction of the speed.
+        """Plan with the same path, one repetition and reduced speed, to be tried before the plan itself.
 
         Args:
-            speed: Between 0 and 1; velocities fall with it, accelerations with its square.
+            speed: Factor of the speed, above 0 and at most 1. Velocities are multiplied by it, accelerations by its
+                square.
         """
         if not 0.0 < speed <= 1.0:
-            raise ArmidError(f"A rehearsal is no faster than the plan; found a speed of {speed}.")
+            raise ArmidError(
+                f"The speed of a rehearsal must be above 0 and at most 1; found {speed}.",
+                remedy="give for instance 0.2 for a fifth of the planned speed.",
+            )
         return replace(
             self,
             excitation=self.excitation.stretched(self.excitation.period / speed),

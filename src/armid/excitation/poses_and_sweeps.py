@@ -1,8 +1,8 @@
 """Point-to-point experiments: static poses for gravity, and sweeps at constant velocity for friction.
 
-Poses are chosen from many random ones by an exchange algorithm that minimises the confidence ellipsoid of the gravity
-parameters. A sweep moves one joint at a time back and forth at a constant velocity while the others rest. Both
-motions consist of segments: polynomials of the fifth degree, standstill, and constant velocity.
+Poses are selected from many random ones with an exchange algorithm that minimises the confidence ellipsoid of the
+gravity parameters. A sweep moves one joint back and forth at a constant velocity, while the other joints rest. Both
+motions consist of segments: polynomials of the fifth degree, standstill, and motion at constant velocity.
 """
 
 from __future__ import annotations
@@ -23,44 +23,45 @@ from armid.model.motion import Motion
 from armid.values import Array, array
 
 CANDIDATES = 600
-"""Random poses from which the static poses are chosen."""
+"""Number of random poses from which the static poses are selected."""
 
 EXCHANGES = 6
-"""Largest number of exchange passes over the chosen poses; the value hardly changes after the third."""
+"""Largest number of passes of the exchange algorithm; after the third pass the value hardly changes."""
 
 RIDGE = 1e-6
-"""Initial information relative to that of all candidates, because the information of few poses is singular."""
+"""Initial information, relative to the information of all candidates. It is needed because the information of few
+poses is singular."""
 
 SHARE = 0.5
-"""Share of the limits of velocity and acceleration that moves between poses use."""
+"""Share of the limits of velocity and acceleration that is used by moves between poses."""
 
 USUAL_ACCELERATION = 2.0
-"""Acceleration used where no limit is known [rad/s² or m/s²]."""
+"""Acceleration that is used if no limit is known [rad/s² or m/s²]."""
 
 LOOKS = 60
-"""Poses on a straight move that are checked for collisions."""
+"""Number of poses on a straight move that are checked for collisions."""
 
 EVEN = 4.0
-"""Longest time at constant velocity in a sweep [s]: friction at one velocity needs no longer."""
+"""Longest time at constant velocity in a sweep [s]; a longer time would not improve the friction at one velocity."""
 
 PLACES, NARROW = 80, 1e-3
-"""Positions of each joint that are checked for collisions to either side of the start, and the smallest range that
-remains [rad or m]."""
+"""Number of positions of each joint that are checked for collisions on each side of the start, and smallest range
+that remains [rad or m]."""
 
 EDGE = 0.05
-"""Share of a joint's range that is kept free at each end."""
+"""Share of the range of a joint that is not used at each end."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Moves:
-    """Motion of consecutive segments, each from one pose to the next.
+    """Motion that consists of consecutive segments, each from one pose to the next.
 
     Attributes:
         joints: Names of the joints.
-        poses: Poses between segments, first and last included, shape (k + 1, n) [rad or m].
+        poses: Poses between the segments, including the first and the last one, shape (k + 1, n) [rad or m].
         seconds: Duration of each segment, shape (k,) [s].
-        speeds: Joint velocities in these poses, shape (k + 1, n) [rad/s or m/s].
-        kinds: Kind of each segment: `way` (a move), `rest` or `sweep`.
+        speeds: Joint velocities at these poses, shape (k + 1, n) [rad/s or m/s].
+        kinds: Kind of each segment: `way` (a move between poses), `rest` (standstill) or `sweep` (constant velocity).
     """
 
     joints: tuple[str, ...]
@@ -77,11 +78,11 @@ class Moves:
 
     @property
     def duration(self) -> float:
-        """Duration of all segments [s]."""
+        """Total duration of all segments [s]."""
         return float(self.seconds.sum())
 
     def at(self, time: Array) -> Motion:
-        """Motion at times (N,) [s]; at rest in the last pose after the end."""
+        """Motion at times (N,) [s]; after the end the arm rests in the last pose."""
         t = array(time, (None,), "time")
         ends = np.cumsum(self.seconds)
         k = np.minimum(np.searchsorted(ends, t, side="right"), len(self.kinds) - 1)
@@ -98,10 +99,11 @@ class Moves:
         return Motion(t, q, dq, ddq)
 
     def rehearsal(self, speed: float) -> Moves:
-        """Same path at a fraction of the speed, above 0 and up to 1."""
+        """Motion along the same path at a fraction of the speed, above 0 and at most 1."""
         if not 0.0 < speed <= 1.0:
             raise ArmidError(
-                f"A rehearsal is no faster than the plan; found a speed of {speed}.", remedy="give a speed up to 1."
+                f"The speed of a rehearsal must be above 0 and at most 1; found {speed}.",
+                remedy="give for instance 0.2 for a fifth of the planned speed.",
             )
         return replace(self, seconds=self.seconds / speed, speeds=self.speeds * speed)
 
@@ -119,37 +121,36 @@ def choose_poses(
     seed: int = 1,
     allowed: Callable[[Array], NDArray[np.bool_]] | None = None,
 ) -> Array:
-    """Static poses (count, n) that determine the gravity parameters best, by an exchange algorithm on random poses.
+    """Selects the static poses (count, n) that determine the gravity parameters best, from random poses.
 
     Args:
         model: Arm and torque terms.
-        base: Its base parameters.
+        base: Base parameters of the model.
         limits: Limits of the joints.
         count: Number of poses.
         seed: Seed of the random poses.
-        allowed: Test of poses (N, n), shape (N,); all are allowed where left out.
+        allowed: Function that tests poses (N, n), result (N,); if it is not given, all poses are allowed.
 
     Raises:
-        ArmidError: The count is below one, too few random poses are allowed, or gravity acts on no joint.
+        ArmidError: The count is below one, too few random poses are allowed, or gravity causes no torque.
     """
     if count < 1:
-        raise ArmidError(f"At least one pose is needed; found {count}.")
+        raise ArmidError(f"At least one pose is needed; found {count}.", remedy="ask for one pose or more.")
     rng = np.random.default_rng(seed)
     low, high = _range(limits)
     q = rng.uniform(low, high, (CANDIDATES, model.n))
     if allowed is not None:
         q = q[allowed(q)]
     if len(q) < count:
-        raise ArmidError(
-            f"Only {len(q)} of {CANDIDATES} random poses keep bodies apart; {count} are asked.",
-            remedy="ask for fewer poses, a smaller --clearance, or wider limits.",
-        )
+        problem = f"Only {len(q)} of {CANDIDATES} random poses are free of collisions, but {count} poses are needed."
+        raise ArmidError(problem, remedy="ask for fewer poses, or give a smaller --clearance or wider limits.")
     zero = np.zeros_like(q)
     rows = model.regressor(Motion.of_states(q, zero, zero))[:, :, base.kept]
     everything = np.einsum("nja,njb->ab", rows, rows)
     values, vectors = np.linalg.eigh(everything)
     if values[-1] <= 0.0:
-        raise ArmidError(f"Gravity acts on no joint of {model.robot.name}.", remedy="record sweeps, not poses.")
+        problem = f"Gravity causes no torque in any joint of {model.robot.name}; static poses give no information."
+        raise ArmidError(problem, remedy="record sweeps instead of poses.")
     seen = vectors[:, values > 1e-10 * values[-1]]
     rows = rows @ seen
     parts = np.einsum("nja,njb->nab", rows, rows)
@@ -173,7 +174,7 @@ def choose_poses(
 
 
 def _best(G: Array, rows: Array, taken: Sequence[int]) -> int:
-    """Index of the candidate whose rows increase the determinant of G most."""
+    """Index of the candidate whose rows increase the determinant of G most; candidates in `taken` are excluded."""
     inverse = np.linalg.inv(G)
     n = rows.shape[1]
     gain = np.linalg.slogdet(np.eye(n) + np.einsum("nja,ab,nkb->njk", rows, inverse, rows))[1]
@@ -182,7 +183,7 @@ def _best(G: Array, rows: Array, taken: Sequence[int]) -> int:
 
 
 def _short_way(q: Array) -> list[int]:
-    """Order of poses in which each is followed by the nearest of the remaining ones."""
+    """Order of poses in which each pose is followed by the nearest of the remaining poses."""
     order, rest = [0], list(range(1, len(q)))
     while rest:
         nearest = min(rest, key=lambda k: float(np.abs(q[k] - q[order[-1]]).max()))
@@ -192,7 +193,7 @@ def _short_way(q: Array) -> list[int]:
 
 
 def _range(limits: Limits) -> tuple[Array, Array]:
-    """Lowest and highest positions of poses: the range without its edges, ± π where it is unbounded."""
+    """Lowest and highest positions of poses: the range without its ends, or ± π if it is unbounded."""
     low = np.where(np.isfinite(limits.lower), limits.lower, -np.pi)
     high = np.where(np.isfinite(limits.upper), limits.upper, np.pi)
     edge = EDGE * (high - low)
@@ -216,20 +217,24 @@ def poses_plan(
     via: Array | None = None,
     free: Callable[[Array], NDArray[np.bool_]] | None = None,
 ) -> Moves:
-    """Moves through poses with a standstill in each.
+    """Motion through poses with a standstill in each pose.
 
     Args:
-        poses: Shape (k, n) [rad or m].
+        poses: Poses in order, shape (k, n) [rad or m].
         limits: Limits of the joints.
         rest: Duration of the standstill in each pose [s].
-        via: Pose (n,) through which the arm moves where the straight move collides.
-        free: Test whether poses (N, n) are free of collisions, shape (N,); all are where left out.
+        via: Pose (n,) through which the arm moves if the straight move would collide.
+        free: Function that tests whether poses (N, n) are free of collisions, result (N,); if not given, all are
+            free.
 
     Raises:
-        ArmidError: The standstill has no duration.
+        ArmidError: The duration of the standstill is not positive.
     """
     if not rest > 0.0:
-        raise ArmidError(f"The arm has to stand still for some time in each pose; found {rest} s.")
+        raise ArmidError(
+            f"The duration of the standstill in each pose must be positive; found {rest} s.",
+            remedy="give for instance 2 s.",
+        )
     places, seconds, kinds = [poses[0]], [rest], ["rest"]
     for a, b in pairwise(poses):
         straight = free is None or via is None or bool(free(straight_way(a, b)).all())
@@ -251,12 +256,12 @@ def straight_way(a: Array, b: Array) -> Array:
 
 
 def free_ranges(start: Array, limits: Limits, allowed: Callable[[Array], NDArray[np.bool_]]) -> Limits:
-    """Limits whose positions are narrowed to the range that each joint alone can move in from the start.
+    """Limits whose position ranges are reduced to the range in which each joint can move alone from the start pose.
 
     Args:
-        start: Pose, shape (n,) [rad or m].
+        start: Start pose, shape (n,) [rad or m].
         limits: Limits of the joints.
-        allowed: Test of poses (N, n), shape (N,).
+        allowed: Function that tests poses (N, n), result (N,).
     """
     ends = limits.lower.copy(), limits.upper.copy()
     for j in range(len(start)):
@@ -270,21 +275,25 @@ def free_ranges(start: Array, limits: Limits, allowed: Callable[[Array], NDArray
 
 
 def sweeps_plan(start: Array, limits: Limits, speeds: Sequence[float] = (0.05, 0.15, 0.4, 0.8)) -> Moves:
-    """Moves of each joint back and forth at constant velocities, while the others rest in the start pose.
+    """Motion of one joint after the other, back and forth at constant velocities, from the start pose.
 
-    A joint accelerates and decelerates before and after the constant velocity, at most at half its limit of
-    acceleration. A speed for which its range is too short is left out.
+    Before and after the constant velocity, the joint accelerates and decelerates with at most half its acceleration
+    limit. A velocity is left out if the range of the joint is too short for it.
 
     Args:
-        start: Pose of the joints that rest, shape (n,) [rad or m].
+        start: Pose in which the other joints rest, shape (n,) [rad or m].
         limits: Limits of the joints.
-        speeds: Velocities as shares of each joint's limit, above 0 and up to 1.
+        speeds: Velocities divided by the velocity limit of each joint, above 0 and at most 1.
 
     Raises:
-        ArmidError: A velocity is not above 0 and up to 1, or none is given.
+        ArmidError: A velocity is outside this range, or no velocity is given.
     """
     if not len(speeds) or not all(0.0 < speed <= 1.0 for speed in speeds):
-        raise ArmidError(f"Velocities of sweeps are shares of the limit, above 0 and up to 1; found {list(speeds)}.")
+        raise ArmidError(
+            "The velocities of sweeps are shares of the velocity limit, above 0 and at most 1; found "
+            f"{list(speeds) or 'none'}.",
+            remedy="give for instance 0.1 and 0.5.",
+        )
     low, high = _range(limits)
     places, seconds, kinds = [start], list[float](), list[str]()
     velocities = [np.zeros(len(start))]

@@ -1,4 +1,4 @@
-"""Preflight of a plan: margins to the limits, closest approaches, and predicted standard deviations."""
+"""Preflight check of a plan: margins to the limits, closest approaches of bodies, predicted standard deviations."""
 
 from __future__ import annotations
 
@@ -23,20 +23,20 @@ from armid.values import Array
 Verdict = Literal["pass", "fail", "weak", "not checked"]
 
 NAMED = 3
-"""Largest number of limits and pairs that a sentence names."""
+"""Largest number of limits and of pairs of bodies that are named in a sentence."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Expectation:
-    """Predicted uncertainty of the parameters if the model holds and the noise is white.
+    """Predicted uncertainty of the parameters, if the model is correct and the noise is white.
 
     Attributes:
         names: Names of the base parameters.
-        units: Their units.
-        deviation: Standard deviations, shape (b,).
-        torque: Standard deviation of each joint's predicted torque, RMS over the plan, shape (n,) [N·m or N].
-        condition: Condition number of the stacked regressor of one repetition, as in (3.55a).
-        log_det: Logarithm of the determinant of the information.
+        units: Units of the base parameters.
+        deviation: Standard deviations of the base parameters, shape (b,).
+        torque: Standard deviation of the predicted torque of each joint, RMS over the plan, shape (n,) [N·m or N].
+        condition: Condition number of the stacked regressor of one repetition, as in equation (3.55a) of the thesis.
+        log_det: Logarithm of the determinant of the information matrix.
     """
 
     names: tuple[ParameterName, ...]
@@ -52,12 +52,13 @@ class Preflight:
     """Result of the preflight check of a plan.
 
     Attributes:
-        margins: Margin to every limit, joint by joint.
+        margins: Margins to all limits, joint by joint.
         approaches: Closest approach of every pair of bodies, nearest first.
-        skipped: Pairs that touch by construction and are not checked.
+        skipped: Pairs of bodies that are not checked, because they touch by construction or the user has excluded
+            them.
         expected: Predicted uncertainty of the parameters; `None` for poses and sweeps.
-        unchecked: Reason why collisions are not checked; empty where they are.
-        weak: Finding that the plan cannot identify the arm; `None` where it can.
+        unchecked: Reason why collisions are not checked; empty if they are checked.
+        weak: Finding that the motion is too weak to identify the arm; `None` if it is not.
     """
 
     margins: tuple[Margin, ...]
@@ -71,8 +72,8 @@ class Preflight:
     def verdict(self) -> Verdict:
         """Verdict on the plan.
 
-        It is `fail` where a limit is missed or bodies are too close, `weak` where the motion cannot identify the arm,
-        and `not checked` without collision check.
+        `fail`: a limit is exceeded, or bodies are too close. `weak`: the motion cannot identify the arm. `not
+        checked`: collisions are not checked. Otherwise `pass`.
         """
         if self._missed or self._close:
             return "fail"
@@ -83,10 +84,13 @@ class Preflight:
     @property
     def sentence(self) -> str:
         """Verdict as a sentence."""
-        failures = [f"{each.limit} of {each.label} is missed: {each.value:.4g} {each.unit}" for each in self._missed]
+        failures = [
+            f"the limit of {each.limit} of {each.label} is exceeded: {each.value:.4g} {each.unit}"
+            for each in self._missed
+        ]
         failures += [
-            f"{each.pair} come within {1000.0 * each.distance:.0f} mm at {each.time:.2f} s, less than the "
-            f"{1000.0 * each.asked:.0f} mm that they should keep"
+            f"the distance of {each.pair} is {1000.0 * each.distance:.0f} mm at {each.time:.2f} s, less than the "
+            f"required {1000.0 * each.asked:.0f} mm"
             for each in self._close
         ]
         if failures:
@@ -107,18 +111,18 @@ class Preflight:
 
 
 def _some(joints: str) -> str:
-    """The first of some names, with the number of the others."""
+    """The first names of a list, and the number of the others."""
     names = joints.split(", ")
     return ", ".join(names[:NAMED]) + (f" and {len(names) - NAMED} more" if len(names) > NAMED else "")
 
 
 def expectation(goal: CriterionGoal, objective: Objective, x: Array) -> Expectation:
-    """Predicted uncertainty of the parameters from a plan, with the noise and repetitions of a goal.
+    """Predicted uncertainty of the parameters for a plan, with the noise and the repetitions of a goal.
 
     Args:
         goal: Noise, repetitions and prior information.
-        objective: Grid with the laws not smoothed.
-        x: The plan, shape (n k,).
+        objective: Objective on a grid, with laws that are not smoothed.
+        x: Unknowns of the plan, shape (n k,).
     """
     G = objective.information(x)
     covariance = np.linalg.inv(G)
@@ -148,14 +152,14 @@ def preflight(
     limits: tuple[Margin, ...] | None = None,
     unchecked: str = "",
 ) -> Preflight:
-    """Checks a plan: limits on the fine grid, collisions by Coal, predicted uncertainty.
+    """Checks a plan: limits on the fine grid, collisions with Coal, and predicted uncertainty.
 
     Args:
-        problem: Criterion and limits.
-        x: The plan, shape (n k,).
-        collision: Bodies that must keep a distance; `None` for no collision check.
-        limits: Margins to the limits where they are known already.
-        unchecked: Reason why collisions are not checked; empty where they are.
+        problem: Criterion and limits of the design.
+        x: Unknowns of the plan, shape (n k,).
+        collision: Pairs of bodies that must keep a distance; `None` for no collision check.
+        limits: Margins to the limits, if they are known already.
+        unchecked: Reason why collisions are not checked; empty if they are checked.
     """
     goal, basis = problem.goal, problem.basis
     samples = max(round(goal.rate * basis.period), 40 * basis.harmonics)
@@ -174,6 +178,6 @@ def preflight(
 
 
 def worst(found: Sequence[Margin]) -> tuple[Margin, ...]:
-    """Smallest margin of each kind of limit."""
+    """Smallest margin for each kind of limit."""
     names = dict.fromkeys(margin.limit for margin in found)
     return tuple(max((m for m in found if m.limit == name), key=lambda m: m.share) for name in names)

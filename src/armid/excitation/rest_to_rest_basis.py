@@ -1,12 +1,12 @@
-"""Basis of all Fourier series that start and end at rest, whose coordinates are the unknowns of a design.
+"""Basis of all Fourier series that start and end at rest; its coordinates are the unknowns of a design.
 
-Rest at t = 0 is a linear condition on the coefficients of (3.55b):
+Rest at t = 0 is a linear condition on the coefficients of equation (3.55b) of the thesis:
 
     Σ a_l = 0  (velocity),   Σ l b_l = 0  (acceleration),   offset - Σ b_l / (ω l) = start  (position)        (3.55c)
 
-A basis of the null space eliminates it, so that no solver has to enforce it. The thesis also requires
-Σ b_l / l = 0, so that joints swing about their start pose; `literal` keeps this condition. Without it each joint has
-one more unknown.
+If the series is written in a basis of the null space of this condition, no solver has to enforce it. The thesis also
+requires Σ b_l / l = 0, so that the offset of each joint is its start position; `literal` keeps this condition.
+Without it each joint has one more unknown.
 """
 
 from __future__ import annotations
@@ -23,19 +23,20 @@ from armid.excitation.fourier import Excitation
 from armid.values import Array, array
 
 ORDERS = 4
-"""Position, velocity, acceleration and jerk."""
+"""Number of matrices: position, velocity, acceleration and jerk."""
 
 
 @dataclass(frozen=True, eq=False)
 class SeriesBasis:
-    """Affine map from unknowns x (n, k) to series of n joints and L harmonics that are at rest at t = 0.
+    """Affine map from unknowns x (n, k) to the series of n joints with L harmonics that are at rest at t = 0.
 
     Attributes:
-        base_frequency: ω [rad/s].
-        harmonics: L.
-        start: Pose at t = 0, shape (n,) [rad or m]; where `free`, the pose that x = 0 represents.
+        base_frequency: Angular frequency ω of the first harmonic [rad/s].
+        harmonics: Number L of harmonics.
+        start: Pose at t = 0, shape (n,) [rad or m]; if `free`, the pose that belongs to x = 0.
         free: Whether the start pose is among the unknowns.
-        literal: Whether joints swing about the start pose, Σ b_l / l = 0, as in (3.55c).
+        literal: Whether the offset of each joint is its start position, Σ b_l / l = 0, as in equation (3.55c) of the
+            thesis.
     """
 
     base_frequency: float
@@ -55,10 +56,10 @@ class SeriesBasis:
         fewest = 2
         if self.harmonics < fewest:
             raise ArmidError(
-                f"{self.harmonics} harmonics cannot start and end at rest: velocity and acceleration take all of "
-                "their coefficients.",
+                f"A series with {self.harmonics} harmonics cannot start and end at rest: the conditions on velocity "
+                "and acceleration leave no coefficients free.",
                 possible=f"{fewest} harmonics or more",
-                remedy="ask for about ten.",
+                remedy="give more harmonics; about ten are usual.",
             )
 
     @property
@@ -73,7 +74,7 @@ class SeriesBasis:
 
     @cached_property
     def null_space(self) -> Array:
-        """Orthonormal basis of the coefficients (a, b, offset) of a joint that are at rest, shape (2 L + 1, k)."""
+        """Orthonormal basis of the coefficients (a, b, offset) of a joint that is at rest, shape (2 L + 1, k)."""
         number, L = np.arange(1.0, self.harmonics + 1.0), self.harmonics
         rows = np.zeros((4, 2 * L + 1))
         rows[0, :L] = 1.0
@@ -90,22 +91,22 @@ class SeriesBasis:
 
     @property
     def size(self) -> int:
-        """Number of unknowns of one joint, k."""
+        """Number k of unknowns of one joint."""
         return self.null_space.shape[1]
 
     @property
     def unknowns(self) -> int:
-        """Number of unknowns of all joints, n k."""
+        """Number n k of unknowns of all joints."""
         return self.n * self.size
 
     def coefficients(self, x: ArrayLike) -> Array:
-        """Coefficients (a, b, offset) of unknowns (n k,), shape (n, 2 L + 1)."""
+        """Coefficients (a, b, offset) for unknowns (n k,), shape (n, 2 L + 1)."""
         result = np.asarray(x, dtype=np.float64).reshape(self.n, self.size) @ self.null_space.T
         result[:, -1] += self.start
         return result
 
     def excitation(self, x: ArrayLike, robot: str = "") -> Excitation:
-        """Series of unknowns (n k,)."""
+        """Series for unknowns (n k,)."""
         c, L = self.coefficients(x), self.harmonics
         return Excitation(self.base_frequency, c[:, :L], c[:, L : 2 * L], c[:, -1], robot)
 
@@ -116,11 +117,11 @@ class SeriesBasis:
         return (c @ self.null_space).ravel()
 
     def unknowns_of(self, excitation: Excitation) -> Array:
-        """Unknowns (n k,) of an excitation of the same shape."""
+        """Unknowns (n k,) of an excitation with the same number of joints and harmonics."""
         return self.project(np.hstack([excitation.a, excitation.b, excitation.offset[:, None]]))
 
     def matrices(self, time: ArrayLike) -> tuple[Array, ...]:
-        """Matrices (N, k) from unknowns to position less start, velocity, acceleration, jerk at times (N,) [s]."""
+        """Matrices (N, k) from unknowns to position minus start, velocity, acceleration, jerk at times (N,) [s]."""
         t = array(time, (None,), "time")
         f = self.base_frequency * np.arange(1, self.harmonics + 1)
         s, c = np.sin(np.outer(t, f)), np.cos(np.outer(t, f))
@@ -133,14 +134,14 @@ class SeriesBasis:
         return np.arange(float(samples)) * (self.period / samples)
 
     def peaks_between(self, x: ArrayLike, order: int) -> Array:
-        """Bound of a derivative of the positions for all phases of the harmonics, shape (n,).
+        """Bound of a derivative of the positions, which holds for all phases of the harmonics; shape (n,).
 
-        The bound is the sum of the amplitudes. The bound of the second derivative of a quantity, times h²/8, bounds
-        its rise between the points of a grid of step h.
+        The bound is the sum of the amplitudes. If a quantity is sampled on a grid of step h, it rises between the
+        points by at most h²/8 times the bound of its second derivative.
 
         Args:
             x: Unknowns (n k,).
-            order: 0 position (without offset), 1 velocity, 2 acceleration, and so on.
+            order: Order of the derivative: 0 position (without offset), 1 velocity, 2 acceleration, and so on.
         """
         c, L = self.coefficients(x), self.harmonics
         f: Array = self.base_frequency * np.arange(1.0, L + 1.0)

@@ -1,4 +1,4 @@
-"""Finding for a search that ran out of time while its best plan was still improving."""
+"""Finding for a search that ended at its time limit while its best plan was still improving."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from armid.errors import Finding
 from armid.excitation.design.multistart import Search
 
 STILL = 0.05
-"""Relative improvement in the second half of the time from which a plan counts as still improving."""
+"""Relative improvement in the second half of the time, from which a plan counts as still improving."""
 
 LONGER = 60.0
 """Smallest wall time that the remedy proposes [s]."""
@@ -18,25 +18,25 @@ OF_VARIANCES = ("d-optimal", "a-optimal", "e-optimal", "prediction")
 
 
 def unsettled(search: Search, criterion: str, budget: float | None) -> Finding | None:
-    """Finding that a search ran out of time before its plan converged; `None` otherwise.
+    """Finding that a search reached its time limit before its plan converged; `None` otherwise.
 
-    A plan has not converged where no descent was completed in time, or where the second half of the time, counted
-    from the first completed descent, still improved it by `STILL`, relative to the predicted standard deviations or
-    the condition number.
+    A plan has not converged in two cases: no descent was completed in time; or in the second half of the time,
+    counted from the first completed descent, the predicted standard deviations or the condition number still
+    decreased by the share `STILL` or more.
 
     Args:
-        search: The search.
+        search: Result of the search.
         criterion: Name of the criterion.
         budget: Wall time of the search [s].
     """
     if budget is None or search.interrupted or search.seconds < budget:
         return None
-    remedy = f"search longer, as with --budget {max(LONGER, 2.0 * budget):g}."
+    remedy = f"give the search more time, for instance --budget {max(LONGER, 2.0 * budget):g}."
     ends = [(seconds, value) for seconds, value in search.history[1:] if seconds < budget]
     if not ends:
         evidence = (
-            f"Time ended the search after {budget:g} s, before any descent had come to its end: the plan may be far "
-            "from the best"
+            f"The search reached its time limit of {budget:g} s before the first descent was completed: the plan may "
+            "be far from the best one"
         )
         return Finding("search-unsettled", "warning", "", evidence, remedy)
     since = max(ends[0][0], 0.5 * budget)
@@ -49,7 +49,7 @@ def unsettled(search: Search, criterion: str, budget: float | None) -> Finding |
     measure = "condition number" if "condition" in criterion else "predicted standard deviations"
     descents = "descent" if after == 1 else f"{after} descents"
     evidence = (
-        f"The plan was still improving when time ended the search after {budget:g} s: the last {descents} made its "
-        f"{measure} smaller by {100.0 * gain:.0f} %"
+        f"The plan was still improving when the search reached its time limit of {budget:g} s: the last {descents} "
+        f"reduced its {measure} by {100.0 * gain:.0f} %"
     )
     return Finding("search-unsettled", "warning", "", evidence, remedy)

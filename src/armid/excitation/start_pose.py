@@ -1,8 +1,8 @@
-"""Choice of the start pose of a series where the user gives none: a pose with much free range around it.
+"""Choice of the start pose of a series, if the user gives none: a pose with a large free range around it.
 
-A series swings about its start pose. Its amplitude ends where a joint meets a limit, bodies collide, or gravity needs
-more torque than the joints have. The free range of a pose is therefore measured along straight lines through it in
-random directions of the joint space.
+A series moves around its start pose. Its amplitude is limited by the joint limits, by collisions, and by poses in
+which gravity needs more torque than the joints have. The free range of a pose is therefore measured along straight
+lines through it in random directions of the joint space.
 """
 
 from __future__ import annotations
@@ -19,51 +19,52 @@ from armid.excitation.limits.joint_limits import Limits
 from armid.values import Array
 
 INSIDE = 0.05
-"""Share of a joint's range by which a chosen pose stays away from either end."""
+"""Smallest distance of a chosen pose from each end of a joint's range, as a share of the range."""
 
 SWING = 1.5
-"""Wanted swing of a revolute joint to either side [rad]; that of a prismatic joint is half its range."""
+"""Wanted amplitude of a revolute joint to each side [rad]; for a prismatic joint it is half its range."""
 
 WANDER = 2.0
-"""Largest distance of a revolute joint from the usual pose in a random pose [rad]."""
+"""Largest difference between the position of a revolute joint in a random pose and in the usual pose [rad]."""
 
 LOOKED = 1500
-"""Random poses whose distances are computed."""
+"""Number of random poses near the usual pose for which distances are computed."""
 
 WIDER = 6000
-"""Random poses in the whole range of each joint, where none of the first ones is good."""
+"""Number of random poses in the whole range of each joint, which are used if none of the first ones is suitable."""
 
 SHORT = 40
-"""Number of them, those furthest from all bodies, that are checked exactly in one batch."""
+"""Number of poses that are checked exactly in one batch, beginning with those furthest from all bodies."""
 
 COUNTED, NAMED = 1000, 4
-"""Random poses of which an error tells what excludes them, and joints and pairs that it names."""
+"""Number of random poses for which an error message counts what excludes them, and number of joints and pairs that it
+names."""
 
 DIRECTIONS = 24
-"""Random lines through a pose."""
+"""Number of random lines through a pose."""
 
 STEPS = np.array([-1.0, -0.75, -0.5, -0.25, 0.25, 0.5, 0.75, 1.0])
-"""Positions along a line, as shares of the wanted swing."""
+"""Positions along a line, divided by the wanted amplitude."""
 
 ROOMY = 0.85
-"""Share of the largest free range from which the usual pose is preferred, because users know it."""
+"""Share of the largest free range from which the usual pose is preferred, because users are familiar with it."""
 
 PLAIN = 0.98
-"""Share of its free range that a pose keeps where a joint is moved to its usual position or a round number."""
+"""Share of its free range that a pose must keep if a joint is moved to its usual position or to a round number."""
 
 
 Holds = Callable[[Array], NDArray[np.bool_]]
-"""Test, shape (N,), whether the joint torques suffice to hold poses (N, n) against gravity."""
+"""Function that tests whether the joint torques suffice to hold poses (N, n) against gravity, result (N,)."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class TorqueHolds:
-    """Test of poses by the torque that holds them.
+    """Test of poses: whether the joint torques suffice to hold them against gravity.
 
     Attributes:
         joints: Names of the k joints whose torque is limited.
-        shares: Share (N, k) of its limit that each needs in poses (N, n).
-        highest: Share that it may need.
+        shares: Function that gives the torque of each joint in poses (N, n), divided by its limit, shape (N, k).
+        highest: Largest allowed share of the torque limit.
     """
 
     joints: tuple[str, ...]
@@ -71,12 +72,12 @@ class TorqueHolds:
     highest: float
 
     def __call__(self, q: Array) -> NDArray[np.bool_]:
-        """Tell which poses (N, n) the joints can hold, shape (N,)."""
+        """Tests which poses (N, n) the joints can hold, shape (N,)."""
         return np.asarray((self.shares(q) <= self.highest).all(axis=1), dtype=np.bool_)
 
 
 def any_pose(q: Array) -> NDArray[np.bool_]:
-    """Test that accepts every pose (N, n), for arms whose torques are not known; shape (N,)."""
+    """Test that accepts every pose (N, n), for arms whose torques are unknown; shape (N,)."""
     return np.ones(len(q), dtype=np.bool_)
 
 
@@ -85,9 +86,9 @@ class Start:
     """Start pose of a series.
 
     Attributes:
-        pose: Shape (n,) [rad or m].
-        free_share: Share of the wanted swing that is free around it, 0 to 1.
-        usual: Whether it is the usual pose.
+        pose: Joint positions, shape (n,) [rad or m].
+        free_share: Share of the wanted amplitude that is free around the pose, from 0 to 1.
+        usual: Whether it is the pose of `usual_pose`.
     """
 
     pose: Array
@@ -96,7 +97,7 @@ class Start:
 
 
 def usual_pose(limits: Limits) -> Array:
-    """Pose with zero for each joint whose range contains it, else the middle of the range, shape (n,) [rad or m]."""
+    """Pose with each joint at zero, or in the middle of its range if zero is outside, shape (n,) [rad or m]."""
     bounded = np.isfinite(limits.upper - limits.lower)
     low, high = np.where(bounded, limits.lower, -1.0), np.where(bounded, limits.upper, 1.0)
     ends = INSIDE * (high - low)
@@ -104,15 +105,15 @@ def usual_pose(limits: Limits) -> Array:
 
 
 def choose_start(cell: CollisionModel, limits: Limits, holds: Holds = any_pose) -> Start:
-    """Pose with the largest free range of many random ones, or the usual pose where its free range is similar.
+    """Chooses the random pose with the largest free range, or the usual pose if its free range is similar.
 
     Args:
         cell: Arm and surroundings.
         limits: Limits of the joints.
-        holds: Test whether the joints can hold poses.
+        holds: Function that tests whether the joints can hold poses.
 
     Raises:
-        ArmidError: Bodies are too close in all of the poses, or the joints can hold none.
+        ArmidError: In each of the poses bodies are too close, or the joints cannot hold it.
     """
     found = find_start(cell, limits, holds)
     if found is None:
@@ -121,7 +122,7 @@ def choose_start(cell: CollisionModel, limits: Limits, holds: Holds = any_pose) 
 
 
 def find_start(cell: CollisionModel, limits: Limits, holds: Holds = any_pose) -> Start | None:
-    """Pose as of `choose_start`; `None` where there is none."""
+    """Chooses the start pose as `choose_start` does; `None` if there is none."""
     usual = usual_pose(limits)
     poses, order = _good(cell, limits, usual, holds)
     if not len(order):
@@ -135,9 +136,9 @@ def find_start(cell: CollisionModel, limits: Limits, holds: Holds = any_pose) ->
 
 
 def _good(cell: CollisionModel, limits: Limits, usual: Array, holds: Holds) -> tuple[Array, NDArray[np.intp]]:
-    """Random poses (N, n), the usual one first, and the best of those that are good, furthest from all bodies first.
+    """Random poses (N, n), after the usual one, and the indices of suitable ones, furthest from all bodies first.
 
-    First those about the usual pose, then those in the whole range of each joint.
+    Poses near the usual pose are tried first. If none is suitable, poses in the whole range of each joint are tried.
     """
     low, high = _ends(limits)
     wander = np.where(cell.robot.tree.prismatic.astype(np.bool_), np.inf, WANDER)
@@ -159,7 +160,7 @@ def _good(cell: CollisionModel, limits: Limits, usual: Array, holds: Holds) -> t
 
 
 def _apart(cell: CollisionModel, poses: Array, order: NDArray[np.intp]) -> NDArray[np.intp]:
-    """The first of some poses in which the pairs that are measured as they are keep apart, a few at a time."""
+    """First of the poses in which the pairs of kind `MEASURED` keep their distance, at most `SHORT` of them."""
     for k in range(0, len(order), SHORT):
         few = order[k : k + SHORT]
         few = few[cell.apart(poses[few])]
@@ -169,39 +170,39 @@ def _apart(cell: CollisionModel, poses: Array, order: NDArray[np.intp]) -> NDArr
 
 
 def _no_start(cell: CollisionModel, poses: Array, holds: Holds) -> ArmidError:
-    """That no pose was found, with what excludes random poses (N, n), and what helps."""
+    """Error that no pose was found: it says what excludes random poses (N, n), and what to change."""
     poses = poses[:COUNTED]
     excluded, remedies = [], ["give a pose with --start"]
     held = holds(poses)
-    wanted = "in which all bodies keep apart"
+    wanted = "in which all bodies keep their required distances"
     if not held.all():
         wanted += " and which its torques can hold" if len(cell.pairs) else ""
         each = ""
         if isinstance(holds, TorqueHolds):
             share = (holds.shares(poses) > holds.highest).mean(axis=0)
             each = f" ({_most(dict(zip(holds.joints, share.tolist(), strict=True)))})"
-        excluded.append(f"torque excludes {100.0 * (1.0 - held.mean()):.0f} % of them{each}")
-        remedies.append("relax effort limits with --limit JOINT.effort=VALUE or --torque-margin")
+        excluded.append(f"{100.0 * (1.0 - held.mean()):.0f} % need too much torque{each}")
+        remedies.append("raise torque limits with --limit JOINT.effort=VALUE, or give a smaller --torque-margin")
     close = cell.too_close(poses)
     if close.any():
         each = _most(dict(zip(cell.bodies.labels, close.mean(axis=0).tolist(), strict=True)))
-        excluded.append(f"bodies that are too close exclude {100.0 * close.any(axis=1).mean():.0f} % ({each})")
+        excluded.append(f"in {100.0 * close.any(axis=1).mean():.0f} % bodies are too close ({each})")
         remedies.append(
-            "leave out pairs whose bodies are drawn too wide with --ignore-pair A,B or --srdf FILE, or lower the "
-            "--clearance"
+            "exclude pairs whose bodies are larger in the description than in reality with --ignore-pair A,B or "
+            "--srdf FILE, or give a smaller --clearance"
         )
     found = f": of {len(poses)} random poses in the range of the joints, " + "; ".join(excluded) if excluded else ""
     return ArmidError(f"No pose of {cell.robot.name} was found {wanted}{found}.", remedy="; ".join(remedies) + ".")
 
 
 def _most(shares: dict[str, float]) -> str:
-    """The largest of some shares, by name."""
+    """The names with the largest shares, as text."""
     order = sorted(shares, key=lambda name: -shares[name])[:NAMED]
     return ", ".join(f"{name} {100.0 * shares[name]:.0f} %" for name in order if shares[name] > 0.0)
 
 
 def _rounded(cell: CollisionModel, limits: Limits, holds: Holds, pose: Array, usual: Array, enough: float) -> Array:
-    """A pose with as many joints at their usual places, or at round numbers, as leave room enough."""
+    """Moves joints of a pose to usual positions or round numbers, as far as the free range stays large enough."""
     for j in range(len(pose)):
         for value in (usual[j], *(round(pose[j] * parts) / parts for parts in (2, 10, 100))):
             trial = pose.copy()
@@ -221,13 +222,13 @@ def _ends(limits: Limits) -> tuple[Array, Array]:
 
 
 def free_range(cell: CollisionModel, limits: Limits, pose: Array, holds: Holds = any_pose) -> float:
-    """Share of the wanted swing that is free around a pose, as the mean over random lines through it.
+    """Share of the wanted amplitude that is free around a pose; mean over random lines through the pose.
 
     Args:
         cell: Arm and surroundings.
         limits: Limits of the joints.
-        pose: Shape (n,) [rad or m].
-        holds: Test whether the joints can hold poses.
+        pose: Joint positions, shape (n,) [rad or m].
+        holds: Function that tests whether the joints can hold poses.
     """
     half = 0.5 * (limits.upper - limits.lower)
     swing = np.where(cell.robot.tree.prismatic.astype(np.bool_), half, np.minimum(half, SWING))

@@ -1,8 +1,9 @@
-"""Finding for a plan that is too small or slow to identify the arm, with what keeps it small.
+"""Finding for a plan that is too small or slow to identify the arm, with the limits that keep it small.
 
-A model is for motion in the whole range of the joints, at their speed limits. The covariance of the base parameters
-that a plan predicts gives the standard deviation of each joint's torque along such a motion. Its ratio to the noise
-of one torque sample depends neither on the scaling of the parameters nor on the size of the assumed noise.
+A model must predict torque in the whole range of the joints and up to their speed limits. From the covariance of the
+base parameters that a plan predicts, the standard deviation of the torque of each joint along such a motion is
+computed. It is divided by the noise of one torque sample. The ratio depends neither on the scaling of the parameters
+nor on the assumed noise.
 """
 
 from __future__ import annotations
@@ -22,25 +23,26 @@ from armid.robot.kinematics import forward_kinematics
 from armid.values import Array
 
 UNUSABLE = 3.0
-"""Standard deviation of a predicted torque in free motion, in units of the noise of one sample, from which a plan
-cannot identify a joint. Plans of ordinary arms have 0.03 to 0.5. Deviations decrease with the root of the number of
-repetitions, so a joint with 3 needs its plan a hundred times to come to 0.3."""
+"""Standard deviation of a predicted torque in free motion, divided by the noise of one sample, from which a plan
+cannot identify a joint. Plans of ordinary arms reach 0.03 to 0.5. The standard deviation decreases with the square
+root of the number of repetitions, so a plan with the value 3 would have to be repeated a hundred times to reach
+0.3."""
 
 GROWN = 1.5
-"""Factor by which amplitudes are enlarged to see which limits keep a plan small."""
+"""Factor by which amplitudes are enlarged to find the limits that keep a plan small."""
 
 TESTED = 10.0
-"""Rate at which bodies are tested along the enlarged plan [Hz]."""
+"""Rate at which collisions are tested along the enlarged plan [Hz]."""
 
 HELD = 0.8
-"""Utilisation of a limit by standing still at the start pose from which the start pose is a reason, too."""
+"""Utilisation of a limit at standstill in the start pose, from which the start pose is also given as a reason."""
 
 NAMED = 4
 """Largest number of limits and pairs that are named."""
 
 REMEDIES = {
-    "torque": "--limit JOINT.effort=VALUE or --torque-margin, where drives are stronger or springs carry the arm",
-    "collision": "--ignore-pair A,B or --srdf FILE, where bodies are drawn too wide, or a smaller --clearance",
+    "torque": "--limit JOINT.effort=VALUE or --torque-margin, if the drives are stronger or springs support the arm",
+    "collision": "--ignore-pair A,B or --srdf FILE, if described bodies are too large, or a smaller --clearance",
     "position": "--limit JOINT.position=LOW:HIGH",
     "velocity": "--limit JOINT.velocity=VALUE",
     "acceleration": "--acceleration",
@@ -58,14 +60,14 @@ def weak_motion(
     *,
     settled: bool = True,
 ) -> Finding | None:
-    """Finding that names the joints that a plan cannot identify, why, and what helps; `None` where there are none.
+    """Finding that names the joints that a plan cannot identify, the reasons and remedies; `None` if there are none.
 
     Args:
-        problem: Criterion and limits.
-        x: The plan, shape (n k,).
+        problem: Criterion and limits of the design.
+        x: Unknowns of the plan, shape (n k,).
         limits: Limits of the joints.
-        collision: Bodies that keep a distance, if any.
-        settled: Whether the search had come to its end.
+        collision: Pairs of bodies that must keep a distance; `None` for no collision check.
+        settled: Whether the search had converged before its time limit.
     """
     deviations = deviations_in_free_motion(problem, x, limits)
     weak = np.flatnonzero(~(deviations <= UNUSABLE))
@@ -77,28 +79,28 @@ def weak_motion(
     torques = ", ".join(f"{joints[j]} {deviations[j]:.2g}" for j in order)
     speeds = ", ".join(f"{joints[j]} {100.0 * shares[j]:.0f} %" for j in np.argsort(shares)[:NAMED])
     evidence = (
-        "The motion is too small or slow to identify the arm. Its model would predict torque in free motion at the "
-        f"speed limits with these standard deviations, in units of the noise of one sample: {torques}; up to "
-        f"{UNUSABLE:g} is usable. Slowest joints: {speeds} of their speed limits"
+        "The motion is too small or slow to identify the arm. In free motion up to the speed limits, the torque "
+        "predicted by its model would have these standard deviations, divided by the noise of one sample: "
+        f"{torques}; at most {UNUSABLE:g} is usable. Slowest joints: {speeds} of their speed limits"
     )
     reasons, kinds, is_held = _reasons(problem, x, collision)
     remedies = [REMEDIES[kind] for kind in kinds if kind in REMEDIES]
     if is_held:
-        remedies.append("another --start, or --free-start")
+        remedies.append("another start pose with --start, or --free-start")
     if not settled:
-        reasons.append("time ended the search before it had settled")
+        reasons.append("the search reached its time limit before it had converged")
         remedies.append("a longer --budget")
-    evidence += f". What keeps it small: {'; '.join(reasons)}" if reasons else ""
+    evidence += f". Reasons: {'; '.join(reasons)}" if reasons else ""
     remedy = f"try {'; '.join(remedies or ['a longer --budget', 'another --start'])}."
     return Finding("motion-weak", "warning", ", ".join(joints[j] for j in order), evidence, remedy)
 
 
 def deviations_in_free_motion(problem: DescentProblem, x: Array, limits: Limits) -> Array:
-    """Predicted standard deviation of each joint's torque in free motion, over the noise of a sample, shape (n,).
+    """Predicted standard deviation of each joint's torque in free motion, divided by that of its noise, shape (n,).
 
-    The free motion is a random series of the plan's length in which each joint reaches a limit of position, velocity,
-    acceleration or jerk. Torque and bodies do not limit it. A joint without position limits turns half a turn to
-    either side.
+    The noise is that of one sample. The free motion is a random series of the same period as the plan, in which each
+    joint reaches a limit of position, velocity, acceleration or jerk. Limits of torque and collisions are not taken
+    into account. A joint without position limits moves by half a turn in each direction.
     """
     goal, basis = problem.goal, problem.basis
     grid = Objective(goal, basis, max(round(goal.rate * basis.period), 40 * basis.harmonics))
@@ -121,10 +123,11 @@ def deviations_in_free_motion(problem: DescentProblem, x: Array, limits: Limits)
 def _reasons(
     problem: DescentProblem, x: Array, collision: CollisionOptions | None
 ) -> tuple[list[str], list[str], bool]:
-    """Limits that keep a plan small, in words, the most violated by a larger plan first.
+    """Limits that keep a plan small, as text; the limits that a larger plan would exceed most come first.
 
     Returns:
-        The reasons, the kinds of limits that a larger plan breaks, and whether standing still takes much of one.
+        The reasons, the kinds of limits that a larger plan exceeds, and whether standstill already uses much of a
+        limit.
     """
     basis, robot = problem.basis, problem.goal.model.robot
     larger, still = about_start(basis, x, GROWN), about_start(basis, x, 0.0)
@@ -148,7 +151,7 @@ def _reasons(
     found.sort(key=lambda each: -each[0])
     reasons: list[str] = []
     if found:
-        reasons.append(f"{GROWN:g} times the motion would break {', '.join(text for _, text, _ in found[:NAMED])}")
+        reasons.append(f"{GROWN:g} times the motion would exceed {', '.join(text for _, text, _ in found[:NAMED])}")
     if held:
-        reasons.append(f"already standing still at the start pose takes {', '.join(held[:NAMED])}")
+        reasons.append(f"standstill in the start pose already takes {', '.join(held[:NAMED])}")
     return reasons, list(dict.fromkeys(kind for _, _, kind in found)), bool(held)

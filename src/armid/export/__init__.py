@@ -1,1 +1,1 @@
-"""Writers of a run's model: robot descriptions with the identified values, checked by reading them back."""
+"""Export of a run's model: robot descriptions with the identified values, checked by reading them back, and code."""

@@ -1,4 +1,4 @@
-"""Inertias of the bodies attached to a link's main body: the description's, changed only if necessary."""
+"""Inertias of the bodies attached to a link's main body: those of the description, changed only if necessary."""
 
 from __future__ import annotations
 
@@ -13,29 +13,31 @@ from armid.robot.robot import InertialParameters
 from armid.values import Array
 
 POSSIBLE = 1e-10
-"""Least ratio of smallest to largest eigenvalue of a body's pseudo-inertia; above the rounding errors of readers."""
+"""Smallest ratio of smallest and largest eigenvalue of a body's pseudo-inertia; it exceeds the rounding errors of
+readers."""
 
 SPECK = InertialParameters.from_com(1e-6, np.zeros(3), 1e-10 * np.eye(3))
-"""Body of a milligram and a centimetre: negligible for a link, but enough for MuJoCo to accept it as moving."""
+"""Body with a mass of a milligram and a size of a centimetre: negligible for a link, but enough to be accepted by
+MuJoCo."""
 
 LEFT = 0.5
-"""Share of the largest possible scale that scaled bodies get; it leaves the same margin to the main body."""
+"""Share of the largest possible factor with which bodies are scaled; an equal margin is left for the main body."""
 
 FLATTEST = 1e-3
-"""Ratio of smallest to largest second moment of a body whose tensor was corrected."""
+"""Smallest ratio of smallest and largest second moment of a body whose tensor was corrected."""
 
 THINNEST = 1e-3
-"""Its smallest radius of gyration about a plane through the centre of mass [m]."""
+"""Smallest radius of gyration, about a plane through the centre of mass, of a body whose tensor was corrected [m]."""
 
 
 def is_possible(body: InertialParameters) -> bool:
-    """True if a distribution of positive mass has these parameters, with a margin for rounding."""
+    """Tests whether a distribution of positive mass has these parameters, with a margin for rounding."""
     eigenvalues = np.linalg.eigvalsh(body.pseudo_inertia)
     return bool(eigenvalues[0] > POSSIBLE * eigenvalues[-1])
 
 
 def is_thin(body: Body, written: InertialParameters) -> bool:
-    """True if a body is a point mass in the description, that is, has no inertia, and is written as such."""
+    """Tests whether a body is a point mass (it has a mass but no inertia) in the description and in the file."""
     nominal = body.nominal
     if nominal is None or nominal.mass <= 0.0 or is_possible(nominal) or not nominal.is_consistent():
         return False
@@ -44,24 +46,25 @@ def is_thin(body: Body, written: InertialParameters) -> bool:
 
 
 def moved(body: Body, inertial: InertialParameters) -> InertialParameters:
-    """Inertia of a body in its link's frame."""
+    """Inertia of a body in the frame of its link."""
     return inertial.seen_from(body.placement[:3, :3], body.placement[:3, 3])
 
 
 def as_carried(
     link: InertialParameters, carrier: str, bodies: Sequence[Body], *, lumped: bool = False
 ) -> tuple[list[InertialParameters], list[Finding]]:
-    """Inertia of each body attached to a link's main body, in its own frame, and findings.
+    """Inertia of each body attached to a link's main body, in the body's own frame, and findings.
 
-    Nothing was identified of these bodies alone, so that they stay as described, even if no real body is like that,
-    as long as the rest of the link is possible. Otherwise impossible ones are corrected and made smaller, and where
-    that does not suffice, all are scaled. A link that no real body has keeps what it carries as it is.
+    The inertia of these bodies was not identified separately. They therefore keep the inertia of the description,
+    even if it is physically inconsistent, as long as the rest of the link is consistent. Otherwise, inconsistent
+    bodies are corrected and scaled down. If this is not sufficient, all attached bodies are scaled down. If the link
+    itself is inconsistent, the attached bodies are not changed.
 
     Args:
         link: Identified inertia of the link with all its bodies, in the link's frame.
-        carrier: Name of the main body, which takes the remaining inertia.
-        bodies: Bodies attached to it.
-        lumped: Give these bodies no inertia.
+        carrier: Name of the main body, which gets the remaining inertia.
+        bodies: Bodies that are attached to the main body.
+        lumped: Whether the attached bodies get no inertia.
     """
     described = [body.nominal or InertialParameters.zero() for body in bodies]
     if not bodies:
@@ -69,13 +72,13 @@ def as_carried(
     names, one = ", ".join(body.name for body in bodies), len(bodies) == 1
     if lumped:
         written = f"{names} {'is' if one else 'are'} written without mass because of --lumped"
-        what = f"{written}; {carrier} has the whole identified link"
+        what = f"{written}; {carrier} gets the inertia of the whole identified link"
         empty = [SPECK if body.is_welded else InertialParameters.zero() for body in bodies]
         return empty, [Finding("carried-lumped", "info", carrier, what)]
     wrong = [k for k, each in enumerate(described) if not each.is_consistent()]
     if not is_possible(link) or is_possible(_rest(link, bodies, described)):
-        kept = f"{names} {'keeps' if one else 'keep'} what the description says"
-        what = f"{kept}; {carrier} takes the difference to the identified link"
+        kept = f"{names} {'keeps' if one else 'keep'} the inertia of the description"
+        what = f"{kept}; {carrier} gets the rest of the identified link"
         found = [Finding("difference-taken", "info", carrier, what), *_thin(bodies)]
         return described, [*found, *([_impossible(bodies, wrong)] if wrong else [])]
     corrected = [_corrected(each) if k in wrong else each for k, each in enumerate(described)]
@@ -93,13 +96,13 @@ def as_carried(
 def _rest(
     link: InertialParameters, bodies: Sequence[Body], inertials: Sequence[InertialParameters]
 ) -> InertialParameters:
-    """Inertia of a link without some of its bodies, in the link's frame."""
+    """Inertia of a link without some of its bodies, in the frame of the link."""
     attached = (moved(body, each).vector for body, each in zip(bodies, inertials, strict=True))
     return InertialParameters.from_vector(link.vector - sum(attached, np.zeros(10)))
 
 
 def _factor(room: InertialParameters, bodies: Sequence[Body], inertials: Sequence[InertialParameters]) -> float:
-    """Factor for some bodies, at most 1, with which the rest of the link is physically consistent."""
+    """Factor for the inertia of some bodies, at most 1, with which the rest of the link is physically consistent."""
     together = sum((moved(body, each).vector for body, each in zip(bodies, inertials, strict=True)), np.zeros(10))
     # P - s C stays positive as long as s is less than the inverse of the largest eigenvalue of P⁻¹ C.
     L = np.linalg.cholesky(room.pseudo_inertia)
@@ -113,7 +116,7 @@ def _scaled(inertial: InertialParameters, factor: float) -> InertialParameters:
 
 
 def _corrected(inertial: InertialParameters) -> InertialParameters:
-    """Same mass and centre of mass with the nearest consistent tensor; zero if the mass is not positive."""
+    """Inertia with the same mass and centre of mass and the nearest consistent tensor; zero for no positive mass."""
     if inertial.mass <= 0.0:
         return InertialParameters.zero()
     J, com = _about(inertial)
@@ -124,7 +127,7 @@ def _corrected(inertial: InertialParameters) -> InertialParameters:
 
 
 def _about(inertial: InertialParameters) -> tuple[Array, Array]:
-    """Pseudo-inertia (4, 4) about the centre of mass, and the centre (3,) [m]."""
+    """Pseudo-inertia (4, 4) about the centre of mass, and the centre of mass (3,) [m]."""
     com = inertial.com
     return pseudo_inertia(transform(inertial.vector, np.eye(3), -com)), com
 
@@ -134,26 +137,26 @@ def _thin(bodies: Sequence[Body]) -> list[Finding]:
     names = [body.name for body in bodies if body.nominal is not None and is_thin(body, body.nominal)]
     if not names:
         return []
-    what = "the description gives no inertia and it was not identified separately; it stays unchanged"
+    what = "the description gives it a mass but no inertia, and it was not identified separately; it stays unchanged"
     return [Finding("links-as-described", "info", name, what) for name in names]
 
 
 def _impossible(bodies: Sequence[Body], wrong: Sequence[int]) -> Finding:
     names = ", ".join(bodies[k].name for k in wrong)
     what = (
-        f"the inertia that the description gives {names} is not physically consistent; it was not identified "
-        "separately and stays unchanged, so simulators that reject the description also reject the file"
+        f"the inertia of {names} in the description is not physically consistent; it was not identified separately "
+        "and stays unchanged, so simulators that reject the description also reject the file"
     )
     return Finding("carried-impossible", "info", "", what)
 
 
 def _corrected_finding(carrier: str, bodies: Sequence[Body], wrong: Sequence[int], factor: float) -> Finding:
     names = ", ".join(bodies[k].name for k in wrong)
-    scaled = "" if factor == 1.0 else f", and mass and inertia times {factor:.3g}"
+    scaled = "" if factor == 1.0 else f", multiplied by {factor:.3g}"
     what = (
-        f"the inertia that the description gives {names} is not physically consistent, and neither would be the "
-        f"rest of the identified link for {carrier}: written with the nearest consistent inertia{scaled}; "
-        "the torque of the arm is that of the estimate"
+        f"the inertia of {names} in the description is not physically consistent, and with it the rest of the "
+        f"identified link, {carrier}, would not be consistent either; {names} got the nearest consistent "
+        f"inertia{scaled}; the torque of the arm is that of the estimate"
     )
     return Finding("carried-corrected", "warning", carrier, what, _cure(names, carrier))
 
@@ -162,13 +165,13 @@ def _scaled_finding(carrier: str, bodies: Sequence[Body], wrong: Sequence[int], 
     names = ", ".join(body.name for body in bodies)
     which = ", ".join(bodies[k].name for k in wrong)
     also = (
-        f"; {which}, not physically consistent in the description, got the nearest consistent inertia"
+        f"; {which} had an inertia that is not physically consistent and got the nearest consistent one"
         if wrong
         else ""
     )
     what = (
-        f"with {names} as described, the rest of the identified link for {carrier} would not be physically "
-        f"consistent; they were scaled by {factor:.3g}{also}"
+        f"with the inertia of {names} in the description, the rest of the identified link, {carrier}, would not be "
+        f"physically consistent; the inertia of {names} was multiplied by {factor:.3g}{also}"
         "; the torque of the arm is that of the estimate"
     )
     return Finding("children-scaled", "warning", carrier, what, _cure(names, carrier))
@@ -176,6 +179,6 @@ def _scaled_finding(carrier: str, bodies: Sequence[Body], wrong: Sequence[int], 
 
 def _cure(names: str, carrier: str) -> str:
     return (
-        f"where the masses of single bodies matter, correct those of {names} in the description and identify again; "
-        f"--lumped writes them without mass and the whole link as {carrier}"
+        f"if the masses of single bodies are needed, correct those of {names} in the description and identify again; "
+        f"or use --lumped, which gives the whole link to {carrier} and writes the other bodies without mass"
     )

@@ -1,9 +1,9 @@
 """Distribution of a link's identified inertia among several bodies of the description.
 
-Fixed and locked joints are no freedom of the arm, so that what they carry is one link of it. In the file the bodies
-are still apart: the heaviest of them takes the difference to what was identified, and the others keep what the
-description says. What the description gives a mass and no extent, as sensors and tools often are, has none in the
-file either.
+A fixed or locked joint does not move, so the bodies that it connects are one link of the arm. In the file they are
+still separate bodies: the heaviest of them gets the difference between the identified link and the others, and the
+others keep the inertia of the description. A body that has a mass but no inertia in the description, as sensors and
+tools often do, has no inertia in the file either.
 """
 
 from __future__ import annotations
@@ -22,17 +22,18 @@ from armid.values import Array
 
 
 def placed(raw: Robot, locked: Mapping[str, float], robot: Robot, joint: int, pose: Array) -> tuple[int, Array, bool]:
-    """Link of an arm that a body of its description belongs to, and the body's frame in it.
+    """Link of the arm to which a body of its description belongs, and the pose of the body in the frame of the link.
 
     Args:
-        raw: The arm of the description, with its locked joints as joints.
-        locked: Their positions [rad or m].
-        robot: The arm with these joints held still.
+        raw: Arm of the description, in which locked joints are still joints.
+        locked: Positions of the locked joints [rad or m].
+        robot: Arm whose links include the bodies on locked joints.
         joint: Index in `raw` of the joint that moves the body; -1 for the base.
-        pose: Frame of the body in that joint's link, shape (4, 4).
+        pose: Pose of the body in the link frame of that joint, shape (4, 4).
 
     Returns:
-        Index of the link, -1 for the base; the frame in it, shape (4, 4); whether a locked joint stands between.
+        Index of the link, -1 for the base; pose of the body in its frame, shape (4, 4); whether a locked joint lies
+        between link and body.
     """
     welded = False
     while joint >= 0 and raw.joints[joint].name in locked:
@@ -45,15 +46,15 @@ def placed(raw: Robot, locked: Mapping[str, float], robot: Robot, joint: int, po
 def share_out(
     links: Sequence[InertialParameters], bodies: Sequence[Body], *, lumped: bool = False
 ) -> tuple[dict[str, InertialParameters], tuple[Finding, ...]]:
-    """New inertias of the bodies of a file, whose sums are those of the links.
+    """New inertias of the bodies of a file, which add up to those of the links.
 
     Args:
-        links: Identified inertia of each link, in its frame.
-        bodies: The file's bodies that move.
-        lumped: Give all inertia of a link to its main body, and none to the attached bodies.
+        links: Identified inertia of each link, in the frame of the link.
+        bodies: Bodies of the file that move.
+        lumped: Whether the main body of a link gets all its inertia, and the attached bodies get none.
 
     Returns:
-        Inertia by body, in the body's own frame, for those that change; and findings about the changes.
+        Inertias that change, by body, in the body's own frame; and findings about the changes.
     """
     changed: dict[str, InertialParameters] = {}
     findings: list[Finding] = []
@@ -85,7 +86,7 @@ def _solid(body: Body) -> Body:
 
 
 def carried_by(bodies: Sequence[Body], links: int) -> Array:
-    """Described inertia (links, 10) of the bodies attached to each link's main body, in the link's frame."""
+    """Described inertia (links, 10) of the bodies attached to the main body of each link, in the link frame."""
     result = np.zeros((links, 10))
     for i in range(links):
         link_bodies = [body for body in bodies if body.link == i]
@@ -96,14 +97,14 @@ def carried_by(bodies: Sequence[Body], links: int) -> Array:
 
 
 def carriers(bodies: Sequence[Body]) -> list[Body]:
-    """Main bodies, which take the identified inertia: one for each link with bodies."""
+    """Main bodies, which get the identified inertia: one for each link that has bodies."""
     return [_carrier([body for body in bodies if body.link == i]) for i in sorted({body.link for body in bodies})]
 
 
 def _carrier(bodies: Sequence[Body]) -> Body:
-    """Main body of a link: the heaviest in the description, without those on locked joints; the first of equals.
+    """Main body of a link: the heaviest in the description that is not on a locked joint; the first of equal ones.
 
-    The difference is a share of the whole link, which would make a light body physically inconsistent.
+    The main body takes up the change of the whole link. This change could make a light body physically inconsistent.
     """
 
     def mass(body: Body) -> float:
@@ -113,7 +114,7 @@ def _carrier(bodies: Sequence[Body]) -> Body:
 
 
 def _seen_from_body(body: Body, inertial: InertialParameters) -> InertialParameters:
-    """Inertia in a body's own frame, from that in the link's frame."""
+    """Inertia in a body's own frame, from the inertia in the frame of the link."""
     if (body.placement == np.eye(4)).all():
         return inertial
     R, p = body.placement[:3, :3], body.placement[:3, 3]
@@ -125,5 +126,6 @@ def _emptied(name: str, carrier: str) -> Finding:
         "mesh-mass-removed",
         "info",
         name,
-        f"other programs compute its inertia from meshes; it is written without inertia, and {carrier} has the link",
+        f"other programs would compute its inertia from meshes; it is written without inertia, and {carrier} gets "
+        "the inertia of the whole link",
     )

@@ -1,4 +1,4 @@
-"""Catalogue `EXPORTERS` of the formats of robot descriptions: a new format is a new file and one line here."""
+"""Catalogue `EXPORTERS` of the formats of robot descriptions: a new format needs a module and one line here."""
 
 from __future__ import annotations
 
@@ -29,47 +29,47 @@ class Exporter(Protocol):
     """Suffix of the file's name, with the dot."""
 
     PLACES: Sequence[str]
-    """Terms whose parameters the format can store."""
+    """Names of the torque terms whose parameters the format can store."""
 
     @staticmethod
     def open_description(path: Path, data: bytes) -> OpenedDescription | None:
-        """Text of a description to be edited; `None` for one of another format, or if the exporter edits none.
+        """Text of a description for editing; `None` for another format, or if this exporter edits no descriptions.
 
         Args:
-            path: Its path.
-            data: Its bytes.
+            path: Path of the description.
+            data: Content of the description.
         """
         ...
 
     @staticmethod
     def bodies(source: DescriptionSource, raw: Robot, robot: Robot) -> list[Body]:
-        """Moving bodies of a description, the main body of a link before the bodies attached to it.
+        """Moving bodies of a description; the main body of a link comes before the bodies attached to it.
 
         Args:
             source: The description.
-            raw: The arm as the description says it, its locked joints still joints.
-            robot: The arm with these joints held still.
+            raw: Arm of the description, in which locked joints are still joints.
+            robot: Arm whose links include the bodies on locked joints.
         """
         ...
 
     @staticmethod
     def write(content: Content) -> WrittenDescription:
-        """File with the content: the edited description if there is one, else a new file."""
+        """File with the content: the edited description if there is one, otherwise a new file."""
         ...
 
     @staticmethod
     def missing_limits(robot: Robot) -> OutputError | None:
-        """Error for limits that a new file needs and the arm lacks; `None` where it lacks none."""
+        """Error about limits that a new file needs but the arm does not have; `None` if there are none."""
         ...
 
     @staticmethod
     def read(data: bytes, locked: Mapping[str, float]) -> Robot:
-        """Arm of a written file, with its angles unrounded and its locked joints as joints."""
+        """Arm of a written file; its angles are not rounded, and its locked joints are still joints."""
         ...
 
     @staticmethod
     def witnesses(data: bytes, content: Content, q: Array, dq: Array, ddq: Array) -> list[Witness]:
-        """Models that other programs read from a written file, with rigid-body torque at states (N, n)."""
+        """Models that other programs read from a written file, with their rigid-body torque at states (N, n)."""
         ...
 
 
@@ -80,4 +80,4 @@ EXPORTERS: Catalogue[Exporter] = Catalogue(
         "sdf": "armid.export.formats.sdf",
     }
 )
-"""Formats by their name in `armid export --to`."""
+"""Modules of the formats, by the names that `armid export --to` uses."""

@@ -1,4 +1,4 @@
-"""Export of a run's model as source code, compared with the model on random states before it is written."""
+"""Export of a run's model as source code, which is compared with the model at random states before it is written."""
 
 from __future__ import annotations
 
@@ -22,21 +22,21 @@ from armid.validation.prediction import Check
 from armid.values import Array, digest, replace_file
 
 AGREEMENT = 1e-10
-"""Largest relative difference from the model; sums in another order differ by about 1e-15."""
+"""Largest allowed relative difference from the model; sums in another order differ by about 1e-15."""
 
 STATES = 64
-"""Number of random states on which code and model are compared."""
+"""Number of random states at which code and model are compared."""
 
 
 @dataclass(frozen=True, slots=True)
 class CodeExported:
-    """Result of an export of code.
+    """Result of an export as code.
 
     Attributes:
-        files: The files.
-        language: Their language.
-        operations: Number of operations of each kind in a call, by function.
-        checks: Difference of each function from the model, relative to its largest entry.
+        files: Paths of the written files.
+        language: Name of the language.
+        operations: Number of operations of each kind in one call, by function.
+        checks: Difference of each function from the model, divided by its largest element.
     """
 
     files: tuple[Path, ...]
@@ -46,17 +46,17 @@ class CodeExported:
 
 
 def export_code(run: Run, to: str, out: Path | str | None = None, *, name: str = "") -> CodeExported:
-    """Write a run's model as source code.
+    """Writes the model of a run as source code.
 
     Args:
         run: The run.
-        to: Language, a row of `armid.codegen.catalogue.LANGUAGES`.
-        out: The folder; `code` in the run's folder if left out.
-        name: Name of the code; by default the arm's name.
+        to: Name of the language, one of `armid.codegen.catalogue.LANGUAGES`.
+        out: Folder for the code; `None` for the folder `code` in the folder of the run.
+        name: Name of the code; if empty, the name of the arm.
 
     Raises:
-        OutputError: The language is unknown, the code differs from the model, or files cannot be written or are
-            there and of another origin.
+        OutputError: The language is unknown, the code differs from the model, files cannot be written, or files exist
+            that are not an export of this run.
     """
     base = run.estimate.base
     values = base.values_of(torque_parameters(base, run.estimate.fit))
@@ -68,15 +68,16 @@ def export_code(run: Run, to: str, out: Path | str | None = None, *, name: str =
     wrong = [check for check in checks if not check.ok]
     if wrong:
         raise OutputError(
-            f"The code would differ from the model: {wrong[0].name} by {wrong[0].value:.1e}.",
-            remedy="this is a fault of armid; nothing was written.",
+            f"The code differs: {wrong[0].name}, relative difference {wrong[0].value:.1e}, at most {AGREEMENT:g} "
+            "allowed. Nothing was written.",
+            remedy="this is a fault of armid: report it.",
         )
     operations = {program.name: dict(program.operations) for program in make_programs(run.model, base)}
     return CodeExported(_written(files, folder), to, operations, checks)
 
 
 def code_record(exported: CodeExported) -> dict[str, Any]:
-    """The contents of `export --json` for code."""
+    """Content of the output of `export --json` for code."""
     return {
         "files": [str(path) for path in exported.files],
         "format": exported.language,
@@ -86,7 +87,7 @@ def code_record(exported: CodeExported) -> dict[str, Any]:
 
 
 def _heading(run: Run) -> tuple[str, ...]:
-    """Lines about the origin of the numbers, for the head of the code."""
+    """Lines about the origin of the values, for the head of the code."""
     estimate = run.estimate
     per_recording = any(name.recording for name in estimate.fit.names)
     return (
@@ -100,12 +101,12 @@ def _heading(run: Run) -> tuple[str, ...]:
 
 
 def _origin(run: Run) -> str:
-    """Line by which the files of a run are known."""
+    """Line by which the files of a run can be recognised."""
     return f"Inputs and options: sha256 {digest(*map(str, run.estimate.made_from))}."
 
 
 def _others(files: Mapping[Path, str], run: Run) -> list[Path]:
-    """Existing files with another text, unless they are an earlier export of the run."""
+    """Existing files with another text; none if one of them is an earlier export of this run."""
     present = {path: path.read_text(encoding="utf-8", errors="replace") for path in files if path.is_file()}
     if any(_origin(run) in text for text in present.values()):
         return []
@@ -113,7 +114,7 @@ def _others(files: Mapping[Path, str], run: Run) -> list[Path]:
 
 
 def _compared(model: DynamicsModel, base: BaseParameters, values: Array) -> list[Check]:
-    """Checks of each function against the model on random states, with random hysteresis states if it has any."""
+    """Compares each function with the model at random states, with random hysteresis states if there are any."""
     rng = np.random.default_rng(0)
     q, dq, ddq = (bound * rng.uniform(-1.0, 1.0, (STATES, model.n)) for bound in (3.0, 2.0, 4.0))
     motion = model.remember(Motion.of_states(q, dq, ddq))
@@ -142,14 +143,14 @@ def _compared(model: DynamicsModel, base: BaseParameters, values: Array) -> list
 
 
 def _rotor_torque(model: DynamicsModel, theta: Array, q: Array, ddq: Array) -> Array:
-    """Torque of the rotor inertias in the mass matrix."""
+    """Torque of the rotor inertias, computed with the mass matrix."""
     rotors = theta.copy()
     rotors[model.inertial_columns] = 0.0
     return np.einsum("nij,nj->ni", model.mass_matrix(q, rotors), ddq)
 
 
 def _written(files: Mapping[str, str], folder: Path) -> tuple[Path, ...]:
-    """Writes all files; if one fails, removes those that did not exist before.
+    """Writes all files; if one cannot be written, the new files are removed.
 
     Raises:
         OutputError: The folder cannot be written.

@@ -1,4 +1,4 @@
-"""Checks of a written file with other programs: parameters that they read, and their torque."""
+"""Checks of a written file with other programs: the parameters that they read, and their torque."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ SOURCE = "the written file"
 def pinocchio_witness(
     make: Callable[[Any], Any], content: Content, q: Array, dq: Array, ddq: Array, *, reads: Sequence[str]
 ) -> Witness:
-    """Inverse dynamics of the file by Pinocchio, with locked joints held at their positions.
+    """Torque of the file, computed by the inverse dynamics of Pinocchio with locked joints at their positions.
 
     Args:
-        make: Makes the model, given the module.
-        content: What was written.
-        q: Positions (N, n) [rad or m].
-        dq: Velocities.
-        ddq: Accelerations.
-        reads: Terms whose parameters it reads from the format.
+        make: Function that makes the model, given the module `pinocchio`.
+        content: Content of the file.
+        q: Positions, shape (N, n) [rad or m].
+        dq: Velocities, shape (N, n).
+        ddq: Accelerations, shape (N, n).
+        reads: Names of the terms whose parameters Pinocchio reads from this format.
     """
     pin = pinocchio()
     try:
@@ -57,15 +57,15 @@ def pinocchio_witness(
 
 
 def mujoco_witness(text: str, content: Content, q: Array, dq: Array, ddq: Array, *, reads: Sequence[str]) -> Witness:
-    """MuJoCo's inverse dynamics of the rigid bodies, without contacts, limits, springs and friction.
+    """Torque of the rigid bodies by the inverse dynamics of MuJoCo, without contacts, limits, springs and friction.
 
     Args:
-        text: The file, without elements that need meshes.
-        content: What was written.
-        q: Positions (N, n) [rad or m].
-        dq: Velocities.
-        ddq: Accelerations.
-        reads: Terms whose parameters it reads from the format.
+        text: Text of the file, without elements that need meshes.
+        content: Content of the file.
+        q: Positions, shape (N, n) [rad or m].
+        dq: Velocities, shape (N, n).
+        ddq: Accelerations, shape (N, n).
+        reads: Names of the terms whose parameters MuJoCo reads from this format.
     """
     try:
         mj: Any = importlib.import_module("mujoco")
@@ -105,7 +105,7 @@ def mujoco_witness(text: str, content: Content, q: Array, dq: Array, ddq: Array,
 
 @contextmanager
 def _without_log(mj: Any) -> Generator[None]:
-    """Keeps MuJoCo from writing its warnings into a file in the working folder."""
+    """Prevents MuJoCo from writing its warnings into a file in the working folder."""
     before = mj.get_mju_user_warning()
     mj.set_mju_user_warning(_ignore_warning)
     try:
@@ -115,7 +115,7 @@ def _without_log(mj: Any) -> Generator[None]:
 
 
 def _ignore_warning(_: str) -> None:
-    """Ignores a warning."""
+    """Ignores a warning of MuJoCo."""
 
 
 def _set(model: Any, position: Array, name: str, value: float) -> None:

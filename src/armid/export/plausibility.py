@@ -1,4 +1,4 @@
-"""Checks for bodies that are inconsistent, not identified, or far from the description."""
+"""Checks for bodies that are physically inconsistent, not identified, or far from the description."""
 
 from __future__ import annotations
 
@@ -17,17 +17,19 @@ from armid.study.plausibility import far_masses, listed_masses
 from armid.values import Array
 
 SEEN = 1e-6
-"""Largest distance of a mass from what base parameters determine, over one, of a mass that they do."""
+"""Tolerance of the test whether base parameters determine a mass: the length of the projection of its unit vector
+onto the rows of the regrouping may differ from 1 by this amount."""
 
 AWAY = 3.0
-"""Distance of a centre of mass from the described one, over the size of the described body (the greater of its RMS
-distance from its frame and the length of its link), from which on they have nothing to do with each other."""
+"""Distance of a centre of mass from the described one, divided by the size of the described body, from which a body
+counts as far from the description. The size is the larger of two lengths: the RMS distance of the body from the
+origin of its frame, and the length of its link."""
 
 NAMED = 4
 
 
 def unphysical_names(content: Content, placeless: Collection[int], bodies: Sequence[Body]) -> list[str]:
-    """Names of physically inconsistent links, bodies and joints, except those unchanged in the description."""
+    """Names of physically inconsistent links, bodies and joints, except those unchanged from the description."""
     links = {link.name: link.inertial for k, link in enumerate(content.robot.links) if k not in placeless}
     changed = content.bodies or {}
     thin = {each.name for each in bodies if each.name in changed and is_thin(each, changed[each.name])}
@@ -45,35 +47,35 @@ def unphysical_names(content: Content, placeless: Collection[int], bodies: Seque
 
 
 def refuse_unphysical(run: Run, names: Sequence[str], *, allowed: bool) -> tuple[Finding, ...]:
-    """Check that no inconsistent links, bodies and joints would be written, unless that is allowed.
+    """Checks that no physically inconsistent links, bodies or joints would be written, unless this is allowed.
 
     Raises:
-        OutputError: There are such, and they may not be written.
+        OutputError: There are inconsistent ones, and they may not be written.
     """
     if not names:
         return ()
-    what = f"not physically consistent: {', '.join(names)}; no body of positive density has these parameters"
+    what = f"not physically consistent: {', '.join(names)}; no real body can have these parameters"
     if allowed:
         return (Finding("unphysical", "warning", "", what),)
     again = Remedy("identify again with ", setting("method", "physical"), ".")
-    other = "correct these in the description, or write a file of another format."
+    other = "correct these bodies in the description, or write a file of another format."
     raise OutputError(
         f"{what[0].upper()}{what[1:]}.",
-        possible="--allow-unphysical writes it all the same; simulators may refuse the file",
+        possible="--allow-unphysical, which writes the file nevertheless; simulators may reject it",
         remedy=again if run.estimate.fit.standard is None else other,
     )
 
 
 def refuse_unidentified(run: Run, theta: Array, placeless: Collection[int], *, allowed: bool) -> tuple[Finding, ...]:
-    """Check for links whose mass neither torque nor the description determines, unless they are allowed.
+    """Checks for links whose mass neither the torque nor the description determines, unless they are allowed.
 
-    Links with a mass in the description are accepted, because the prior keeps their estimate near it.
+    Links with a mass in the description are accepted, because the prior keeps their estimates near it.
 
     Args:
         run: The run.
         theta: Standard parameters (p,) that would be written.
-        placeless: Links without a body in the file.
-        allowed: True to write them with a finding.
+        placeless: Indices of the links that have no body in the file.
+        allowed: Whether such links are written with a finding.
 
     Raises:
         OutputError: There are such links, and they may not be written.
@@ -96,27 +98,29 @@ def refuse_unidentified(run: Run, theta: Array, placeless: Collection[int], *, a
     what = f"torques do not determine the mass of {', '.join(guessed)}, and the description gives none"
     if not allowed:
         raise OutputError(
-            f"{what[0].upper()}{what[1:]}: these are arbitrary among many values that fit.",
-            possible="--allow-unidentified writes them; torque in free motion is right, masses are not",
-            remedy="give these links rough masses in the description and identify again: values that torque "
-            "does not determine then stay near the description.",
+            f"{what[0].upper()}{what[1:]}: many values fit equally well, and the estimated ones are arbitrary.",
+            possible="--allow-unidentified, which writes them; torque in free motion is right, single masses are not",
+            remedy="give these links approximate masses in the description and identify again: values that the "
+            "torque does not determine then stay near the description.",
         )
     return (
-        Finding("unidentified", "warning", "", f"{what}; the values in the file are arbitrary among many that fit"),
+        Finding(
+            "unidentified", "warning", "", f"{what}; the values in the file are arbitrary among many that fit equally"
+        ),
     )
 
 
 def far_bodies(
     run: Run, content: Content, bodies: Sequence[Body] | None, kind: str, shared: Sequence[Finding] = ()
 ) -> list[Finding]:
-    """Finding on bodies of the file whose mass or centre of mass is far from the description's.
+    """Finding about bodies of the file whose mass or centre of mass is far from that of the description.
 
     Args:
         run: The run.
         content: Content of the file.
-        bodies: Bodies of the description to compare; `None` for whole links.
-        kind: Kind of the standard parameters.
-        shared: Findings about the distribution of links among bodies.
+        bodies: Bodies of the description that are compared; `None` to compare whole links.
+        kind: Kind of the standard parameters: `estimated`, `nearest` or `unphysical`.
+        shared: Findings about the distribution of the links' inertia among bodies.
     """
     written = content.bodies or {}
     if bodies is None:
@@ -137,25 +141,27 @@ def far_bodies(
         return []
     texts = [listed_masses(names, found, described, far)] if far.any() else []
     evidence = "; ".join([*texts, *list(away.values())[:NAMED], *(["and more"] if len(away) > NAMED else [])])
-    what = f"{evidence} in the file: torques do not determine such a body separately. The torque is the same"
+    what = f"{evidence} in the file: the torque does not determine such a body separately. The torque is the same"
     ways = (
-        ["--nearest writes the bodies nearest to the description with the same torque"] if kind == "estimated" else []
+        ["use --nearest, which writes the bodies nearest to the description that give the same torque"]
+        if kind == "estimated"
+        else []
     )
     standard = run.estimate.fit.standard
     if standard is None or standard.prior.kind != "log-det":
         near = 'physical = { prior = "log-det" } in [estimation] of a study'
-        ways.append(f"identify with {near}, which keeps near the description")
+        ways.append(f"identify with {near}, which keeps the estimates near the description")
     carrying = {each.channel for each in shared if each.code == "difference-taken"}
     rest = [name for name, is_far in zip(names, far, strict=True) if name in carrying and (is_far or name in away)]
     if rest:
-        ways.append(f"--lumped writes the whole link as one body for {', '.join(rest)}")
-    ways = ways or ["give the description masses nearer to the real ones where they are known, and identify again"]
+        ways.append(f"use --lumped, which writes the whole link as one body for {', '.join(rest)}")
+    ways = ways or ["if better masses are known, write them into the description and identify again"]
     remedy = "; or ".join(ways)
     return [Finding("mass-far-from-description", "warning", "", what, remedy)]
 
 
 def _far_com(robot: Robot, link: int, name: str, new: InertialParameters, old: InertialParameters) -> str:
-    """Text about a centre of mass far outside the described body; empty if it is inside."""
+    """Text about a centre of mass that is far outside the described body; empty if it is not."""
     if new.mass <= 0.0 or old.mass <= 0.0:
         return ""
     spread = float(np.sqrt(max(np.trace(old.pseudo_inertia[:3, :3]), 0.0) / old.mass))

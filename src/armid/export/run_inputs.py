@@ -1,4 +1,4 @@
-"""Description and validation recordings of a run, located again and verified by their digests."""
+"""Description and validation recordings of a run, which are searched again and verified by their digests."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ from armid.study.config import RecordingChoice, parse_robot
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Unseen:
-    """Recordings that a run was validated on.
+    """Recordings with which a run was validated.
 
     Attributes:
-        recordings: Those that can be read.
-        missing: Messages about the others.
+        recordings: Recordings that can be read.
+        missing: Messages about recordings that cannot be read.
     """
 
     recordings: tuple[tuple[RecordingChoice, Recording], ...]
@@ -33,14 +33,14 @@ class Unseen:
 
 
 def find_source(run: Run, description: Path | str | None = None) -> DescriptionSource:
-    """Description that a run was identified with.
+    """Searches the description with which a run was identified.
 
     Args:
         run: The run.
-        description: Its present path, if it was moved.
+        description: Present path of the description, if it was moved.
 
     Raises:
-        OutputError: The file does not exist, or has changed.
+        OutputError: The file does not exist, or it has changed.
     """
     study = _record(run)
     choice = parse_robot(study["robot"])
@@ -59,19 +59,19 @@ def find_source(run: Run, description: Path | str | None = None) -> DescriptionS
     robot = load_robot(path, gravity=choice.gravity, **selected)
     if robot.sha256 != run.robot.sha256:
         raise OutputError(
-            f"{path} is not the description that the run was identified with: it has changed (sha256 "
-            f"{robot.sha256[:12]}…, then {run.robot.sha256[:12]}…).",
+            f"{path} has changed since the identification: its sha256 was {run.robot.sha256[:12]}… at that time "
+            f"and is {robot.sha256[:12]}… now.",
             remedy="give the unchanged file with --description FILE, or identify again.",
         )
     return _read(path, held_of(path, **selected))
 
 
 def unseen_recordings(run: Run, data: Path | str | None = None) -> Unseen:
-    """Validation recordings of a run, read again.
+    """Reads the validation recordings of a run again.
 
     Args:
         run: The run.
-        data: Folder that is searched first, for their paths in the study or their names.
+        data: Folder that is searched first, for the paths of the recordings in the study or for their names.
     """
     study = _record(run)
     recordings: list[tuple[RecordingChoice, Recording]] = []
@@ -90,7 +90,7 @@ def unseen_recordings(run: Run, data: Path | str | None = None) -> Unseen:
 
 
 def _relative_folder(study: Mapping[str, Any]) -> Path:
-    """Folder of the study, relative to the working folder if it lies below."""
+    """Folder of the study; if it is inside the working folder, its path relative to the working folder."""
     folder, here = Path(str(study["folder"])), Path.cwd()
     return folder.relative_to(here) if folder.is_relative_to(here) else folder
 
@@ -106,9 +106,11 @@ def _read(path: Path, locked: Mapping[str, float]) -> DescriptionSource:
 
 
 def _record(run: Run) -> dict[str, Any]:
-    """Record `study.json` of the run."""
+    """Content of the file `study.json` of the run."""
     path = Path(run.folder) / "study.json"
     try:
         return json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
-        raise ArmidError(f"{path} cannot be read: {error}.", remedy="identify again.") from error
+        raise ArmidError(
+            f"{path} cannot be read: {error}.", remedy="identify again, which writes the file again."
+        ) from error

@@ -1,4 +1,4 @@
-"""Sidecar file: the whole model as JSON, including values that a robot description cannot store."""
+"""Sidecar file: the whole model as JSON, including the values that a robot description cannot store."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ from armid.study.records import finding_record
 from armid.values import Array
 
 KIND = "armid-model 1"
-"""Kind and format number of the file; the number increases when a key changes its meaning."""
+"""Kind of the file and number of its format; the number is increased if a key changes its meaning."""
 
 
 def side_record(run: Run, content: Content, theta: Array, data: bytes, name: str, kind: str) -> dict[str, Any]:
-    """Model of a run as a JSON record.
+    """Model of a run as a record for a JSON file.
 
     Args:
         run: The run.
         content: Content of the written description.
-        theta: Standard parameters (p,) that were written.
-        data: The written file.
-        name: Its name.
+        theta: Standard parameters that were written, shape (p,).
+        data: Content of the written file.
+        name: Name of the written file.
         kind: Kind of the parameters: `estimated`, `nearest` or `unphysical`.
     """
     model, estimate = run.model, run.estimate
@@ -51,25 +51,25 @@ def side_record(run: Run, content: Content, theta: Array, data: bytes, name: str
 
 
 def refuse_overwriting(others: Sequence[Path], run: Run) -> None:
-    """Check that no file is overwritten that this run's export has not written.
+    """Checks that no file is overwritten unless it is an earlier export of this run.
 
     Args:
-        others: Existing files of another origin.
+        others: Existing files that are not an export of this run.
         run: The run.
 
     Raises:
-        OutputError: There is one.
+        OutputError: There is such a file.
     """
     if others:
         more = f" and {len(others) - 1} more" if len(others) > 1 else ""
         raise OutputError(
-            f"{others[0]}{more} would be overwritten, and is not an export of {run.folder}.",
-            remedy="name another place with --out, or remove what is there.",
+            f"{others[0]}{more} would be overwritten, but it is not an earlier export of {run.folder}.",
+            remedy="choose another place with --out, or remove the existing files.",
         )
 
 
 def _parameters(run: Run, content: Content, theta: Array) -> list[dict[str, Any]]:
-    """Standard parameters with their laws; `in_file` tells if the description stores them, too."""
+    """Standard parameters with their laws; `in_file` says whether the description stores them, too."""
     model = run.model
     laws = dict(zip(model.law_columns.tolist(), model.laws, strict=True))
     result: list[dict[str, Any]] = []

@@ -1,7 +1,8 @@
-"""Standard parameters to write: the estimated ones, or bodies that have exactly the estimated base values.
+"""Standard parameters for a file: the estimated ones, or those of bodies with exactly the estimated base parameters.
 
-Base parameters leave open how mass is shared between links, θ = particular + basis · z. Among all bodies that have
-them, those nearest to the description are taken, relative to its pseudo-inertias; without one, the smallest.
+Base parameters do not determine how the mass is distributed among the links: θ = particular + basis · z for any z. Of
+all consistent bodies with these base parameters, those nearest to the description are taken, relative to its
+pseudo-inertias; without masses in the description, the smallest bodies are taken.
 """
 
 from __future__ import annotations
@@ -25,13 +26,13 @@ from armid.runs.run import Run
 from armid.values import Array
 
 EPSILONS = (1e-6, 1e-8)
-"""Required smallest eigenvalues of the pseudo-inertias, tried in turn from a speck of dust downwards."""
+"""Required smallest eigenvalues of the pseudo-inertias; they are tried one after another."""
 
 LIGHTEST = 0.01
-"""Least mass that serves as the scale for a link, as a share of the mean link mass."""
+"""Smallest mass with which a link is scaled, divided by the mean mass of the links."""
 
 SAME = 1e-9
-"""Largest tolerated change of a base parameter relative to the largest, due to rounding of the regrouping."""
+"""Largest allowed change of a base parameter by rounding in the regrouping, divided by the largest base parameter."""
 
 
 AGAIN = Remedy("identify again with ", setting("method", "physical"), ".")
@@ -45,24 +46,24 @@ def values_to_write(
     nearest: bool = False,
     allow_unphysical: bool = False,
 ) -> tuple[Array, str, tuple[Finding, ...]]:
-    """Standard parameters (p,) of a run.
+    """Standard parameters (p,) of a run for a file.
 
     Args:
         run: The run.
-        placeless: Links without a body in the file, such as those between two joints of one body.
-        carried: Inertial parameters (n, 10) of attached bodies in the file, which should fit into the links; `None`
-            where there is nothing of the kind.
-        nearest: Always take the bodies nearest to the description.
-        allow_unphysical: If no consistent bodies have the base values, take inconsistent ones near the description.
+        placeless: Links that have no body in the file, for instance those between two joints of one body.
+        carried: Inertial parameters (n, 10) of the attached bodies of the file; `None` if there are none.
+        nearest: Whether the bodies nearest to the description are taken in any case.
+        allow_unphysical: Whether inconsistent bodies near the description are taken if no consistent ones exist.
 
     Returns:
-        The parameters; `estimated`, `nearest` or `unphysical`; what was done.
+        The parameters; their kind: `estimated`, `nearest` or `unphysical`; and findings about the choice.
 
     Raises:
-        OutputError: There are none; the message says what to do.
+        OutputError: There are no such parameters; the message says what to do.
     """
     if not run.model.has_rigid_bodies:
-        raise OutputError("The run has no rigid bodies to write.", remedy="identify with the term rigid-body.")
+        problem = "The model of the run has no rigid bodies, so no bodies can be written."
+        raise OutputError(problem, remedy="identify with the term rigid-body.")
     base, fit = run.estimate.base, run.estimate.fit
     standard = standard_of(run.model, base)
     theta = torque_parameters(base, fit) if fit.standard is not None else None
@@ -92,20 +93,20 @@ def values_to_write(
         change = np.linalg.lstsq(basis, anchor - particular, rcond=None)[0]
         return particular + basis @ change, "unphysical", (_unphysical(run),)
     raise OutputError(
-        f"No physically consistent links have exactly the base parameters that {run.estimate.method} estimated; "
-        "nothing was written.",
-        possible="armid certify gives the distance to the nearest consistent ones",
-        remedy=AGAIN if theta is None else "give the file a body for each link.",
+        f"No physically consistent links have exactly the base parameters that the method {run.estimate.method} "
+        "estimated. Nothing was written.",
+        possible="armid certify, which gives the distance to the nearest consistent parameters",
+        remedy=AGAIN if theta is None else "use a description with a body for each link.",
     )
 
 
 def _all_with(
     standard: StandardParameters, values: Array, kept: NDArray[np.intp], empty: NDArray[np.intp]
 ) -> tuple[Array, Array]:
-    """All standard parameters with the base values, as a particular solution (p,) and a basis (p, z).
+    """All standard parameters with given base parameters: a particular solution (p,) and a basis (p, z).
 
-    Kept columns have the identity in the regrouping, so the other parameters are free and the kept ones follow. Those
-    that must be zero come as conditions on them.
+    The kept columns are an identity in the regrouping. The other parameters are therefore free, and the kept ones
+    follow from them. Parameters that must be zero are conditions on the free ones.
     """
     p = len(standard.names)
     free = np.setdiff1d(np.arange(p), kept)
@@ -129,7 +130,7 @@ def _search(
     empty: NDArray[np.intp],
     room: Array,
 ) -> Array | None:
-    """Consistent parameters with exactly the base values, whose links can contain `room`; else `None`."""
+    """Consistent parameters with exactly the base parameters whose links can contain `room`, or `None`."""
     values = standard.regrouping @ every[0]
     for epsilon in EPSILONS:
         try:
@@ -150,10 +151,10 @@ def _nearest(
     epsilon: float,
     room: Array,
 ) -> Array:
-    """Consistent parameters with the given base parameters, nearest to the anchor, or smallest without one."""
+    """Consistent parameters with given base parameters, nearest to the anchor, or smallest without an anchor."""
     if np.abs(particular[empty]).max(initial=0.0) > SAME * np.abs(particular).max():
         raise EstimationError(
-            "Links without a body cannot be empty with these base values.",
+            "With these base parameters, the links that have no body in the file cannot be without mass.",
             remedy="identify with --method physical, or give these links a mass in the description.",
         )
     steps = np.zeros((0, basis.shape[1]))
@@ -186,18 +187,20 @@ def _nearest(
 
 
 def _in_even_steps(measure: Array, particular: Array, basis: Array, anchor: Array) -> tuple[Array, Array, Array]:
-    """Same parameters relative to those nearest to the anchor, in a basis that is orthonormal in the measure.
+    """Parameters relative to those nearest to the anchor, in a basis that is orthonormal with respect to the measure.
 
-    Light links make steps a ten-thousandth as long as others, and a solver lose its digits.
+    With very light links, the lengths of the basis vectors would differ by a factor of 10⁴, and a solver would be
+    inaccurate.
 
     Args:
-        measure: Rows whose length is a distance, shape (m, p).
-        particular: Shape (p,).
-        basis: Shape (p, z).
-        anchor: Shape (p,).
+        measure: Matrix M for which the length of M θ is the distance, shape (m, p).
+        particular: Particular solution, shape (p,).
+        basis: Basis of the solutions, shape (p, z).
+        anchor: Parameters to which the distance is measured, shape (p,).
 
     Returns:
-        Particular and basis anew; the measure of the steps (z, z), one, or zero where it sees nothing.
+        New particular solution and basis; and the measure in this basis (z, z), diagonal with ones, or zeros for
+        directions that do not change the distance.
     """
     _, sizes, right = np.linalg.svd(measure @ basis)
     sizes = np.pad(sizes, (0, len(right) - len(sizes)))
@@ -208,7 +211,7 @@ def _in_even_steps(measure: Array, particular: Array, basis: Array, anchor: Arra
 
 
 def _relative_change(standard: StandardParameters, anchor: Array, there: list[NDArray[np.intp]]) -> Array:
-    """Rows whose length is the relative change of the links' pseudo-inertias, shape (16 links, p)."""
+    """Matrix that maps a change of θ to the relative change of the links' pseudo-inertias, shape (16 links, p)."""
     rows = np.zeros((16 * len(there), len(anchor)))
     least = LIGHTEST * max(float(anchor[standard.inertial[:, 0]].mean()), 1.0)
     for k, own in enumerate(there):
@@ -219,7 +222,7 @@ def _relative_change(standard: StandardParameters, anchor: Array, there: list[ND
 
 
 def _thick(vector: Array, least: float) -> Array:
-    """Inertial parameters moved inside the cone, so that they can serve as a scale; a ball if all are zero."""
+    """Inertial parameters moved inside the consistent set, so that they can be a scale; a ball if all are zero."""
     J = pseudo_inertia(vector)
     mass = float(J[3, 3])
     if mass < least:
@@ -231,22 +234,23 @@ def _thick(vector: Array, least: float) -> Array:
 
 
 def _fits(remaining: Array) -> bool:
-    """True if the links (n, 10) without their attached bodies are physically consistent."""
+    """Tests whether the links (n, 10) without their attached bodies are physically consistent."""
     return all(is_possible(InertialParameters.from_vector(each)) for each in remaining)
 
 
 def distance_to_description(run: Run, theta: Array) -> float:
-    """Distance of the links from those of the description, which `--nearest` minimises.
+    """Distance between the links of a run and those of the description; the option `--nearest` minimises it.
 
-    It is the root of the sum over links of ‖J₀^(-1/2) (J - J₀) J₀^(-1/2)‖², with the pseudo-inertias J of the values
-    and J₀ of the description: masses, first moments and inertias together, each relative to the described link.
+    It is the root of the sum over links of ‖J₀^(-1/2) (J - J₀) J₀^(-1/2)‖², where J are the pseudo-inertias of the
+    values and J₀ those of the description. It measures masses, first moments and inertias together, relative to the
+    described link.
 
     Args:
         run: The run.
         theta: Standard parameters (p,).
 
     Returns:
-        The distance; NaN where the description gives no masses.
+        The distance; NaN if the description contains no masses.
     """
     standard = standard_of(run.model, run.estimate.base)
     if standard.nominal is None:
@@ -256,46 +260,44 @@ def distance_to_description(run: Run, theta: Array) -> float:
 
 
 def _reason(run: Run, theta: Array | None, empty: NDArray[np.intp], *, nearest: bool, usable: bool) -> str:
-    """Reason in words for other links than those of the estimate."""
+    """Reason why the links of the file are not those of the estimate, as text."""
     if nearest:
-        return "--nearest was asked for"
+        return "the option --nearest was given"
     if theta is None:
-        return f"{run.estimate.method} estimates only base parameters, which do not determine how links share mass"
+        return f"{run.estimate.method} estimates only base parameters, which do not determine single masses"
     if theta[empty].any():
-        return "the estimate has mass in links for which the file has no place"
+        return "the estimate has mass in links that have no body in the file"
     if usable:
-        return "the estimated links cannot contain the bodies that the file attaches to them"
+        return "the estimated links are too small to contain the bodies that the file attaches to them"
     return "the estimated links are not physically consistent"
 
 
 def _choice_finding(run: Run, standard: StandardParameters, theta: Array | None, found: Array, why: str) -> Finding:
-    what = "the file has the physically consistent links with exactly its base parameters that"
+    what = "of all physically consistent links with exactly the estimated base parameters, the file has those that"
     if standard.nominal is not None:
         change = f"{distance_to_description(run, found):.3g}"
         if theta is not None:
             change += f" ({distance_to_description(run, theta):.3g} for the estimated links)"
         what = (
-            f"{what} are nearest to the description: relative to it, the pseudo-inertias (mass, first moment and "
-            f"inertia) of all links together change by {change}; the mass of a single link may be further from the "
+            f"{what} are nearest to the description: the relative change of the pseudo-inertias (mass, first moment "
+            f"and inertia) of all links together is {change}; the mass of a single link may be further from the "
             "description"
         )
     elif theta is not None:
-        what = f"the description gives no masses, so {what} are nearest to the estimate"
+        what = f"the description contains no masses, so {what} are nearest to the estimate"
     else:
-        what = f"the description gives no masses, so {what} have the least mass and extent"
+        what = f"the description contains no masses, so {what} have the smallest mass and extent"
     return Finding("bodies-chosen", "info", "", f"{why}; {what}")
 
 
 def _none_nearer() -> Finding:
-    what = "no physically consistent links nearer to the description were found that have these base parameters"
-    return Finding("nearest-not-found", "warning", "", f"{what}; the file has those of the estimate")
+    what = "no physically consistent links with these base parameters were found that are nearer to the description"
+    return Finding("nearest-not-found", "warning", "", f"{what}; the file has the links of the estimate")
 
 
 def _unphysical(run: Run) -> Finding:
-    what = (
-        f"no physically consistent links have the base parameters of {run.estimate.method}; the nearest inconsistent "
-    )
-    what += "ones that have are written"
+    what = f"no physically consistent links have the base parameters of the method {run.estimate.method}; "
+    what += "inconsistent links with these base parameters, which are nearest to the description, are written"
     return Finding(
         "bodies-unphysical", "warning", "", what, Remedy("identify again with ", setting("method", "physical"))
     )

@@ -1,4 +1,4 @@
-"""Input and output types of exporters: identified inertias, joint parameters, descriptions, written files."""
+"""Input and output types of exporters: identified inertias, joint parameters, descriptions, and written files."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ from armid.values import Array
 
 @dataclass(frozen=True, eq=False, slots=True)
 class DescriptionSource:
-    """Description that a run was identified with.
+    """Description with which a run was identified.
 
     Attributes:
-        path: Its path; the name of a built-in arm.
-        format: Name of the exporter that edits it; `dh` where none does.
-        data: Its text, with xacro expanded and included files inserted.
-        locked: Joints held still, with positions [rad or m].
-        files: Files that the text came from.
-        findings: Changes that were made to get this text.
+        path: Path of the description, or name of a built-in arm.
+        format: Name of the exporter that can edit it; `dh` if none can.
+        data: Text of the description, with xacro expanded and included files inserted.
+        locked: Positions of the locked joints [rad or m], by name.
+        files: Paths of the files from which the text was put together.
+        findings: Changes that were made to obtain this text.
     """
 
     path: str
@@ -42,9 +42,9 @@ class OpenedDescription:
     """Description prepared for editing.
 
     Attributes:
-        data: Its text, with macros expanded and included files inserted.
-        files: Files that the text came from.
-        findings: Changes that were made to get this text.
+        data: Text of the description, with xacro expanded and included files inserted.
+        files: Paths of the files from which the text was put together.
+        findings: Changes that were made to obtain this text.
     """
 
     data: bytes
@@ -57,12 +57,13 @@ class Body:
     """Body of a description that moves with a link of the arm.
 
     Attributes:
-        name: Its name in the file.
-        link: Index of the link that it is part of.
-        placement: Its frame in the link's frame, shape (4, 4).
-        nominal: Its inertia in the file, in its own frame; `None` if the file gives none.
-        is_welded: True if it is attached by a locked joint, false if by fixed joints.
-        is_guessed: True if other programs compute its inertia from meshes.
+        name: Name of the body in the file.
+        link: Index of the link to which it belongs.
+        placement: Pose of the body in the frame of the link, shape (4, 4).
+        nominal: Inertia of the body in the file, in its own frame; `None` if the file contains none.
+        is_welded: Whether it is attached by a locked joint; otherwise it is attached by fixed joints, or is the main
+            body.
+        is_guessed: Whether other programs compute its inertia from meshes.
     """
 
     name: str
@@ -78,8 +79,8 @@ class Content:
     """Content of a file to be written.
 
     Attributes:
-        robot: The arm, each link with its identified inertia.
-        joints: Parameters of each joint that a format may store, by the name of their term.
+        robot: Arm whose links have the identified inertias.
+        joints: Parameters of each joint that a format may store, by the names of joint and term.
         source: The description to edit; `None` for a new file.
         bodies: New inertia of each body of the description, in its own frame.
     """
@@ -91,17 +92,17 @@ class Content:
 
     @property
     def locked(self) -> Mapping[str, float]:
-        """Joints of the file that are held still."""
+        """Joints of the file that are locked, with their positions."""
         return {} if self.source is None else self.source.locked
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class WrittenDescription:
-    """Description as an exporter wrote it.
+    """Description as an exporter has written it.
 
     Attributes:
-        data: Its bytes.
-        findings: Values that the format cannot store.
+        data: Content of the file.
+        findings: Findings about values that the format cannot store.
     """
 
     data: bytes
@@ -113,12 +114,12 @@ class Witness:
     """Model that another program reads from a written file.
 
     Attributes:
-        name: The program.
-        torque: Torque of its rigid bodies along the states it was given, shape (N, n) [N·m or N]; `None` if the
-            program rejects the file.
-        joints: Parameters of the joints that it read, by joint and term.
-        reason: Reason why it rejects the file.
-        is_absent: True if the program is not installed.
+        name: Name of the program.
+        torque: Torque of the rigid bodies at the given states, shape (N, n) [N·m or N]; `None` if the program rejects
+            the file.
+        joints: Parameters of the joints that the program has read, by joint and term.
+        reason: Reason why the program rejects the file.
+        is_absent: Whether the program is not installed.
     """
 
     name: str
@@ -129,21 +130,21 @@ class Witness:
 
 
 def text_of(*numbers: float) -> str:
-    """Text of numbers that reads back exactly, with up to seventeen digits."""
+    """Numbers as text with up to seventeen digits, from which exactly the same numbers are read back."""
     return " ".join(repr(float(x) + 0.0) for x in numbers)
 
 
 def com_form(body: InertialParameters, name: str) -> tuple[float, Array, Array]:
-    """Mass, centre of mass and inertia about it (3, 3), the form that formats store.
+    """Mass, centre of mass and inertia about it (3, 3), which is the form that formats store.
 
     Raises:
-        OutputError: The body has no mass, but a first moment or an inertia; it has no centre of mass.
+        OutputError: The body has a first moment or an inertia but no mass, so it has no centre of mass.
     """
     if body.mass == 0.0:
         if body.vector.any():
             raise OutputError(
-                f"{name} has zero mass but a nonzero first moment or inertia, which a file cannot store.",
-                remedy=Remedy("identify with ", setting("method", "physical"), "."),
+                f"The mass of {name} is zero, but its first moment or inertia is not, which a file cannot store.",
+                remedy=Remedy("identify again with ", setting("method", "physical"), "."),
             )
         return 0.0, np.zeros(3), np.zeros((3, 3))
     return vector_to_com_inertia(body.vector)
@@ -158,7 +159,7 @@ def rpy_of(rotation: Array) -> tuple[float, float, float]:
 
 
 def unique_names(names: Sequence[str], taken: Sequence[str] = ()) -> list[str]:
-    """Names made unique: duplicates and names in `taken` get a number appended."""
+    """Names made unique: a number is appended to duplicates and to names in `taken`."""
     used = set(taken)
     result: list[str] = []
     for name in names:

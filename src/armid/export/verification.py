@@ -1,4 +1,4 @@
-"""Verification of a written file: its torque when read back, in other programs and on held-out motion."""
+"""Verification of a written file: its torque after it is read back, in other programs, and on validation motion."""
 
 from __future__ import annotations
 
@@ -23,32 +23,33 @@ from armid.validation.prediction import Check, JointCheck
 from armid.values import Array
 
 STATES = 50
-"""Number of random states for comparing torque: more than an arm has parameters, and fast."""
+"""Number of random states at which torque is compared: it is larger than the number of parameters of an arm."""
 
 SPEED, ACCELERATION = 2.0, 4.0
-"""Bounds of their velocity and acceleration [rad/s or m/s, rad/s² or m/s²], for torques of similar size."""
+"""Bounds of the velocity and acceleration of these states [rad/s or m/s, rad/s² or m/s²], for torques of similar
+size."""
 
 REACH = np.pi
-"""Bound of the positions of a joint without limits [rad or m]."""
+"""Bound of the position of a joint without limits [rad or m]."""
 
 TORQUE = 1e-9
-"""Largest difference relative to the largest torque. Programs that turn tensors to their principal axes lose 1e-13;
-numbers with seventeen digits are exact."""
+"""Largest allowed difference of torques, divided by the largest torque. Programs that transform tensors to principal
+axes lose about 1e-13; numbers with seventeen digits are exact."""
 
 PREDICTED = 1e-6
-"""Largest relative difference of predictions on held-out motion."""
+"""Largest allowed relative difference of predictions on validation motion."""
 
 ROUNDED = 1e-3
-"""The same if angles of the description were rounded; bodies on locked joints then turn by up to 1e-4 rad."""
+"""Bound of this difference if described angles were rounded: bodies on locked joints then turn by up to 1e-4 rad."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Prediction:
-    """RMS torque error on one held-out recording, per joint (n,) [N·m or N].
+    """RMS torque error on one validation recording, for each joint, shape (n,) [N·m or N].
 
     Attributes:
-        path: The recording.
-        estimate: Error of the run's estimate.
+        path: Path of the recording.
+        estimate: Error of the estimate of the run.
         file: Error of the model in the file.
     """
 
@@ -59,12 +60,12 @@ class Prediction:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Verified:
-    """Result of the verification.
+    """Result of the verification of a file.
 
     Attributes:
-        checks: Passed checks.
-        predictions: Torque errors on held-out motion.
-        findings: Checks that were not possible, and consequences of the format.
+        checks: Checks that were passed.
+        predictions: Torque errors on validation motion.
+        findings: Findings about checks that were not possible, and about consequences of the format.
     """
 
     checks: tuple[Check, ...]
@@ -82,19 +83,19 @@ def verify(
     *,
     unphysical: bool = False,
 ) -> Verified:
-    """Read a file back and compare its model with the identified one.
+    """Reads a file back and compares its model with the identified model.
 
     Args:
-        exporter: Its format.
-        written: The file.
-        content: Content that it should have.
+        exporter: Exporter of the format of the file.
+        written: The written file.
+        content: Content that the file should have.
         run: The run.
-        theta: Standard parameters (p,) that were written.
+        theta: Standard parameters that were written, shape (p,).
         unseen: Validation recordings of the run.
-        unphysical: True if its values are known to be physically inconsistent; programs may then reject it.
+        unphysical: Whether the values are known to be physically inconsistent; then programs may reject the file.
 
     Raises:
-        OutputError: The file does not say what was identified.
+        OutputError: The file differs from the identified model.
     """
     raw = exporter.read(written.data, content.locked)
     robot = _in_order(_held(raw, content), content.robot)
@@ -107,23 +108,23 @@ def verify(
     if not np.allclose(raw.gravity, content.robot.gravity):
         of_run, of_file = (", ".join(f"{x:g}" for x in gravity) for gravity in (content.robot.gravity, raw.gravity))
         what = (
-            f"the run has gravity ({of_run}) in the base frame; a simulator that loads the file will have ({of_file})"
+            f"gravity in the base frame is ({of_run}) in the run, but ({of_file}) in a simulator that loads the file"
         )
         findings.append(
-            Finding("gravity-differs", "info", "", what, "mount the arm in the simulator as the real one")
+            Finding("gravity-differs", "info", "", what, "mount the arm in the simulator as the real arm is mounted")
         )
     for check in checks:
         if not check.ok:
             raise OutputError(
-                f"The written file differs from the identified model: {check.name} by {check.value:.2g} "
-                f"of the torque, more than {check.bound:g}. Nothing was written.",
-                remedy="look for settings of the description that change inertias, or write another format.",
+                f"The written file differs from the identified model: {check.name}, relative difference "
+                f"{check.value:.2g}, at most {check.bound:g} allowed. Nothing was written.",
+                remedy="search the description for settings that change inertias, or write another format.",
             )
     return Verified(tuple(checks), tuple(predictions), tuple(findings))
 
 
 def _held(raw: Robot, content: Content) -> Robot:
-    """Arm of a file with its locked joints held still, under the run's gravity."""
+    """Arm of a file with its joints locked as in the run, and with the gravity of the run."""
     held = {name: value for name, value in content.locked.items() if name in raw.joint_names}
     return raw.lock(held).with_gravity(content.robot.gravity)
 
@@ -134,8 +135,8 @@ def _in_order(robot: Robot, like: Robot) -> Robot:
         return robot
     if sorted(robot.joint_names) != sorted(like.joint_names):
         raise OutputError(
-            f"The written file has the joints {', '.join(robot.joint_names)}.",
-            remedy="report this: the description holds something that armid does not write.",
+            f"The written file has other joints than the run: {', '.join(robot.joint_names)}.",
+            remedy="report this: the description contains an element that armid does not write correctly.",
         )
     order = [robot.joint_index(name) for name in like.joint_names]
     joints = [robot.joints[k] for k in order]
@@ -147,7 +148,7 @@ def _in_order(robot: Robot, like: Robot) -> Robot:
 def _torques(
     exporter: Exporter, written: WrittenDescription, content: Content, robot: Robot, unphysical: bool
 ) -> tuple[list[Check], list[Finding]]:
-    """Checks of the rigid-body torque and the joint parameters that several programs read."""
+    """Checks of the rigid-body torque and of the joint parameters that several programs read."""
     q, dq, ddq = _states(content.robot)
     expected = _inverse_dynamics(robot, _inertial(content.robot), q, dq, ddq)
     largest = float(np.abs(expected).max()) or 1.0
@@ -171,7 +172,7 @@ def _torques(
 
 
 def _refuse_broken(exporter: Exporter, content: Content, witness: Witness) -> None:
-    """Raises an error if a program rejects the file but accepts the description."""
+    """Raises an error if a program rejects the file although it accepts the description."""
     q = np.zeros((1, content.robot.n))
     before = [] if content.source is None else exporter.witnesses(content.source.data, content, q, q, q)
     if not any(each.name == witness.name and each.torque is None for each in before):
@@ -187,7 +188,7 @@ def _check(name: str, actual: Array, expected: Array, largest: float) -> Check:
 
 
 def _states(robot: Robot) -> tuple[Array, Array, Array]:
-    """Random states within the joints' limits."""
+    """Random states within the limits of the joints."""
     rng = np.random.default_rng(0)
     limits = np.array([joint.position_limits for joint in robot.joints])
     low, high = np.maximum(limits[:, 0], -REACH), np.minimum(limits[:, 1], REACH)
@@ -199,7 +200,7 @@ def _states(robot: Robot) -> tuple[Array, Array, Array]:
 
 
 def _inertial(robot: Robot) -> Array:
-    """Inertial parameters (n, 10)."""
+    """Inertial parameters of the links (n, 10)."""
     vector = robot.inertial_vector
     return np.zeros((robot.n, 10)) if vector is None else vector
 
@@ -209,19 +210,19 @@ def _inverse_dynamics(robot: Robot, inertial: Array, q: Array, dq: Array, ddq: A
 
 
 def _rounding(content: Content, robot: Robot) -> list[Finding]:
-    """Finding about the effect of the description's rounded angles on torque, if the run took them as exact."""
+    """Finding about the effect of rounded angles on the torque, if the run has corrected described angles."""
     q, dq, ddq = _states(content.robot)
     exact = _inverse_dynamics(content.robot, _inertial(content.robot), q, dq, ddq)
     as_written = _inverse_dynamics(robot, _inertial(content.robot), q, dq, ddq)
     error = float(np.abs(exact - as_written).max()) / (float(np.abs(exact).max()) or 1.0)
     if error <= TORQUE:
         return []
-    what = f"angles of the description are rounded; the run took them as exact, which changes torque by {error:.1g}"
+    what = f"angles in the description are rounded; the run took them as exact, which changes torque by {error:.1g}"
     return [Finding("description-rounded", "info", "", what)]
 
 
 def _predictions(run: Run, robot: Robot, theta: Array, unseen: Unseen) -> tuple[list[Prediction], list[Check]]:
-    """Torque errors on held-out motion of the estimate and of the file, and their checks."""
+    """Torque errors of the estimate and of the file on validation motion, and checks that they agree."""
     from_file = theta.copy()
     from_file[run.model.inertial_columns] = _inertial(robot).ravel()
     model = DynamicsModel(robot, run.model.terms, run.model.load_parameters)
@@ -246,13 +247,13 @@ def _predictions(run: Run, robot: Robot, theta: Array, unseen: Unseen) -> tuple[
 
 
 def _rms(values: Array, mask: Array | np.ndarray) -> Array:
-    """Root mean square of each column over its masked rows; zero without such rows."""
+    """Root mean square of each column over its masked rows; zero if there are none."""
     counted = np.where(mask, values, 0.0)
     return np.sqrt(np.sum(counted**2, axis=0) / np.maximum(np.sum(mask, axis=0), 1))
 
 
 def places_of(model: DynamicsModel, theta: Array) -> dict[str, dict[str, float]]:
-    """Parameters of single joints that a format may store, by joint and term."""
+    """Parameters that belong to a single joint and that a format may store, by joint and term."""
     stored_terms = {term for exporter in EXPORTERS.values() for term in exporter.PLACES}
     stored: dict[str, dict[str, float]] = {name: {} for name in model.robot.joint_names}
     for column, (term, law) in zip(model.law_columns, model.laws, strict=True):

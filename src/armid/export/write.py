@@ -1,4 +1,4 @@
-"""Export of a run's model as a robot description, verified before it is written."""
+"""Export of a run's model as a robot description, which is verified before it is written."""
 
 from __future__ import annotations
 
@@ -36,14 +36,14 @@ class Exported:
     """Result of an export.
 
     Attributes:
-        path: The robot description.
-        side: Sidecar file with the whole model.
-        format: Its format.
-        edited: Path of the description that was edited; empty for a new file.
+        path: Path of the robot description.
+        side: Path of the sidecar file, which contains the whole model.
+        format: Name of the format.
+        edited: Path of the description that was edited; empty if a new file was written.
         standard: Kind of the parameters: `estimated`, `nearest` or `unphysical`.
-        checks: Checks of the file read back.
-        predictions: Torque errors on held-out motion.
-        findings: Changes that were made, and values that the format cannot store.
+        checks: Checks of the file after it was read back.
+        predictions: Torque errors on validation motion.
+        findings: Findings about changes, and about values that the format cannot store.
     """
 
     path: Path
@@ -69,26 +69,26 @@ def export_run(
     allow_unphysical: bool = False,
     allow_unidentified: bool = False,
 ) -> Exported:
-    """Write a run's model as a robot description, and a sidecar file with the whole model.
+    """Writes the model of a run as a robot description, and a sidecar file with the whole model.
 
-    A description of the same format is edited: identified numbers are replaced, all other bytes stay. Otherwise a new
-    file is written, whose bodies have no shapes.
+    A description of the same format is edited: identified numbers are replaced, and all other bytes stay unchanged.
+    Otherwise a new file is written, whose bodies have no shapes.
 
     Args:
         run: The run.
-        to: Format, a row of `armid.export.catalogue.EXPORTERS`.
-        out: The file; in the run's folder if left out.
+        to: Name of the format, one of `armid.export.catalogue.EXPORTERS`.
+        out: Path of the file; `None` for a file in the folder of the run.
         description: Present path of the run's description, if it was moved.
         data: Present folder of the run's recordings, if they were moved.
-        limits: Limits by joint and kind (`velocity`, `effort`, `position` with a lower and an upper one), for a new
-            file if the description has none; names may be patterns.
-        nearest: Share mass between the links as the description does, where base parameters do not determine it.
-        lumped: Give all mass of a link to its main body, and write the bodies attached to it without mass.
-        allow_unphysical: Also write physically inconsistent links.
-        allow_unidentified: Also write links whose mass neither torque nor the description determines.
+        limits: Limits by joint and kind (`velocity`, `effort`, or `position` with a lower and an upper one), for a
+            new file if the description has none. Names may be patterns.
+        nearest: Whether the links are those nearest to the description that have the estimated base parameters.
+        lumped: Whether the main body of a link gets all its mass, and bodies attached to it are written without mass.
+        allow_unphysical: Whether physically inconsistent links may be written.
+        allow_unidentified: Whether links may be written whose mass neither the torque nor the description determines.
 
     Raises:
-        OutputError: The file is of another origin, cannot be written or would differ from the model; none is written.
+        OutputError: The file exists and is no export of this run, cannot be written, or would differ from the model.
     """
     exporter, source = _exporter(to), find_source(run, description)
     path = Path(out) if out is not None else _default(run, source, exporter)
@@ -134,7 +134,7 @@ def _beside(missing: OutputError | None) -> Generator[None]:
 
 
 def _exporter(to: str) -> Exporter:
-    """Exporter of a format."""
+    """Exporter of the format with a given name."""
     if to not in EXPORTERS:
         raise OutputError(
             f"Unknown format {to!r}.",
@@ -154,7 +154,7 @@ def _content(
     *,
     lumped: bool,
 ) -> tuple[Content, tuple[Finding, ...]]:
-    """Content to be written, and findings about the distribution of inertia among the description's bodies."""
+    """Content to be written, and findings about the distribution of inertia among the bodies of the description."""
     robot = _identified(run, robot, theta)
     joints = {
         name: {term: value for term, value in values.items() if term in exporter.PLACES}
@@ -169,7 +169,7 @@ def _content(
 
 
 def export_record(exported: Exported) -> dict[str, Any]:
-    """The contents of `export --json`."""
+    """Content of the output of `export --json`."""
     return {
         "file": str(exported.path),
         "side": str(exported.side),
@@ -183,23 +183,24 @@ def export_record(exported: Exported) -> dict[str, Any]:
 
 
 def _default(run: Run, source: DescriptionSource, exporter: Exporter) -> Path:
-    """A file in the run's folder, named after the description or the arm."""
+    """Path of a file in the folder of the run, named after the description or the arm."""
     stem = Path(source.path).stem if source.format != "dh" else run.robot.name
     return Path(run.folder) / (re.sub(r"[^\w.+-]+", "-", stem).strip(".-") + exporter.SUFFIX)
 
 
 def _refuse_target(path: Path, source: DescriptionSource, run: Run | None) -> None:
-    """Check that the output overwrites neither the description nor, of a run, what is no export of it."""
+    """Checks that the output overwrites neither the description nor a file that is not an export of this run."""
     if any(path.exists() and path.samefile(part) for part in source.files):
         raise OutputError(
-            f"{path} is the description itself, or a part of it.", remedy="name another file with --out."
+            f"The result cannot be written to {path}, because this file is the description or a part of it.",
+            remedy="choose another file with --out.",
         )
     if run is not None and not _is_free(path, run):
         refuse_overwriting([path], run)
 
 
 def _is_free(path: Path, run: Run) -> bool:
-    """True where nothing stands but an earlier export of this run, by the digests in its sidecar file."""
+    """Tests whether a file does not exist or is an earlier export of this run, by the digests in its sidecar file."""
     if not path.exists():
         return True
     try:
@@ -212,13 +213,17 @@ def _is_free(path: Path, run: Run) -> bool:
 def _refuse_options(
     source: DescriptionSource, limits: Mapping[tuple[str, str], Any] | None, bodies: object, *, lumped: bool
 ) -> None:
-    """Check options: limits apply only to new files, lumped bodies only to edited descriptions."""
+    """Checks options: limits are only for new files, `lumped` only for edited descriptions."""
     if limits and bodies is not None:
-        raise OutputError(f"{source.path} is edited and keeps its limits.", remedy="correct them in the description.")
+        raise OutputError(
+            "Limits can be given only for a new file, but here the description "
+            f"{source.path} is edited, and its limits are kept.",
+            remedy="change the limits in the description.",
+        )
     if lumped and bodies is None:
         raise OutputError(
-            "A new file has one body for each link, so --lumped has no effect.",
-            remedy="leave --lumped out.",
+            "The option --lumped has no effect on a new file, which has one body for each link.",
+            remedy="leave out --lumped.",
         )
 
 
@@ -227,7 +232,7 @@ def _bodies(exporter: Exporter, source: DescriptionSource, robot: Robot) -> list
 
 
 def _identified(run: Run, robot: Robot, theta: Array) -> Robot:
-    """The arm with the identified inertias of its links."""
+    """Arm whose links have the identified inertias."""
     vectors = theta[run.model.inertial_columns].reshape(-1, 10)
     links = [
         Link(link.name, InertialParameters.from_vector(vector))
@@ -237,25 +242,28 @@ def _identified(run: Run, robot: Robot, theta: Array) -> Robot:
 
 
 def _sidecar_only(run: Run, exporter: Exporter, side: str) -> list[Finding]:
-    """Findings about values that only the sidecar file stores."""
+    """Findings about values that only the sidecar file contains."""
     findings: list[Finding] = []
     for term, names in without_place(run.model, exporter.PLACES).items():
-        what = f"the format cannot store {', '.join(names)}; {side} has them"
+        what = f"the format cannot store {', '.join(names)}; {side} contains them"
         severe = term == "rotor-inertia"
         findings.append(Finding("no-place", "warning" if severe else "info", term, what))
     if any(name.recording for name in run.estimate.fit.names):
-        what = "friction was estimated for each recording; its mean is written"
+        what = "friction was estimated for each recording; the mean over the recordings is written"
         findings.append(Finding("friction-averaged", "info", "", what))
     for use in run.estimate.terms:
         if use.name == "coulomb" and use.shapes.get("width"):
             width = use.shapes["width"]
-            what = f"the model smooths Coulomb friction over {width} rad/s (m/s); the file has only its magnitude"
+            what = (
+                f"the model smooths Coulomb friction over a velocity of {width} rad/s (m/s); the file contains only "
+                "its magnitude"
+            )
             findings.append(Finding("no-place", "info", use.name, what))
     return findings
 
 
 def _write_both(path: Path, data: bytes, record: Mapping[str, Any]) -> Path:
-    """Writes both files or neither; returns the path of the sidecar file."""
+    """Writes both files or none; returns the path of the sidecar file."""
     side = path.with_name(f"{path.name}{SIDE}")
     before = side.read_bytes() if side.is_file() else None
     replace_file(side, to_json(record) + "\n")

@@ -1,7 +1,7 @@
-"""Editing of XML in place: bytes outside the edits stay unchanged.
+"""Editing of an XML text in place: all bytes outside the edits stay unchanged.
 
-A parser tells where elements are, and nothing is ever written out again from what it understood. So comments, order,
-quotes, blanks and line ends of the text survive, whatever they look like.
+A parser only finds the positions of elements; the text is never written again from the parsed elements. Comments,
+order, quotes, blanks and line ends of the text are therefore kept.
 """
 
 from __future__ import annotations
@@ -16,22 +16,22 @@ from xml.sax.saxutils import escape, quoteattr
 ATTRIBUTE = re.compile(rb"\s+([^\s=/>]+)\s*=\s*(\"[^\"]*\"|'[^']*')")
 TAG_END = re.compile(rb"\s*(/?)>")
 STEP = "  "
-"""Indentation for a document without indentation to copy."""
+"""Indentation that is used if the document has no indentation to copy."""
 
 
 @dataclass(eq=False, slots=True)
 class XmlNode:
-    """Element of an XML document with byte offsets in its text.
+    """Element of an XML document, with the byte offsets of its parts in the text.
 
     Attributes:
-        tag: Tag as written, with its prefix.
-        values: Decoded attributes.
-        start: Offset of the element.
-        named: Offset after the tag's name.
-        spans: Offsets of each attribute: of the blanks before it, of its value, and after the value.
+        tag: Tag as written, including its prefix.
+        values: Values of the attributes, decoded.
+        start: Offset of the start of the element.
+        named: Offset after the name of the tag.
+        spans: Three offsets for each attribute: of the blanks before it, of its value, and of the end of its value.
         inner: Offset after the start tag.
         closing: Offset of the end tag; `inner` if there is none.
-        end: Offset after the element.
+        end: Offset after the end of the element.
         children: Child elements.
     """
 
@@ -47,15 +47,15 @@ class XmlNode:
 
     @property
     def is_empty(self) -> bool:
-        """True if it has no end tag."""
+        """Tests whether the element has no end tag."""
         return self.closing == self.end
 
     def find(self, tag: str) -> XmlNode | None:
-        """First child with a tag."""
+        """First child with a given tag; `None` if there is none."""
         return next((child for child in self.children if child.tag == tag), None)
 
     def every(self, tag: str) -> list[XmlNode]:
-        """All children with a tag."""
+        """All children with a given tag."""
         return [child for child in self.children if child.tag == tag]
 
     def walk(self) -> Iterator[XmlNode]:
@@ -66,7 +66,7 @@ class XmlNode:
 
 
 class Document:
-    """XML text with edits, which are collected and then applied together.
+    """XML text with edits, which are collected first and then applied together.
 
     Args:
         data: Well-formed XML in UTF-8, without document type.
@@ -79,7 +79,7 @@ class Document:
         self._edits: list[tuple[int, int, int, bytes]] = []
 
     def set(self, node: XmlNode, name: str, value: str) -> None:
-        """Set the value of an attribute; a new attribute is appended."""
+        """Sets the value of an attribute; a new attribute is appended."""
         if name in node.spans:
             _, start, end = node.spans[name]
             # Both kinds of quotes are escaped, so the value may be enclosed in either.
@@ -89,13 +89,13 @@ class Document:
         self.replace(behind, behind, f" {name}={quoteattr(value)}")
 
     def drop(self, node: XmlNode, name: str) -> None:
-        """Remove an attribute and the blanks before it."""
+        """Removes an attribute and the blanks before it."""
         if name in node.spans:
             start, _, end = node.spans[name]
             self.replace(start, end + 1, "")
 
     def first(self, node: XmlNode, lines: Sequence[str]) -> None:
-        """Insert lines at the beginning of an element."""
+        """Inserts lines at the beginning of an element."""
         if node.is_empty or not node.children:
             self.last(node, lines)
             return
@@ -103,7 +103,7 @@ class Document:
         self.replace(node.inner, node.inner, "".join(lead + line for line in lines))
 
     def last(self, node: XmlNode, lines: Sequence[str]) -> None:
-        """Insert lines after the last child of an element."""
+        """Inserts lines after the last child of an element."""
         if node.children:
             lead = self._lead(node.children[-1])
             behind = node.children[-1].end
@@ -120,7 +120,7 @@ class Document:
             self.replace(node.inner, node.inner, text + ("" if broken else own))
 
     def replace(self, start: int, end: int, text: str) -> None:
-        """Replace a range of bytes by a text."""
+        """Replaces a range of bytes by a text."""
         self._edits.append((start, end, len(self._edits), text.encode()))
 
     def edited(self) -> bytes:
@@ -134,14 +134,14 @@ class Document:
         return b"".join([*parts, self.data[reached:]])
 
     def _lead(self, node: XmlNode) -> str:
-        """Line end and indentation before an element; empty if other text precedes it on its line."""
+        """Line end and indentation before an element; empty if other text is before it on its line."""
         line = self.data.rfind(b"\n", 0, node.start) + 1
         before = self.data[line : node.start]
         return self.newline + before.decode() if line and not before.strip() else ""
 
 
 def element_text(tag: str, attributes: Mapping[str, str]) -> str:
-    """Text of an element without content."""
+    """Text of an element that has no content."""
     return f"<{tag} {' '.join(f'{key}={quoteattr(value)}' for key, value in attributes.items())}/>"
 
 
@@ -171,7 +171,7 @@ def _parse(data: bytes) -> XmlNode:
 
 
 def _start_tag(data: bytes, start: int, tag: str, values: dict[str, Any]) -> XmlNode:
-    """Element from its start tag; its end is set later."""
+    """Element from its start tag; the offset of its end is set later."""
     named = at = start + 1 + len(tag.encode())
     spans: dict[str, tuple[int, int, int]] = {}
     while (match := ATTRIBUTE.match(data, at)) is not None:

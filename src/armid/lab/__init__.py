@@ -1,1 +1,1 @@
-"""Simulated recordings of arms with known parameters."""
+"""Simulation of recordings of arms whose parameters are known."""

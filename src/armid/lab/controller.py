@@ -1,11 +1,11 @@
-"""Joint controllers and drives of the closed loop.
+"""Joint controllers and drives for the closed-loop simulation.
 
-Every controller adds a feed-forward along the planned motion to linear feedback of the drive's position and velocity,
-τ = feed-forward(t) + KP e + KD ė + KI ∫e. They differ in the feed-forward alone:
+Every controller adds a feed-forward torque along the planned motion to a linear feedback of position and velocity of
+the drive: τ = feed-forward(t) + KP e + KD ė + KI ∫e. The controllers differ only in the feed-forward torque:
 
 - computed-torque: inverse dynamics of a nominal model along the plan, without friction;
 - pd-gravity: gravity torque of the nominal model along the plan;
-- pid: none; the integral part holds the arm.
+- pid: none; the integral part compensates gravity.
 """
 
 from __future__ import annotations
@@ -26,10 +26,11 @@ CONTROLLERS = ("computed-torque", "pd-gravity", "pid")
 """Kinds of controllers."""
 
 UNKNOWN_EFFORT = 100.0
-"""Effort limit [N·m or N] where none is known."""
+"""Effort limit [N·m or N] that is assumed if the limit is unknown."""
 
 SLOWER = 0.25
-"""Largest natural frequency of the loop, in radians per sample or over the corner of the current loop."""
+"""Largest natural frequency of the loop, multiplied by the sum of the sample time and the time constant of the
+current loop [rad]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,13 +39,13 @@ class Controller:
 
     Attributes:
         kind: One of `CONTROLLERS`.
-        compliance: Position error at which feedback commands the joint's full effort [rad or m]. The gains follow
-            from it, except for joints so light that the loop would be faster than its sampling allows.
-        damping: Damping ratio of the loop with the mean inertia of the joint.
-        integral: KI over KP [1/s]; `None` is 0, and 2 for `pid`.
-        rate: Sampling rate [Hz]; 0 for every step of the simulation.
-        model_scale: Ratio of its nominal model to the true one.
-        friction: Share of viscous and Coulomb friction in the feed-forward along the plan.
+        compliance: Position error at which the feedback commands the full effort of the joint [rad or m]. It
+            determines the gains, except for joints so light that the loop would be too fast for its sampling.
+        damping: Damping ratio of the loop for the mean inertia of the joint.
+        integral: KI divided by KP [1/s]; `None` stands for 2 if `kind` is `pid`, otherwise for 0.
+        rate: Sampling rate [Hz]; 0 for sampling in every step of the simulation.
+        model_scale: Ratio of the torque of its nominal model to that of the true model.
+        friction: Share of the viscous and Coulomb friction that the feed-forward torque contains.
     """
 
     kind: Literal["computed-torque", "pd-gravity", "pid"] = "computed-torque"
@@ -64,16 +65,20 @@ class Controller:
             )
         good = self.compliance > 0.0 and self.damping > 0.0 and self.rate >= 0.0 and (self.integral or 0.0) >= 0.0
         if not good:
-            raise LabError("A controller's compliance and damping must be positive, rate and integral not negative.")
+            raise LabError(
+                "For a controller, `compliance` and `damping` must be positive, `rate` and `integral` not negative; "
+                f"found {self.compliance}, {self.damping}, {self.rate} and {self.integral}.",
+                remedy="correct these values in the table [controller].",
+            )
 
 
 @dataclass(frozen=True, slots=True)
 class Drive:
-    """Dynamics and limits between commanded and actual torque.
+    """Drive: dynamics and limits between commanded and actual torque.
 
     Attributes:
-        bandwidth: Corner frequency of the first-order current loop [Hz]; 0 for an ideal one.
-        saturation: Largest torque over the joint's effort limit; 0 for no saturation.
+        bandwidth: Corner frequency of the first-order current loop [Hz]; 0 for a loop without delay.
+        saturation: Largest torque divided by the effort limit of the joint; 0 for no saturation.
     """
 
     bandwidth: float = 0.0
@@ -81,10 +86,14 @@ class Drive:
 
     def __post_init__(self) -> None:
         if not (self.bandwidth >= 0.0 and self.saturation >= 0.0):
-            raise LabError("A drive's bandwidth and saturation must not be negative.")
+            raise LabError(
+                "For a drive, `bandwidth` and `saturation` must not be negative; found "
+                f"{self.bandwidth} and {self.saturation}.",
+                remedy="correct these values in the table [drive].",
+            )
 
     def limits(self, truth: KnownArm) -> Array:
-        """Largest torque of each joint (n,) [N·m or N]."""
+        """Largest torque of each joint, shape (n,) [N·m or N]."""
         return (self.saturation or np.inf) * np.array([joint.effort_limit for joint in truth.robot.joints])
 
 
@@ -104,13 +113,13 @@ class ControllerGains:
 
 
 def gains(controller: Controller, drive: Drive, truth: KnownArm, motion: Motion, step: float) -> ControllerGains:
-    """Feedback gains that suit an arm along a motion.
+    """Feedback gains that are suitable for an arm along a motion.
 
     Args:
         controller: The controller.
-        drive: The drive, whose current loop limits the gains.
-        truth: The arm.
-        motion: Motion whose mean inertias determine the gains.
+        drive: The drive; its current loop limits the gains.
+        truth: The simulated arm.
+        motion: Motion along which the mean inertias are computed; they determine the gains.
         step: Sample time of the controller [s].
     """
     mass = kernel.mass_matrix(truth.robot.tree, truth.inertial, some_poses(motion.q))
@@ -129,7 +138,7 @@ def gains(controller: Controller, drive: Drive, truth: KnownArm, motion: Motion,
 
 
 def some_poses(q: Array, count: int = 100) -> Array:
-    """About a given number of evenly spaced positions (N, n) of a motion."""
+    """Evenly spaced positions (N, n) of a motion, about as many as `count`."""
     return q[:: max(1, len(q) // count)]
 
 

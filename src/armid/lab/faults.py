@@ -1,7 +1,7 @@
-"""Faults of logs, with one class for each kind.
+"""Faults of logs; each kind of fault is a class.
 
-Each class of `FAULTS` is a table of a `lab.toml`. A fault changes only the quantities that it names; all others stay
-the same bit for bit.
+Each class of `FAULTS` is a kind of table in a `lab.toml`. A fault changes only the quantities that it names; all
+other quantities remain exactly the same.
 """
 
 from __future__ import annotations
@@ -31,18 +31,18 @@ from armid.values import Array, digest
 
 
 class Fault(Protocol):
-    """Interface of a fault."""
+    """Interface of the classes of faults."""
 
     name: ClassVar[str]
     """Name of the fault in a `lab.toml`."""
 
     def apply(self, recording: Recording, rng: np.random.Generator) -> Recording:
-        """The recording with the fault."""
+        """Recording to which the fault is applied."""
         ...
 
 
 def spoil(recording: Recording, faults: Sequence[Fault], seed: int) -> Recording:
-    """Recording with faults applied one after another."""
+    """Applies faults to a recording, one after another."""
     rng = np.random.default_rng(seed)
     for fault in faults:
         recording = fault.apply(recording, rng)
@@ -51,13 +51,18 @@ def spoil(recording: Recording, faults: Sequence[Fault], seed: int) -> Recording
 
 
 def _column(recording: Recording, quantity: str, joint: int) -> Array:
-    """Copy of a quantity, to be changed at one joint."""
+    """Copy of a quantity of a recording, in which one joint will be changed."""
     values = getattr(recording, quantity, None) if quantity in QUANTITIES else None
     if values is None:
-        raise LabError(f"The recording has no {quantity!r}.", possible=", ".join(QUANTITIES))
+        raise LabError(
+            f"The fault needs the quantity {quantity!r}, which the recording does not have.",
+            possible=", ".join(QUANTITIES),
+            remedy="name a quantity that the simulation logs.",
+        )
     if not 0 <= joint < recording.n:
         raise LabError(
-            f"There is no joint {joint}; joints count from 0 to {recording.n - 1} here.", remedy="name another joint."
+            f"The fault names joint {joint}, but faults count the joints from 0 to {recording.n - 1}.",
+            remedy="name another joint.",
         )
     return values.copy()
 
@@ -76,7 +81,7 @@ class Delayed:
     name: ClassVar[str] = "delayed"
 
     def apply(self, recording: Recording, rng: np.random.Generator) -> Recording:
-        """The recording with the quantity delayed; it has its first value until then."""
+        """Recording in which the quantity is delayed; until the delay has passed, it has its first value."""
         del rng
         time = clock_of(recording)
         rate = (recording.samples - 1) / (time[-1] - time[0])
@@ -87,7 +92,7 @@ class Delayed:
 
 @dataclass(frozen=True, slots=True)
 class Filtered:
-    """Causal low-pass filter before logging.
+    """Causal low-pass filter that a controller applies before logging.
 
     Attributes:
         cutoff: Corner frequency [Hz].
@@ -101,7 +106,7 @@ class Filtered:
     name: ClassVar[str] = "filtered"
 
     def apply(self, recording: Recording, rng: np.random.Generator) -> Recording:
-        """The recording with the quantity filtered."""
+        """Recording in which the quantity is filtered."""
         del rng
         from scipy.signal import sosfilt, sosfilt_zi
 
@@ -113,7 +118,7 @@ class Filtered:
 
 @dataclass(frozen=True, slots=True)
 class DeadChannel:
-    """Channel that is zero throughout.
+    """Channel that is always zero.
 
     Attributes:
         joint: Index of the joint, from 0.
@@ -125,7 +130,7 @@ class DeadChannel:
     name: ClassVar[str] = "dead-channel"
 
     def apply(self, recording: Recording, rng: np.random.Generator) -> Recording:
-        """The recording with the channel at zero."""
+        """Recording in which the channel is zero."""
         del rng
         values = _column(recording, self.quantity, self.joint)
         values[:, self.joint] = 0.0
@@ -134,12 +139,12 @@ class DeadChannel:
 
 @dataclass(frozen=True, slots=True)
 class StuckChannel:
-    """Channel that stays at its value from some time on.
+    """Channel whose value does not change any more after some time.
 
     Attributes:
         joint: Index of the joint, from 0.
         quantity: `q`, `dq` or `effort`.
-        start: Time at which it gets stuck, as a share of the length of the recording.
+        start: Time from which the value is constant, as a share of the duration of the recording.
         seconds: Duration [s]; infinite for the rest of the recording.
     """
 
@@ -153,7 +158,7 @@ class StuckChannel:
         check_share("start", self.start)
 
     def apply(self, recording: Recording, rng: np.random.Generator) -> Recording:
-        """The recording with the channel stuck."""
+        """Recording in which the channel is constant for a time."""
         del rng
         time, values = clock_of(recording), _column(recording, self.quantity, self.joint)
         begin = time[0] + self.start * (time[-1] - time[0])
@@ -165,11 +170,11 @@ class StuckChannel:
 
 @dataclass(frozen=True, slots=True)
 class Saturated:
-    """Channel that is limited to a bound.
+    """Channel whose absolute value is limited.
 
     Attributes:
         joint: Index of the joint, from 0.
-        share: Ratio of the bound to the channel's largest value.
+        share: Ratio of the limit to the largest absolute value of the channel.
         quantity: `q`, `dq` or `effort`.
     """
 
@@ -182,7 +187,7 @@ class Saturated:
         check_share("share", self.share)
 
     def apply(self, recording: Recording, rng: np.random.Generator) -> Recording:
-        """The recording with the channel limited."""
+        """Recording in which the channel is limited."""
         del rng
         values = _column(recording, self.quantity, self.joint)
         bound = self.share * np.abs(values[:, self.joint]).max()
@@ -192,10 +197,10 @@ class Saturated:
 
 @dataclass(frozen=True, slots=True)
 class Scaled:
-    """Quantity in another unit or on the other side of a gear, such as a current instead of a torque.
+    """Quantity in another unit or on the other side of a gear, for instance a current in place of a torque.
 
     Attributes:
-        factors: Factors of the joints' values; one number for all.
+        factors: Factors by which the values of the joints are multiplied; one number is used for all joints.
         quantity: `q`, `dq` or `effort`.
     """
 
@@ -204,12 +209,12 @@ class Scaled:
     name: ClassVar[str] = "scaled"
 
     def apply(self, recording: Recording, rng: np.random.Generator) -> Recording:
-        """The recording with the quantity scaled."""
+        """Recording in which the quantity is scaled."""
         del rng
         if len(self.factors) not in (1, recording.n):
             raise LabError(
-                f"{len(self.factors)} factors do not fit {recording.n} joints.",
-                remedy="give one for each joint.",
+                f"The fault 'scaled' has {len(self.factors)} factors for {recording.n} joints.",
+                remedy="give one factor, or one for each joint.",
             )
         return replace(recording, **{self.quantity: _column(recording, self.quantity, 0) * np.array(self.factors)})
 
@@ -219,14 +224,14 @@ class TorqueSign:
     """Torques with the opposite sign.
 
     Attributes:
-        joints: Indices of the joints, from 0; all, if none is given.
+        joints: Indices of the joints, from 0; all joints if empty.
     """
 
     joints: tuple[int, ...] = ()
     name: ClassVar[str] = "torque-sign"
 
     def apply(self, recording: Recording, rng: np.random.Generator) -> Recording:
-        """The recording with the sign of these torques changed."""
+        """Recording in which the sign of the torques of these joints is changed."""
         del rng
         effort = _column(recording, "effort", max(self.joints, default=0))
         effort[:, list(self.joints) or slice(None)] *= -1.0
@@ -235,12 +240,12 @@ class TorqueSign:
 
 @dataclass(frozen=True, slots=True)
 class SwappedJoints:
-    """Two joints whose values are exchanged, under unchanged names.
+    """Two joints whose values are exchanged, while the names of the channels stay the same.
 
     Attributes:
         first: Index of a joint, from 0.
         second: Index of another joint.
-        quantities: Quantities that are swapped.
+        quantities: Quantities that are exchanged.
     """
 
     first: int = 0
@@ -249,7 +254,7 @@ class SwappedJoints:
     name: ClassVar[str] = "swapped-joints"
 
     def apply(self, recording: Recording, rng: np.random.Generator) -> Recording:
-        """The recording with the columns swapped."""
+        """Recording in which the columns of the two joints are exchanged."""
         del rng
         swapped: dict[str, Any] = {}
         for quantity in self.quantities:
@@ -261,12 +266,12 @@ class SwappedJoints:
 
 @dataclass(frozen=True, slots=True)
 class Degrees:
-    """Angles in degrees where radians are expected, for arms with revolute joints only."""
+    """Angles in degrees in place of radians; only for arms with revolute joints."""
 
     name: ClassVar[str] = "degrees"
 
     def apply(self, recording: Recording, rng: np.random.Generator) -> Recording:
-        """The recording with positions, velocities and accelerations in degrees."""
+        """Recording with positions, velocities and accelerations in degrees."""
         del rng
         present = {name: getattr(recording, name) for name in ("q", "dq", "ddq")}
         return replace(recording, **{name: np.rad2deg(x) for name, x in present.items() if x is not None})
@@ -274,7 +279,7 @@ class Degrees:
 
 @dataclass(frozen=True, slots=True)
 class PositionOffset:
-    """Encoder with a wrong zero.
+    """Encoder with a wrong zero position.
 
     Attributes:
         joint: Index of the joint, from 0.
@@ -286,7 +291,7 @@ class PositionOffset:
     name: ClassVar[str] = "position-offset"
 
     def apply(self, recording: Recording, rng: np.random.Generator) -> Recording:
-        """The recording with the offset in the joint's positions."""
+        """Recording in which the offset is added to the positions of the joint."""
         del rng
         q = _column(recording, "q", self.joint)
         q[:, self.joint] += self.offset
@@ -295,17 +300,17 @@ class PositionOffset:
 
 @dataclass(frozen=True, slots=True)
 class WrappedPosition:
-    """Angles that are wrapped into an interval of one turn.
+    """Angles that are shifted by whole turns into an interval of one turn.
 
     Attributes:
-        upper: Upper end of the interval of one turn, which holds all logged angles [rad].
+        upper: Upper end of the interval of one turn that contains all logged angles [rad].
     """
 
     upper: float = math.pi
     name: ClassVar[str] = "wrapped-position"
 
     def apply(self, recording: Recording, rng: np.random.Generator) -> Recording:
-        """The recording with angles inside the interval."""
+        """Recording with all angles inside the interval."""
         del rng
         turn = 2.0 * math.pi
         q = recording.q - turn * np.ceil((recording.q - self.upper) / turn)

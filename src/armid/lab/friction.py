@@ -1,12 +1,13 @@
-"""Simulated friction of gears and drives, with effects beyond the identified model, joint by joint.
+"""Simulated friction of gears and drives, joint by joint, with effects that the identified model does not contain.
 
-Friction is the sum of a dry part between two bounds, which a sticking joint does not reach, and a smooth part:
+Friction is the sum of a dry part and a smooth part. While a joint sticks, the dry part lies between two bounds:
 
     dry     ±(FS + FT exp(-(|q̇|/v)^shape) + FSL |load|) + FSA     against the motion
     smooth  FV(T) q̇ + FO + FR sin(teeth q + phase) + Σ FH_k (q - z_k) / r_k
 
-T is the temperature rise of the joint, heated by its friction; q drags z_k along once the deflection of a
-Maxwell-slip spring is r_k [AlBender2005]. `FrictionState` computes single steps, `friction_along` a whole motion.
+T is the temperature rise of the joint, which its friction heats. z_k is the end of a Maxwell-slip spring: q moves it
+along as soon as the deflection of the spring is r_k [AlBender2005]. `FrictionState` computes friction step by step,
+`friction_along` for a whole motion.
 """
 
 from __future__ import annotations
@@ -21,11 +22,13 @@ from armid.values import Array, array
 
 
 def _columns(kind: object, *names: str) -> None:
-    """Converts fields to non-negative arrays with one number per joint."""
+    """Converts fields to arrays with one number for each joint, which must not be negative."""
     for name in names:
         values = array(getattr(kind, name), (None,), name)
         if (values < 0.0).any():
-            raise LabError(f"{name} must not be negative; found {values.min():g}.")
+            raise LabError(
+                f"The values of {name!r} must not be negative; found {values.min():g}.", remedy="correct them."
+            )
         object.__setattr__(kind, name, values)
 
 
@@ -35,8 +38,8 @@ class StribeckEffect:
 
     Attributes:
         extra: Friction FT at standstill, shape (n,) [N·m or N].
-        velocity: Velocity at which it has fallen to 1/e, shape (n,) [rad/s or m/s].
-        shape: Exponent of the fall with speed.
+        velocity: Velocity at which the additional friction has decreased to 1/e, shape (n,) [rad/s or m/s].
+        shape: Exponent of the decrease with speed.
     """
 
     extra: Array
@@ -46,12 +49,15 @@ class StribeckEffect:
     def __post_init__(self) -> None:
         _columns(self, "extra", "velocity")
         if not self.velocity.all() or not self.shape > 0.0:
-            raise LabError("The Stribeck velocity and shape must be positive.")
+            raise LabError(
+                "The velocity and the shape of the Stribeck effect must be positive.",
+                remedy="correct `velocity` and `shape` in the table [arm.friction.stribeck].",
+            )
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class MaxwellSlip:
-    """Hysteresis at reversals: E springs per joint that slip at a deflection.
+    """Hysteresis at reversals of motion: E springs for each joint, each of which slips at a given deflection.
 
     Attributes:
         torque: Torque FH at which each spring slips, shape (E, n) [N·m or N].
@@ -65,7 +71,10 @@ class MaxwellSlip:
         torque = array(self.torque, (None, None), "torque of Maxwell slip")
         deflection = array(self.deflection, torque.shape, "deflection of Maxwell slip")
         if (torque < 0.0).any() or not (deflection > 0.0).all():
-            raise LabError("Maxwell slip needs torques that are not negative and positive deflections.")
+            raise LabError(
+                "Maxwell slip needs torques that are not negative, and positive deflections.",
+                remedy="correct `torque` and `deflection` in the table [arm.friction.slip].",
+            )
         object.__setattr__(self, "torque", torque)
         object.__setattr__(self, "deflection", deflection)
 
@@ -75,7 +84,7 @@ class MaxwellSlip:
         return (self.torque / self.deflection).sum(axis=0)
 
     def next(self, ends: Array, q: Array) -> Array:
-        """Ends of the springs (E, n) after a move to positions q (n,) from ends (E, n), or (n,) if all are one."""
+        """Ends of the springs (E, n) after a move to positions q (n,), from ends (E, n), or (n,) if all are equal."""
         return np.minimum(np.maximum(ends, q - self.deflection), q + self.deflection)
 
 
@@ -85,7 +94,7 @@ class ToothRipple:
 
     Attributes:
         amplitude: Amplitude FR, shape (n,) [N·m or N].
-        teeth: Angular frequency in the position, shape (n,) [1/rad or 1/m].
+        teeth: Angular frequency of the ripple as a function of the position, shape (n,) [1/rad or 1/m].
         phase: Phase at q = 0, shape (n,) [rad].
     """
 
@@ -102,13 +111,14 @@ class ToothRipple:
 class Warmth:
     """Viscous friction that decreases as the gear warms up: FV(T) = FV exp(-coefficient T).
 
-    T is the temperature rise above a joint at rest. Friction power increases it, and it decays exponentially.
+    T is the temperature rise of a joint above its temperature at rest. Friction power increases it; it decays
+    exponentially.
 
     Attributes:
         coefficient: Temperature coefficient of viscous friction, shape (n,) [1/K].
-        heating: Rise for each unit of energy, shape (n,) [K/J].
+        heating: Temperature rise for each unit of energy, shape (n,) [K/J].
         time_constant: Time constant of cooling, shape (n,) [s].
-        initial: Initial rise, shape (n,) [K].
+        initial: Initial temperature rise, shape (n,) [K].
     """
 
     coefficient: Array
@@ -119,10 +129,13 @@ class Warmth:
     def __post_init__(self) -> None:
         _columns(self, "coefficient", "heating", "time_constant", "initial")
         if not self.time_constant.all():
-            raise LabError("The time constant of cooling must be positive.")
+            raise LabError(
+                "The time constant of cooling must be positive.",
+                remedy="correct `time_constant` in the table [arm.friction.warmth].",
+            )
 
     def next(self, rise: Array, power: Array, step: float) -> Array:
-        """Rise (n,) [K] after a step [s] in which friction dissipates a power (n,) [W]."""
+        """Temperature rise (n,) [K] after a step [s] in which friction dissipates a power (n,) [W]."""
         return rise + step * (self.heating * power - rise / self.time_constant)
 
 
@@ -132,18 +145,19 @@ def _none() -> Array:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Friction:
-    """Friction of n joints; arrays have one number per joint, and effects that are not given are absent.
+    """Friction of n joints; arrays have one number for each joint, and effects that are not given do not occur.
 
     Attributes:
         viscous: Viscous friction FV, shape (n,) [N·m·s/rad or N·s/m].
         coulomb: Coulomb friction FS, shape (n,) [N·m or N].
         offset: Torque offset FO, shape (n,) [N·m or N].
-        asymmetry: Excess FSA of dry friction in positive direction over its mean, at most FS, shape (n,) [N·m or N].
-        load: Dry friction FSL for unit torque in the gear, shape (n,).
+        asymmetry: Dry friction FSA in positive direction minus the mean of both directions, shape (n,) [N·m or N];
+            its absolute value is at most FS.
+        load: Dry friction FSL divided by the torque that the gear transmits, shape (n,).
         stribeck: Additional friction near standstill.
         slip: Hysteresis at reversals.
         ripple: Ripple of the gear teeth.
-        warmth: Warm-up of the gear.
+        warmth: Decrease of viscous friction as the gear warms up.
     """
 
     viscous: Array
@@ -173,18 +187,20 @@ class Friction:
             lengths |= {len(self.warmth.coefficient), len(self.warmth.initial)}
         if lengths != {n}:
             raise LabError(
-                f"Friction of {n} joints has parts for {', '.join(map(str, sorted(lengths)))}.",
-                remedy="give every part one number for each joint.",
+                f"The parts of the friction have different numbers of joints: {n}, and "
+                f"{', '.join(map(str, sorted(lengths - {n})))}.",
+                remedy="give each part one number for each joint.",
             )
         if (np.abs(self.asymmetry) > self.coulomb).any() or (self.load < 0.0).any():
             raise LabError(
-                "Friction would accelerate a joint: asymmetry exceeds coulomb, or load is negative.",
-                remedy="give less asymmetry than coulomb, and no load below zero.",
+                "The friction would accelerate a joint: an absolute value of `asymmetry` exceeds `coulomb`, or "
+                "a value of `load` is negative.",
+                remedy="give absolute values of `asymmetry` up to `coulomb`, and values of `load` of zero or more.",
             )
 
     @classmethod
     def none(cls, n: int) -> Friction:
-        """Zero friction on n joints."""
+        """Friction of n joints that is zero."""
         return cls(np.zeros(n), np.zeros(n))
 
     @property
@@ -194,7 +210,7 @@ class Friction:
 
     @property
     def is_plain(self) -> bool:
-        """Tests whether it is viscous and Coulomb friction alone."""
+        """Tests whether the friction consists only of viscous and Coulomb friction."""
         parts = (self.stribeck, self.slip, self.ripple, self.warmth)
         rest = self.offset.any() or self.asymmetry.any() or self.load.any()
         return not rest and all(part is None for part in parts)
@@ -203,8 +219,8 @@ class Friction:
         """Mean of the two bounds of dry friction, shape (..., n) [N·m or N]; they differ from it by `asymmetry`.
 
         Args:
-            dq: Velocity, shape (..., n).
-            load: Torque that the gear transmits, shape (..., n).
+            dq: Velocity, shape (..., n) [rad/s or m/s].
+            load: Torque that the gear transmits, shape (..., n) [N·m or N].
         """
         level = self.coulomb + self.load * np.abs(load)
         if self.stribeck is not None:
@@ -214,11 +230,11 @@ class Friction:
         return level
 
     def of_position(self, q: Array, states: Array | None) -> Array:
-        """Offset, ripple and hysteresis, shape (..., n) [N·m or N].
+        """Sum of offset, ripple and hysteresis, shape (..., n) [N·m or N].
 
         Args:
-            q: Position, shape (..., n).
-            states: Ends z of the springs, shape (..., E, n), where there are any.
+            q: Position, shape (..., n) [rad or m].
+            states: Ends z of the springs, shape (..., E, n); `None` if there are no springs.
         """
         torque = self.offset
         if self.ripple is not None:
@@ -229,24 +245,24 @@ class Friction:
         return torque
 
     def viscosity(self, rise: Array | None) -> Array:
-        """Viscous coefficient at a temperature rise (..., n) [K]."""
+        """Viscous coefficient for a temperature rise (..., n) [K]."""
         if self.warmth is None or rise is None:
             return self.viscous
         return self.viscous * np.exp(-self.warmth.coefficient * rise)
 
 
 class FrictionState:
-    """Friction of a simulated arm with the state that it has between steps.
+    """Friction of a simulated arm, together with its state between steps.
 
     Attributes:
-        law: The friction.
-        is_plain: True for viscous and Coulomb friction alone.
-        is_symmetric: True where dry friction is the same in both directions.
-        signs: Directions of motion, 0 where a joint sticks, shape (n,).
+        law: Law and parameters of the friction.
+        is_plain: Whether there is only viscous and Coulomb friction.
+        is_symmetric: Whether dry friction is the same in both directions.
+        signs: Signs of the directions of motion, 0 for joints that stick, shape (n,).
         load: Torque that the gears transmit, shape (n,) [N·m or N].
         ends: Ends of the springs of Maxwell slip, shape (E, n) [rad or m].
         rise: Temperature rise, shape (n,) [K].
-        viscous: Viscous coefficient at this temperature, shape (n,) [N·m·s/rad or N·s/m].
+        viscous: Viscous coefficient for this temperature rise, shape (n,) [N·m·s/rad or N·s/m].
     """
 
     def __init__(self, law: Friction, q: Array, load: Array) -> None:
@@ -257,7 +273,7 @@ class FrictionState:
         self.viscous = law.viscosity(self.rise)
 
     def split(self, q: Array, dq: Array) -> tuple[Array, Array, Array, Array]:
-        """Dry friction of sliding joints, its two bounds, and friction that depends on the position q (n,)."""
+        """Dry friction of sliding joints, its two bounds, and friction that depends on the position q, (n,) each."""
         if self.is_plain:
             level = self.law.coulomb
             return level * self.signs, level, level, self.law.offset
@@ -268,7 +284,7 @@ class FrictionState:
         return np.where(self.signs > 0.0, upper, -lower) * np.abs(self.signs), lower, upper, rest
 
     def update(self, q: Array, load: Array, power: Array, step: float) -> None:
-        """Updates the state after a step [s] to positions q in which friction took a power, shape (n,) each."""
+        """Updates the state after a step [s] to positions q in which friction dissipated a power, (n,) each."""
         self.load = load
         if self.law.slip is not None and self.ends is not None:
             self.ends = self.law.slip.next(self.ends, q)
@@ -278,13 +294,13 @@ class FrictionState:
 
 
 def friction_along(friction: Friction, motion: Motion, load: Array) -> tuple[Array, Array | None]:
-    """Friction (N, n) along a motion at a constant rate, and the temperature rise (N, n) [K] if any.
+    """Friction (N, n) along a motion at a constant rate, and the temperature rise (N, n) [K] or `None`.
 
-    At rest the dry friction of a joint is taken as zero; only a simulation in closed loop determines it.
+    The dry friction of a joint at rest is assumed to be zero here; only a closed-loop simulation can determine it.
 
     Args:
-        friction: True friction.
-        motion: Contiguous samples.
+        friction: Friction of the simulated arm.
+        motion: Consecutive samples of a motion.
         load: Torque that the gears transmit, shape (N, n) [N·m or N].
     """
     q, dq = motion.q, motion.dq
@@ -305,7 +321,7 @@ def friction_along(friction: Friction, motion: Motion, load: Array) -> tuple[Arr
 
 
 def _springs(friction: Friction, q: Array) -> Array | None:
-    """Ends of the springs (N, E, n) along positions (N, n), relaxed at the beginning."""
+    """Ends of the springs (N, E, n) along positions (N, n); at the beginning the springs are relaxed."""
     if friction.slip is None:
         return None
     springs, ends = np.empty((len(q), *friction.slip.deflection.shape)), q[0]

@@ -1,7 +1,7 @@
-"""Recordings of a simulated arm by inverse dynamics along a plan, with sensor noise.
+"""Recordings of a simulated arm, computed by inverse dynamics along a plan, with sensor noise.
 
-The motion is exact and the torque is that of the model, so every error of an identification is its own. There is no
-controller and no elasticity.
+The motion is exactly the planned one and the torque is that of the model. There is no controller and no elasticity.
+Therefore every error of the estimates is an error of the identification.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ THESIS_FRICTION = {
     "FV": (28.404, 29.136, 11.133, 17.658, 5.953, 2.750, 2.814),
     "FS": (10.506, 13.207, 6.656, 7.437, 6.951, 3.111, 3.030),
 }
-"""Viscous [N·m·s/rad] and Coulomb [N·m] friction of the seven joints, Table 4.1 of the thesis."""
+"""Viscous [N·m·s/rad] and Coulomb [N·m] friction of the seven joints, from Table 4.1 of the thesis."""
 
 
 WHOLE = 1e-6
-"""Largest deviation of a period from a whole number of samples [samples]: far below the noise of any encoder."""
+"""Largest deviation of the period from a whole number of samples [samples]; far below the noise of any encoder."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,9 +32,9 @@ class Sensors:
     """Noise and rate of the sensors.
 
     Attributes:
-        position: Standard deviation of the encoders' noise [rad].
-        torque: Standard deviation of the torque sensors' noise [N·m].
-        rate: Samples a second [Hz].
+        position: Standard deviation of the noise of the encoders [rad].
+        torque: Standard deviation of the noise of the torque sensors [N·m].
+        rate: Sampling rate [Hz].
     """
 
     position: float = 1e-5
@@ -43,7 +43,7 @@ class Sensors:
 
 
 def thesis_truth(model: DynamicsModel) -> Array:
-    """Standard parameters (p,) of the virtual iiwa: inertial ones of the description, friction of Table 4.1."""
+    """Standard parameters (p,) of the virtual iiwa: inertia of the description, friction of `THESIS_FRICTION`."""
     nominal = model.nominal_parameters()
     theta = np.zeros(len(model.parameters)) if nominal is None else nominal
     for k, parameter in enumerate(model.parameters):
@@ -61,21 +61,21 @@ def record(
     *,
     repetitions: int = 1,
 ) -> tuple[Recording, Motion, Array]:
-    """Records an arm that repeats a plan.
+    """Simulates a recording of an arm that repeats a plan.
 
     Args:
         model: Arm and torque terms.
-        parameters: Its true standard parameters, shape (p,).
-        excitation: The motion.
-        sensors: Noise and rate.
-        rng: Source of the noise.
+        parameters: True standard parameters of the arm, shape (p,).
+        excitation: The planned motion.
+        sensors: Noise and rate of the sensors.
+        rng: Random generator of the noise.
         repetitions: Number of repetitions of the motion, without a pause.
 
     Returns:
-        The recording, the true motion of one period and its true torque (N, n).
+        The recording, the true motion of one period, and its true torque (N, n) [N·m or N].
 
     Raises:
-        ArmidError: No motion was given.
+        ArmidError: The argument `excitation` is not an `Excitation`.
     """
     motion = required_series(excitation).sample(sensors.rate)
     torque = model.torque(motion, parameters)

@@ -1,7 +1,7 @@
-"""Arms with known parameters, published or assumed, for simulation.
+"""Arms for simulation, with known parameters that are published or assumed.
 
-The numbers of friction, rotors and springs of the Panda and the UR10e are assumptions of the usual size for such
-drives, not measurements. The iiwa's friction is that of Table 4.1 of the thesis.
+The friction, rotors and springs of the Panda and the UR10e are not measured; they are assumptions of a size that is
+usual for such drives. The friction of the iiwa is that of Table 4.1 of the thesis.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ from armid.values import Array, array
 
 @dataclass(frozen=True, eq=False, slots=True)
 class KnownArm:
-    """Arm with known parameters.
+    """Simulated arm with known parameters.
 
     Attributes:
         robot: Geometry, limits and gravity.
         inertial: Inertial parameters of the links, shape (n, 10).
-        friction: Friction on the drives' side.
+        friction: Friction of the drives.
         rotor: Inertia of the drives, reflected to the joints, shape (n,) [kg·m² or kg].
-        stiffness: Stiffness of the gears between drive and link, shape (n,) [N·m/rad or N/m]; `None` for rigid ones.
+        stiffness: Stiffness of the gears between drive and link, shape (n,) [N·m/rad or N/m]; `None` for rigid gears.
         spring_damping: Damping of the gears, shape (n,) [N·m·s/rad or N·s/m].
     """
 
@@ -48,17 +48,19 @@ class KnownArm:
         object.__setattr__(self, "spring_damping", array(damping, (n,), "spring_damping"))
         if self.friction.n != n:
             raise LabError(
-                f"Friction of {self.friction.n} joints does not fit the {n} of {self.robot.name}.",
-                remedy="give friction one number for each joint.",
+                f"The friction has {self.friction.n} joints; {self.robot.name} has {n}.",
+                remedy="give one number for each joint in every part of the friction.",
             )
         if (self.rotor < 0.0).any():
-            raise LabError(f"Rotor inertia must not be negative; found {self.rotor.min():g}.")
+            raise LabError(
+                f"Rotor inertia must not be negative; found {self.rotor.min():g}.", remedy="correct the key `rotor`."
+            )
         if self.stiffness is not None:
             object.__setattr__(self, "stiffness", array(self.stiffness, (n,), "stiffness"))
             if (self.stiffness <= 0.0).any() or (self.rotor == 0.0).any():
                 raise LabError(
-                    "Elastic drives need a positive stiffness and rotors with inertia.",
-                    remedy="give rotor inertia to every joint, or leave the stiffness out.",
+                    "Elastic drives need a positive stiffness and a positive rotor inertia for every joint.",
+                    remedy="give rotor inertia and stiffness for every joint, or leave out the stiffness.",
                 )
 
 
@@ -94,26 +96,26 @@ OWN = {
         "stiffness": (3.0e4, 3.0e4, 2.2e4, 2.2e4, 1.5e4, 8e3, 8e3),
     },
 }
-"""Friction [N·m·s/rad, N·m], rotor inertia [kg·m²] and stiffness [N·m/rad] of built-in truths, joint by joint."""
+"""Friction [N·m·s/rad, N·m], rotor inertia [kg·m²] and stiffness [N·m/rad] of the built-in arms, joint by joint."""
 
 TYPICAL_COULOMB = 0.04
-"""Coulomb friction over the effort limit of an arm without numbers of its own, typical of gears of arms."""
+"""Coulomb friction divided by the effort limit, for arms that are not in `OWN`; typical of gears of robot arms."""
 
 TYPICAL_SPEED = 1.0
-"""Velocity [rad/s or m/s] at which its viscous friction equals its Coulomb friction."""
+"""Velocity [rad/s or m/s] at which viscous and Coulomb friction are equal, for arms that are not in `OWN`."""
 
 UNKNOWN_EFFORT = 100.0
-"""Effort limit [N·m or N] where none is known."""
+"""Effort limit [N·m or N] that is assumed if the limit is unknown."""
 
 
 def truth_of(robot: Robot) -> KnownArm:
-    """Simulated arm of a robot description, with rigid drives, no rotor inertia and viscous and Coulomb friction.
+    """Simulated arm for a robot description, with viscous and Coulomb friction, rigid drives and no rotor inertia.
 
-    A built-in arm has the numbers in `OWN`; any other arm has the inertias of its description and friction in
-    proportion to its effort limits.
+    A built-in arm has the friction in `OWN`. The friction of any other arm is proportional to its effort limits. The
+    inertias are those of the description; only for the Panda, which has none, they are built in.
 
     Raises:
-        LabError: The description gives no inertias, or none to the bodies that some joints move.
+        LabError: The description contains no inertias, or some joints move no mass.
     """
     own = OWN.get(robot.source if robot.source in OWN else robot.name)
     if own is not None and len(own["coulomb"]) != robot.n:
@@ -126,7 +128,7 @@ def truth_of(robot: Robot) -> KnownArm:
 
 
 def friction_of_limits(robot: Robot) -> Friction:
-    """Friction in proportion to the effort limits, for arms without numbers of their own."""
+    """Friction that is proportional to the effort limits, for arms that are not in `OWN`."""
     limits = np.array([joint.effort_limit for joint in robot.joints])
     coulomb = TYPICAL_COULOMB * np.where(np.isfinite(limits), limits, UNKNOWN_EFFORT)
     return Friction(coulomb / TYPICAL_SPEED, coulomb)
@@ -137,17 +139,18 @@ def _bodies(robot: Robot) -> Array:
     nominal, empty = robot.inertial_vector, massless_joints(robot)
     if nominal is not None and empty:
         raise LabError(
-            f"{', '.join(empty)} of {robot.name} move no mass: the description has no inertia of their links.",
-            remedy=f"give {inertial_key(robot)} with mass, com and inertia for each, or lock these joints.",
+            f"The joints {', '.join(empty)} of {robot.name} move no mass: the description has no inertia of their "
+            "links.",
+            remedy=f"add {inertial_key(robot)} with mass, com and inertia to these links, or lock the joints.",
         )
     if nominal is not None:
         return nominal
     if robot.name == "panda" and robot.n == len(PANDA_BODIES):
         return np.array([_cylinder(*each) for each in PANDA_BODIES])
     raise LabError(
-        f"The description of {robot.name} has no inertial parameters, which a simulation needs.",
+        f"A simulation needs inertial parameters, but the description of {robot.name} has none.",
         possible=", ".join(OWN),
-        remedy=f"give {inertial_key(robot)} with mass, centre of mass and inertia for each link.",
+        remedy=f"add {inertial_key(robot)} with mass, centre of mass and inertia to each link.",
     )
 
 
@@ -185,7 +188,7 @@ def _like(friction: Friction, value: ArrayLike) -> Array:
 
 
 def _slip(friction: Friction) -> Friction:
-    """Friction of which two fifths of the Coulomb part act through springs; its total at sliding is unchanged."""
+    """Friction in which springs carry two fifths of the Coulomb part; its total during sliding is unchanged."""
     share, deflections = (0.25, 0.15), (5e-4, 2e-3)
     torque = np.outer(share, friction.coulomb)
     slip = MaxwellSlip(torque, np.outer(deflections, np.ones(friction.n)))
@@ -206,14 +209,15 @@ EFFECTS: dict[str, Callable[[KnownArm], KnownArm]] = {
         lambda f: replace(f, warmth=Warmth(_like(f, 0.02), 0.05 / (f.coulomb + 1e-6), _like(f, 600.0), _like(f, 0.0)))
     ),
 }
-"""Effects that an arm may have beyond plain friction, by name; their size follows from the arm's own friction."""
+"""Effects that an arm may have in addition to viscous and Coulomb friction, by name; most are proportional to the
+friction of the arm."""
 
 
 def with_effects(truth: KnownArm, names: Sequence[str]) -> KnownArm:
-    """Simulated arm with further effects, in the order of `EFFECTS`.
+    """Simulated arm with additional effects, applied in the order of `EFFECTS`.
 
     Raises:
-        LabError: No such effect.
+        LabError: There is no effect with such a name.
     """
     for name in names:
         if name not in EFFECTS:

@@ -1,4 +1,4 @@
-"""Options of a simulation, and their reader from a `lab.toml` whose tables are the classes' fields."""
+"""Options of a simulation, and their reader from a `lab.toml`, whose keys are the fields of the classes."""
 
 from __future__ import annotations
 
@@ -25,19 +25,20 @@ from armid.values import Array
 T = TypeVar("T")
 
 MODES = ("closed-loop", "inverse-dynamics")
-"""Ways to move the arm."""
+"""Modes of a simulation."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Arm:
-    """Properties of a simulated arm that replace or extend the built-in ones.
+    """Properties of a simulated arm that replace the built-in ones or are added to them.
 
     Attributes:
-        effects: Names in `armid.lab.known_arms.EFFECTS`, in proportion to the friction that the arm has.
-        friction: Friction instead of the built-in one.
-        rotor: Rotor inertia, shape (n,) [kg·m²].
-        stiffness: Stiffness of elastic drives, shape (n,) [N·m/rad].
-        spring_damping: Damping of elastic drives, shape (n,) [N·m·s/rad].
+        effects: Names of effects in `armid.lab.known_arms.EFFECTS`, most of which are proportional to the arm's
+            friction.
+        friction: Friction that replaces the built-in one.
+        rotor: Rotor inertia, shape (n,) [kg·m² or kg].
+        stiffness: Stiffness of elastic drives, shape (n,) [N·m/rad or N/m].
+        spring_damping: Damping of elastic drives, shape (n,) [N·m·s/rad or N·s/m].
     """
 
     effects: tuple[str, ...] = ()
@@ -47,7 +48,7 @@ class Arm:
     spring_damping: Array | None = None
 
     def of(self, truth: KnownArm) -> KnownArm:
-        """Simulated arm with these properties; effects are relative to the friction given here."""
+        """Simulated arm with these properties; the size of effects follows from the friction that is given here."""
         if self.friction is not None:
             truth = replace(truth, friction=self.friction)
         truth = with_effects(truth, self.effects)
@@ -60,11 +61,12 @@ class LabOptions:
     """Options of a simulation.
 
     Attributes:
-        mode: `closed-loop` in MuJoCo, or `inverse-dynamics` along the plan.
+        mode: `closed-loop` for a controlled arm in MuJoCo, or `inverse-dynamics` for an exact motion along the plan.
         repetitions: Number of repetitions of the motion.
-        lead_in: Time from rest to the plan in closed loop [s].
-        physics_rate: Smallest step rate [Hz]; the next multiple of the log's rate is used.
-        arm: Properties that replace or extend the built-in ones.
+        lead_in: Duration of the transition from rest to the plan in closed loop [s].
+        physics_rate: Smallest number of simulation steps per second [Hz]; the next multiple of the log's rate is
+            used.
+        arm: Properties that replace the built-in ones or are added to them.
         controller: Controller of the joints.
         drive: Dynamics and limits of the drives.
         sensing: Sensors, rate and clock of the log.
@@ -83,15 +85,24 @@ class LabOptions:
 
     def __post_init__(self) -> None:
         if self.mode not in MODES:
-            raise LabError(f"Unknown mode {self.mode!r}.", possible=", ".join(MODES))
+            raise LabError(
+                f"Unknown mode {self.mode!r}.", possible=", ".join(MODES), remedy=did_you_mean(self.mode, MODES)
+            )
         if self.repetitions < 1 or isinstance(self.repetitions, bool):
-            raise LabError(f"repetitions must be at least 1; found {self.repetitions}.")
+            raise LabError(
+                f"The number of repetitions must be a whole number of at least 1; found {self.repetitions}.",
+                remedy="correct the key `repetitions`.",
+            )
         if not (self.lead_in >= 0.0 and self.physics_rate > 0.0):
-            raise LabError("lead_in must not be negative, and physics_rate positive.")
+            raise LabError(
+                f"`lead_in` must not be negative and `physics_rate` must be positive; found {self.lead_in} and "
+                f"{self.physics_rate}.",
+                remedy="correct these keys.",
+            )
 
 
 def load_options(path: Path | str) -> LabOptions:
-    """Reads a `lab.toml`.
+    """Reads the options of a simulation from a `lab.toml`.
 
     Raises:
         LabError: The file is missing or not TOML, or has an unknown key or a wrong value.
@@ -102,19 +113,21 @@ def load_options(path: Path | str) -> LabOptions:
     except (OSError, UnicodeDecodeError) as error:
         raise LabError(f"{path} cannot be read: {error}.", remedy="give the path of a lab.toml.") from error
     except tomllib.TOMLDecodeError as error:
-        raise LabError(f"{path} is not valid TOML: {error}.", remedy="correct the named line.") from error
+        raise LabError(
+            f"{path} is not valid TOML: {error}.", remedy="correct the line that the message names."
+        ) from error
     return parse_options(table)
 
 
 def parse_options(table: Mapping[str, Any]) -> LabOptions:
-    """Options from the tables of a `lab.toml`; faults are `[[faults]]` tables with a `kind`."""
+    """Options from the tables of a `lab.toml`; each fault is a table `[[faults]]` with the key `kind`."""
     return _made(LabOptions, table, "lab.toml")
 
 
 def _made(kind: type[T], table: object, where: str) -> T:
-    """Dataclass from a table whose keys are its fields, nested tables included."""
+    """Dataclass from a table whose keys are the fields of the class, including nested tables."""
     if not isinstance(table, Mapping):
-        raise LabError(f"{where} must be a table; found {table!r:.60}.")
+        raise LabError(f"{where} must be a table; found {table!r:.60}.", remedy="write it as a TOML table.")
     fields = {f.name: f for f in dataclasses.fields(kind) if f.init}  # pyright: ignore[reportArgumentType]
     hints = typing.get_type_hints(kind)
     for key in table:
@@ -128,7 +141,7 @@ def _made(kind: type[T], table: object, where: str) -> T:
         if name not in table and f.default is dataclasses.MISSING and f.default_factory is dataclasses.MISSING
     ]
     if missing:
-        raise LabError(f"{where} lacks {', '.join(missing)}.", remedy="add what is missing.")
+        raise LabError(f"In {where}, these keys are missing: {', '.join(missing)}.", remedy="add these keys.")
     values = {key: _value(hints[key], value, f"{where}: {key}") for key, value in table.items()}
     try:
         return kind(**values)
@@ -139,7 +152,7 @@ def _made(kind: type[T], table: object, where: str) -> T:
 
 
 def _value(hint: Any, value: Any, where: str) -> Any:
-    """Value of a field, converted to the type in its class."""
+    """Value of a field, converted to the type that the class declares."""
     if typing.get_origin(hint) in (typing.Union, types.UnionType):
         hint = next(each for each in typing.get_args(hint) if each is not type(None))
     if dataclasses.is_dataclass(hint):
@@ -152,18 +165,25 @@ def _value(hint: Any, value: Any, where: str) -> Any:
         return tuple(_listed(value, where))
     plain = {float: (int, float), int: (int,), str: (str,), bool: (bool,)}.get(hint)
     if plain is not None and (not isinstance(value, plain) or (isinstance(value, bool) and hint is not bool)):
-        raise LabError(f"{where} must be {'a number' if hint in (float, int) else 'a text'}; found {value!r:.60}.")
+        raise LabError(
+            f"{where} must be {'a number' if hint in (float, int) else 'a text'}; found {value!r:.60}.",
+            remedy="correct the value in the lab.toml.",
+        )
     return value
 
 
 def _listed(value: Any, where: str) -> list[Any]:
     if not isinstance(value, list | tuple):
-        raise LabError(f"{where} must be a list; found {value!r:.60}.")
+        raise LabError(
+            f"{where} must be a list; found {value!r:.60}.", remedy="write the value in brackets, for instance [1.0]."
+        )
     return list(typing.cast("list[Any]", value))
 
 
 def _fault(table: Any, where: str) -> Fault:
     kind = str(table.get("kind")) if isinstance(table, Mapping) else ""
     if kind not in FAULTS:
-        raise LabError(f"{where} has no kind {kind!r}.", possible=", ".join(FAULTS))
+        raise LabError(
+            f"{where} has an unknown kind of fault {kind!r}.", possible=", ".join(FAULTS), remedy="correct `kind`."
+        )
     return _made(FAULTS[kind], {key: value for key, value in table.items() if key != "kind"}, f"{where}: {kind}")

@@ -1,4 +1,4 @@
-"""Detection of effort limits that are placeholders, from which the lab would derive unrealistic friction."""
+"""Detection of effort limits that are only placeholders; the lab would compute unrealistic friction from them."""
 
 from __future__ import annotations
 
@@ -11,27 +11,28 @@ from armid.lab.known_arms import TYPICAL_COULOMB, UNKNOWN_EFFORT, KnownArm, fric
 from armid.values import Array
 
 MUCH = 0.5
-"""Smallest ratio over the joints of friction to the links' largest torque above which limits are suspicious."""
+"""Ratio of friction to the largest torque of the links from which effort limits are suspicious, if it is reached in
+all joints."""
 
 MUCH_OF_EQUAL = 0.25
-"""The same threshold where all joints have the same limit."""
+"""Ratio as in `MUCH`, for arms whose joints all have the same effort limit."""
 
 PROPOSED = 0.1
-"""Proposed friction relative to the largest torque of the links, typical of gears of arms."""
+"""Proposed friction divided by the largest torque of the links; it is typical of gears of robot arms."""
 
 LEAST = 0.01
-"""Smallest proposed friction, relative to that of the joint with the largest torque."""
+"""Smallest proposed friction, divided by the largest torque of all links."""
 
 FEWEST = 3
-"""Number of joints from which one limit for all is suspicious."""
+"""Number of joints from which it is suspicious that all have the same limit."""
 
 
 def placeholder_finding(truth: KnownArm, transmitted: Array) -> Finding | None:
-    """Finding about friction that was derived from effort limits that look like placeholders, or `None`.
+    """Finding about friction that was computed from effort limits that look like placeholders; `None` if they do not.
 
     Args:
-        truth: The arm.
-        transmitted: Torque of its links along the motion, shape (N, n) [N·m or N].
+        truth: The simulated arm.
+        transmitted: Torque of the links along the motion, shape (N, n) [N·m or N].
     """
     robot, friction = truth.robot, friction_of_limits(truth.robot)
     if not np.array_equal(truth.friction.viscous, friction.viscous):  # effects do not change it
@@ -53,25 +54,25 @@ def placeholder_finding(truth: KnownArm, transmitted: Array) -> Finding | None:
         "limits-placeholder",
         "warning",
         "",
-        f"Friction is {100 * TYPICAL_COULOMB:g} % of the effort limits: Coulomb friction {_list(friction.coulomb)} "
-        f"{units}, viscous friction as much at 1 rad/s (m/s). The links take at most {_list(peak)}, so that "
-        f"{_reason(limits)}.",
-        "give friction of the arm's size in a lab.toml for --options, for instance [arm.friction] with "
-        f"coulomb = [{proposed}] and viscous = [{proposed}]; or the drives' effort limits in the description.",
+        f"The friction was computed as {100 * TYPICAL_COULOMB:g} % of the effort limits: Coulomb friction "
+        f"{_list(friction.coulomb)} {units}, and the same value of viscous friction at 1 rad/s (m/s). But the links "
+        f"need at most {_list(peak)} {units}, so {_reason(limits)}.",
+        "give realistic friction in a lab.toml with --options, for instance [arm.friction] with "
+        f"coulomb = [{proposed}] and viscous = [{proposed}]; or write the real effort limits into the description.",
     )
 
 
 def _reason(limits: Array) -> str:
-    """Sentence that says why the limits are suspicious."""
+    """Clause that says why the limits are suspicious."""
     known = np.isfinite(limits)
     if not known.any():
-        return f"{UNKNOWN_EFFORT:g}, which is taken where the description gives no limit, is not of this arm's size"
+        return f"the limit {UNKNOWN_EFFORT:g}, which is assumed because the description has none, is unrealistic"
     limit_text = ", ".join(f"{x:g}" if math.isfinite(x) else "not given" for x in limits)
-    missing = "" if known.all() else f" ({UNKNOWN_EFFORT:g} is taken where none is given)"
+    missing = "" if known.all() else f" ({UNKNOWN_EFFORT:g} is assumed for those not given)"
     return f"the limits {limit_text} look like placeholders{missing}"
 
 
 def _list(numbers: Array) -> str:
-    """Numbers as text; a single one where all are equal."""
+    """Numbers as text; if all are equal, the number is written once."""
     words = [f"{x:.3g}" for x in numbers]
     return words[0] if len(set(words)) == 1 else ", ".join(words)

@@ -1,16 +1,17 @@
-"""Simulated arm in MuJoCo, with a separate friction model and drives that may be elastic.
+"""Simulated arm in MuJoCo, with a friction model of its own and drives that may be elastic.
 
-MuJoCo computes the acceleration of the rigid bodies under given torques. Friction is an applied torque, since
-MuJoCo's friction is a soft constraint, whose sign depends on the acceleration as well. The integrator is leapfrog,
+MuJoCo computes the acceleration of the rigid bodies for given torques. Friction is applied as a torque, because
+MuJoCo's own friction is a soft constraint, whose sign also depends on the acceleration. The integrator is leapfrog,
 
     v(k+1/2) = v(k-1/2) + h a(k),    q(k+1) = q(k) + h v(k+1/2)
 
-which is of second order, conserves energy, calls MuJoCo once a step, and gives position, acceleration and torque of a
-sample at the same instant: a torque held over a step would lead the motion by half a step. Viscous friction acts on
-the mean velocity of the step, through h/2 FV on the diagonal of the mass matrix, so that it is stable at any step.
-Dry friction is that of the velocity at the end of the step, and both are solved together (`armid.maths.stiction`).
+which is of second order, conserves energy and calls MuJoCo once in each step. It gives position, acceleration and
+torque of a sample at the same instant; with a torque held over a step, the torque would be half a step earlier than
+the motion. Viscous friction acts on the mean velocity of the step: h/2 FV is added to the diagonal of the mass
+matrix, which makes it stable for any step. Dry friction depends on the velocity at the end of the step; both are
+solved together (`armid.maths.stiction`).
 
-An elastic drive is a separate rotor with a hinge fixed to the world, connected to its joint by a MuJoCo spring.
+An elastic drive is a separate rotor on a hinge that is fixed to the world; a MuJoCo spring connects it to its joint.
 Rotations of the rotor about other axes are neglected [Spong1987].
 """
 
@@ -36,13 +37,14 @@ from armid.values import Array
 EXTRA = "lab"
 
 STABLE = 0.5
-"""Largest product of step and angular eigenfrequency: leapfrog is stable below 2 and accurate to 1 % below 0.5."""
+"""Largest product of step and angular eigenfrequency. Leapfrog is stable if it is below 2, and accurate to 1 % if it
+is below 0.5."""
 
 ROUNDING = 1e-3
-"""Share of the stable rate that may be missing, because only some poses of a plan are checked."""
+"""Share by which the step rate may be below the stable rate, because only some poses of a plan are checked."""
 
 RUNAWAY = 1e4
-"""Speed [rad/s or m/s] at which a simulation counts as unstable; drives reach about ten."""
+"""Speed [rad/s or m/s] from which a simulation counts as unstable; real drives reach about ten."""
 
 CHECKED = 256
 """Number of steps between two checks of stability."""
@@ -54,7 +56,7 @@ def write_mjcf(robot: Robot, inertial: Array, truth: KnownArm | None = None) -> 
     Args:
         robot: Geometry and gravity.
         inertial: Inertial parameters of the links, shape (n, 10).
-        truth: Its rotor inertia and elasticity, if any.
+        truth: Simulated arm with rotor inertia and elasticity; `None` for an arm without both.
 
     Raises:
         LabError: A link is not physically consistent.
@@ -110,22 +112,22 @@ def _springs(truth: KnownArm) -> list[str]:
 
 
 def _inertial(robot: Robot, i: int, vector: Array) -> str:
-    """MJCF inertia of a link, which MuJoCo requires to be physically consistent."""
+    """MJCF inertia of a link; MuJoCo requires that it is physically consistent."""
     name = robot.links[i].name
     if not vector[0] > 0.0:
         raise LabError(
-            f"Link {name!r}, which {robot.joints[i].name} moves, has a mass of {vector[0]:g} kg; a simulation in "
-            "closed loop needs a body on every joint.",
-            possible="--mode inverse-dynamics, which needs none on a link that carries others",
-            remedy=f"give {inertial_key(robot)} for it; for a mere frame a gram is enough.",
+            f"Link {name!r}, which the joint {robot.joints[i].name} moves, has a mass of {vector[0]:g} kg; a "
+            "simulation in closed loop needs a positive mass of every link.",
+            possible="--mode inverse-dynamics, which allows links without mass that carry others",
+            remedy=f"add {inertial_key(robot)} to this link; if it is only a frame, one gram is enough.",
         )
     mass, com, inertia = vector_to_com_inertia(vector)
     moments = np.linalg.eigvalsh(inertia)
     # Rounding may violate a triangle inequality that holds with equality, as for a thin rod.
     if moments[0] <= 0.0 or moments[2] > moments[0] + moments[1] + 1e-9 * moments[2]:
         raise LabError(
-            f"Link {name!r} of {robot.name} has principal moments {', '.join(f'{m:.3g}' for m in moments)} kg·m², "
-            "which no real body has.",
+            f"Link {name!r} of {robot.name} has the principal moments of inertia "
+            f"{', '.join(f'{m:.3g}' for m in moments)} kg·m², which no real body can have.",
             remedy=f"give the inertia of a real body in {inertial_key(robot)}.",
         )
     order = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
@@ -142,7 +144,7 @@ def _attribute(text: str) -> str:
 
 
 def stable_rate(truth: KnownArm, q: Array) -> float:
-    """Smallest stable step rate [Hz] for the springs of gears and friction at positions q (N, n); 0 without any."""
+    """Smallest stable step rate [Hz] for the springs of gears and friction in poses q (N, n); 0 without springs."""
     slip = truth.friction.slip
     dry = np.zeros(truth.robot.n) if slip is None else slip.stiffness
     mass = kernel.mass_matrix(truth.robot.tree, truth.inertial, q)
@@ -169,7 +171,7 @@ class Instant(NamedTuple):
         drive_q: Positions of the drives, on the joint side, shape (n,).
         drive_dq: Velocities of the drives, shape (n,).
         drive_ddq: Accelerations of the drives, shape (n,).
-        rise: Temperature rise, shape (n,) [K], where there is one.
+        rise: Temperature rise, shape (n,) [K]; `None` if the friction has no warm-up.
     """
 
     q: Array
@@ -187,8 +189,8 @@ class _RigidBodies:
     """Links and rotors of an arm in MuJoCo.
 
     Attributes:
-        joints: Addresses of the joints in MuJoCo's state.
-        drives: Those of the rotors; of the joints where drives are rigid.
+        joints: Indices of the joints in MuJoCo's state.
+        drives: Indices of the rotors in MuJoCo's state; if drives are rigid, those of the joints.
         size: Number of coordinates.
     """
 
@@ -208,36 +210,37 @@ class _RigidBodies:
         self._identity = np.eye(self.size)
 
     def _addresses(self, kind: str, n: int) -> Any:
-        """Indices of joints of a kind in MuJoCo's state; a slice where they are in the robot's order."""
+        """Indices of joints of a kind in MuJoCo's state; a slice if they are in the order of the robot."""
         at = [int(self._model.joint(f"{kind}_{i}").dofadr[0]) for i in range(n)]
         return slice(at[0], at[0] + n) if at == list(range(at[0], at[0] + n)) else np.array(at)
 
     def add_inertia(self, inertia: Array) -> None:
-        """Sets the inertia (n,) that is added to that of the drives."""
+        """Sets the inertia (n,) that is added to the inertia of the drives."""
         self._model.dof_armature[self.drives] = self._armature + inertia
 
     def acceleration(self, q: Array, dq: Array, torque: Array) -> Array:
-        """Accelerations of all coordinates, shape (size,), under a torque of the drives (n,)."""
+        """Accelerations of all coordinates, shape (size,), for torques of the drives (n,)."""
         data = self._data
         data.qpos[:], data.qvel[:], data.qfrc_applied[self.drives] = q, dq, torque
         self._mujoco.mj_forward(self._model, data)
         return data.qacc.copy()
 
     def mobility(self) -> Array:
-        """Accelerations of all coordinates for a unit of each drive's torque, shape (size, n), in the last state."""
+        """Accelerations of all coordinates for a unit torque of each drive, shape (size, n), in the last state."""
         inverse = np.empty_like(self._identity)
         self._mujoco.mj_solveM(self._model, self._data, inverse, self._identity)
         return inverse[:, self.drives]
 
 
 class Plant:
-    """Simulated arm that is advanced step by step.
+    """Simulated arm that is moved on step by step.
 
     Args:
-        truth: The arm.
+        truth: Parameters of the arm.
         step: Step h [s].
         q: Initial positions, shape (n,) [rad or m].
-        effort: Initial torque of the drives, which deflects elastic drives, shape (n,) [N·m or N].
+        effort: Initial torque of the drives, shape (n,) [N·m or N]; it determines the initial deflection of elastic
+            drives.
 
     Raises:
         LabError: The step is too long for the springs, or a link is not physically consistent.
@@ -247,7 +250,8 @@ class Plant:
     def __init__(self, truth: KnownArm, step: float, q: Array, effort: Array) -> None:
         if 1.0 / step < (1.0 - ROUNDING) * stable_rate(truth, q[None]):
             raise LabError(
-                f"A step of {1e6 * step:.0f} µs is too long for the springs of this arm.",
+                f"A step of {1e6 * step:.0f} µs is too long for the springs of this arm: the simulation would be "
+                "unstable.",
                 remedy=f"simulate at {stable_rate(truth, q[None]):.0f} Hz or more.",
             )
         self.truth, self.h, self.steps = truth, step, 0
@@ -276,7 +280,7 @@ class Plant:
         return self._dq[self._bodies.drives]
 
     def step(self, effort: Array) -> Instant:
-        """Advances by one step under torques of the drives (n,) [N·m or N], and returns the instant passed.
+        """Advances by one step with torques of the drives (n,) [N·m or N]; returns the state before the step.
 
         Raises:
             LabError: The simulation has diverged.
@@ -306,15 +310,15 @@ class Plant:
         self.steps += 1
         if self.steps % CHECKED == 0 and not np.abs(new).max() < RUNAWAY:
             raise LabError(
-                f"The simulation diverged after {self.steps * h:.3f} s.",
-                remedy="lower the controller's bandwidth, or simulate with a shorter step.",
+                f"The simulation became unstable after {self.steps * h:.3f} s.",
+                remedy="reduce the gains of the controller (a larger `compliance`), or raise `physics_rate`.",
             )
         return passed
 
     def _reversal(
         self, turned: NDArray[np.bool_], dry: Array, lower: Array, upper: Array, new: Array
     ) -> tuple[Array, Array]:
-        """Dry friction of the drives and velocities of all joints where some drive sticks or reverses."""
+        """Dry friction of the drives and velocities of all coordinates if a drive sticks or reverses."""
         drives = self._bodies.drives
         columns = self.h * self._bodies.mobility()
         coupling = columns[drives]

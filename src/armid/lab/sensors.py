@@ -1,4 +1,4 @@
-"""Sensor model of a log: each channel is filtered, delayed, sampled, disturbed and rounded, in this order."""
+"""Model of the sensors of a log: each channel is filtered, delayed, sampled, disturbed and rounded, in this order."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from armid.measurement.recording import Recording
 from armid.values import Array, digest
 
 NEIGHBOURS = 4
-"""Number of samples of the cubic interpolation."""
+"""Number of samples that the cubic interpolation uses."""
 
 HIGHEST_RATE = 8000.0
 """Largest rate of a log [Hz]."""
@@ -23,16 +23,17 @@ HIGHEST_RATE = 8000.0
 
 @dataclass(frozen=True, slots=True)
 class SensorChannel:
-    """Sensor of one quantity; numbers are in its unit and the same for all joints.
+    """Sensor of one quantity; values are in the unit of the quantity and equal for all joints.
 
     Attributes:
         noise: Standard deviation of white noise.
-        resolution: Step of quantisation; 0 for none.
+        resolution: Quantisation step; 0 for no quantisation.
         bias: Constant error.
         drift: Change of the error per second.
         delay: Delay [s].
-        cutoff: Corner frequency of the controller's low-pass, a causal Butterworth filter [Hz]; 0 for none.
-        order: Order of that filter.
+        cutoff: Corner frequency of the controller's low-pass filter, a causal Butterworth filter [Hz]; 0 for no
+            filter.
+        order: Order of this filter.
     """
 
     noise: float = 0.0
@@ -46,9 +47,15 @@ class SensorChannel:
     def __post_init__(self) -> None:
         for name in ("noise", "resolution", "delay", "cutoff"):
             if not 0.0 <= getattr(self, name) < math.inf:
-                raise LabError(f"{name} of a channel must not be negative; found {getattr(self, name)}.")
+                raise LabError(
+                    f"The key `{name}` of a channel must be finite and not negative; found {getattr(self, name)}.",
+                    remedy="correct the value.",
+                )
         if self.delay > MARGIN:
-            raise LabError(f"The delay of a channel must be at most {MARGIN:g} s; found {self.delay:g} s.")
+            raise LabError(
+                f"The key `delay` of a channel must be at most {MARGIN:g} s; found {self.delay:g} s.",
+                remedy="give a smaller delay.",
+            )
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,13 +63,15 @@ class Sensing:
     """Sensors, rate and clock of a log.
 
     Attributes:
-        rate: Rate of rows [Hz].
+        rate: Rows per second [Hz].
         position: Sensors of positions.
         effort: Sensors of torques.
-        velocity: Sensors of velocities; `None` where none are logged.
-        side: Where positions and torques are measured: at the `drive`, before friction and rotors, or at the `link`.
-        jitter: Standard deviation of the sample time of a row [s]; shifts are limited to a fifth of a row.
-        stamps: Content of the time column: `true` times, `even` ones, or `none`.
+        velocity: Sensors of velocities; `None` if velocities are not logged.
+        side: Side on which positions and torques are measured: `drive` (the torque includes friction and rotors) or
+            `link`.
+        jitter: Standard deviation of the error of the sample times [s]; an error is at most a fifth of the sample
+            time.
+        stamps: Content of the time column: `true` times, `even` (uniform) times, or `none`.
     """
 
     rate: float = 1000.0
@@ -75,17 +84,31 @@ class Sensing:
 
     def __post_init__(self) -> None:
         if not 0.0 < self.rate <= HIGHEST_RATE:
-            raise LabError(f"A log has up to {HIGHEST_RATE:g} rows a second; found a rate of {self.rate:g} Hz.")
+            raise LabError(
+                f"The rate of a log must be above 0 and at most {HIGHEST_RATE:g} Hz; found {self.rate:g} Hz.",
+                remedy="correct the key `rate` of the table [sensing].",
+            )
         if self.side not in ("drive", "link"):
-            raise LabError(f"Unknown side {self.side!r}.", possible="drive, link")
+            raise LabError(
+                f"The key `side` has the unknown value {self.side!r}.",
+                possible="drive, link",
+                remedy="write one of these values.",
+            )
         if self.stamps not in ("true", "even", "none"):
-            raise LabError(f"Unknown stamps {self.stamps!r}.", possible="true, even, none")
+            raise LabError(
+                f"The key `stamps` has the unknown value {self.stamps!r}.",
+                possible="true, even, none",
+                remedy="write one of these values.",
+            )
         if not 0.0 <= self.jitter < math.inf:
-            raise LabError(f"Jitter must not be negative; found {self.jitter}.")
+            raise LabError(
+                f"The key `jitter` must be finite and not negative; found {self.jitter}.",
+                remedy="give a jitter of 0 or more seconds.",
+            )
 
 
 MOST_JITTER = 0.2
-"""Largest shift of a row over the time between rows, so that rows stay in order."""
+"""Largest error of a sample time, divided by the time between rows; with it, the rows stay in order."""
 
 
 def sense(
@@ -94,11 +117,11 @@ def sense(
     """Log of a simulated motion.
 
     Args:
-        trace: True motion, at a rate not below the log's.
-        sensing: The sensors.
+        trace: True motion, at a rate that is not below that of the log.
+        sensing: Sensors, rate and clock of the log.
         joint_names: Names of the channels.
         source: Name of the recording.
-        rng: Source of noise and jitter.
+        rng: Random generator of noise and jitter.
     """
     even = np.arange(round((trace.time[-1] + trace.time[1] - trace.time[0]) * sensing.rate)) / sensing.rate
     taken = even
@@ -129,7 +152,7 @@ def sense(
 
 
 def _logged(time: Array, values: Array, taken: Array, channel: SensorChannel, rng: np.random.Generator) -> Array:
-    """One quantity as logged, shape (M, n)."""
+    """One quantity as it is logged, shape (M, n)."""
     rate = 1.0 / (time[1] - time[0])
     if channel.cutoff:
         from scipy.signal import sosfilt, sosfilt_zi
@@ -145,7 +168,7 @@ def _logged(time: Array, values: Array, taken: Array, channel: SensorChannel, rn
 
 
 def interpolate(values: Array, places: Array) -> Array:
-    """Values (N, n) at fractional indices (M,), by cubics through four neighbours; exact on samples."""
+    """Values (N, n) at fractional indices (M,), by cubic polynomials through four neighbours; exact at samples."""
     whole = np.round(places)
     if np.abs(places - whole).max(initial=0.0) < 1e-6:  # times on the grid, to rounding
         return values[np.clip(whole.astype(np.intp), 0, len(values) - 1)].copy()

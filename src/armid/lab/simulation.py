@@ -1,4 +1,4 @@
-"""Simulation of a recording: an arm with known parameters, moved along a plan and measured by sensors."""
+"""Simulation of a recording: an arm with known parameters is moved along a plan and measured by sensors."""
 
 from __future__ import annotations
 
@@ -27,17 +27,17 @@ from armid.robot.robot import Joint
 from armid.values import Array
 
 POSES = 60
-"""Poses of a plan at which the frequency of springs is computed; it depends on the arm's inertia alone."""
+"""Number of poses of a plan at which the eigenfrequency of springs is computed; it depends only on inertia."""
 
 
 KEPT = 1.0 + 1e-9
-"""Utilisation up to which a plan at a limit counts as keeping it; the excess allows for rounding."""
+"""Utilisation up to which a plan counts as keeping a limit; the excess over 1 allows for rounding errors."""
 
 ASKED = 1000.0
 """Rate at which a plan is checked [Hz]."""
 
 FULL = 0.999
-"""Share of the effort limit from which it counts as reached; a current loop only approaches it."""
+"""Share of the effort limit from which the limit counts as reached; a current loop never reaches it exactly."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -45,13 +45,13 @@ class Simulated:
     """Result of a simulation.
 
     Attributes:
-        recording: The log.
-        trace: True motion.
-        truth: The arm as it was simulated.
+        recording: The log, with faults.
+        trace: The true motion.
+        truth: The simulated arm.
         plan: The planned motion.
         options: Options of the simulation.
-        gains: Gains of the controller; `None` without one.
-        seed: Seed of noise and faults.
+        gains: Gains of the controller; `None` if there is no controller.
+        seed: Seed of the noise and the faults.
     """
 
     recording: Recording
@@ -66,19 +66,19 @@ class Simulated:
 def simulate(
     truth: KnownArm, plan: Excitation, options: LabOptions | None = None, *, seed: int = 1, tell: Tell | None = None
 ) -> Simulated:
-    """Moves an arm along a plan and logs it.
+    """Simulates an arm that moves along a plan, and its log.
 
     Args:
-        truth: The arm, before `options.arm` adds to it.
-        plan: The motion.
-        options: Everything else.
-        seed: Seed of noise and faults; the same seed gives the same log, bit for bit.
-        tell: Callback with the finished share.
+        truth: The arm, without the properties of `options.arm`.
+        plan: The planned motion.
+        options: All other options; default values if `None`.
+        seed: Seed of the noise and the faults; the same seed gives exactly the same log.
+        tell: Callback with the share of the simulation that is done.
 
     Raises:
-        LabError: The plan does not fit the arm, or the simulation diverged.
-        ArmidError: The plan is not a plan.
-        MissingExtraError: Closed loop is chosen, but MuJoCo is not installed.
+        LabError: The plan does not fit the arm, or the simulation became unstable.
+        ArmidError: The argument `plan` is not an `Excitation`.
+        MissingExtraError: The mode is `closed-loop`, but MuJoCo is not installed.
     """
     options = options or LabOptions()
     truth = options.arm.of(truth)
@@ -110,9 +110,9 @@ def simulate(
 
 
 def simulation_findings(simulated: Simulated) -> tuple[Finding, ...]:
-    """Findings where the simulated arm or its motion is not realistic: the lab has no hard stops.
+    """Findings if the simulated arm or its motion is not realistic: joints in the lab have no hard stops.
 
-    Findings distinguish demands of the plan from the controller's overshoot.
+    If a limit is exceeded, the finding says whether the plan or only the controller exceeds it.
     """
     trace, joints = simulated.trace.from_time(0.0), simulated.truth.robot.joints
     asked = simulated.plan.sample(ASKED)
@@ -125,23 +125,23 @@ def simulation_findings(simulated: Simulated) -> tuple[Finding, ...]:
         found += _speed_doubts(joint, float(np.abs(asked.dq[:, j]).max()), float(np.abs(trace.dq[:, j]).max()))
         share = 0.0 if efforts is None else float(np.mean(np.abs(trace.effort[:, j]) >= FULL * efforts[j]))
         if share > 0.0:
-            evidence = f"is at its effort limit {100.0 * share:.2g} % of the time."
-            found.append(_doubt("drive-saturated", joint.name, evidence, "run the plan over a longer period."))
+            evidence = f"reaches its effort limit in {100.0 * share:.2g} % of the time."
+            found.append(_doubt("drive-saturated", joint.name, evidence, "give the plan a longer period."))
     return tuple(found)
 
 
 def _range_doubts(joint: Joint, asked: Array, reached: Array) -> list[Finding]:
-    """Findings about positions (N,) of a joint outside its limits, in the plan or only in the simulation."""
+    """Findings about positions (N,) of a joint outside its limits, in the plan or only in the simulated motion."""
     lower, upper = joint.position_limits
     limits = f"its limits are {lower:.3f}, {upper:.3f} {joint.unit}"
     slack = (KEPT - 1.0) * (upper - lower)
     if asked.min() < lower - slack or asked.max() > upper + slack:
-        evidence = f"is asked to move from {asked.min():.3f} to {asked.max():.3f} {joint.unit}; {limits}."
-        return [_doubt("plan-outside-limits", joint.name, evidence, "change the plan.")]
+        evidence = f"the plan moves it from {asked.min():.3f} to {asked.max():.3f} {joint.unit}; {limits}."
+        return [_doubt("plan-outside-limits", joint.name, evidence, "design a plan that keeps the limits.")]
     if reached.min() < lower - slack or reached.max() > upper + slack:
         evidence = (
-            f"moves from {reached.min():.3f} to {reached.max():.3f} {joint.unit}; {limits}, which the plan keeps and "
-            "the controller does not."
+            f"moves from {reached.min():.3f} to {reached.max():.3f} {joint.unit}; {limits}. The plan keeps them, but "
+            "the controller overshoots."
         )
         remedy = f"design the plan with a margin: --limit {joint.name}.position=LOW:HIGH."
         return [_doubt("limit-overshot", joint.name, evidence, remedy)]
@@ -149,14 +149,14 @@ def _range_doubts(joint: Joint, asked: Array, reached: Array) -> list[Finding]:
 
 
 def _speed_doubts(joint: Joint, asked: float, reached: float) -> list[Finding]:
-    """Findings about a joint faster than its limit, in the plan or only by the controller."""
+    """Findings about a joint that is faster than its limit, in the plan or only in the simulated motion."""
     limit, unit = joint.velocity_limit, f"{joint.unit}/s"
     if asked > KEPT * limit:
-        evidence = f"is asked for {asked:.3f} {unit}; its limit is {limit:.3f}."
-        return [_doubt("plan-too-fast", joint.name, evidence, "run the plan over a longer period.")]
+        evidence = f"has a velocity of {asked:.3f} {unit} in the plan; its limit is {limit:.3f}."
+        return [_doubt("plan-too-fast", joint.name, evidence, "give the plan a longer period.")]
     if reached > KEPT * limit:
         evidence = (
-            f"reaches {reached:.3f} {unit}; its limit is {limit:.3f}. The plan asks for {asked:.3f}; the rest is "
+            f"reaches {reached:.3f} {unit}; its limit is {limit:.3f}. The plan has {asked:.3f}; the rest is "
             "overshoot of the controller."
         )
         remedy = f"design the plan with a margin: --limit {joint.name}.velocity={0.99 * limit**2 / reached:.3g}."
@@ -169,7 +169,7 @@ def _doubt(code: str, joint: str, evidence: str, remedy: str) -> Finding:
 
 
 def _physics_rate(truth: KnownArm, plan: Excitation, options: LabOptions) -> float:
-    """Steps per second [Hz]: a multiple of the log's rate at which springs are stable."""
+    """Number of simulation steps per second [Hz]: a multiple of the log's rate with which the springs are stable."""
     poses = plan.at(np.linspace(0.0, plan.period, POSES)).q
     least = max(options.physics_rate, stable_rate(truth, poses))
     rate = options.sensing.rate
@@ -177,7 +177,7 @@ def _physics_rate(truth: KnownArm, plan: Excitation, options: LabOptions) -> flo
 
 
 def true_model(truth: KnownArm) -> tuple[DynamicsModel, Array]:
-    """Model of the parameters that have a single true value, and its standard parameters (p,)."""
+    """Model with the parameters that have one true value, and its true standard parameters (p,)."""
     extra: list[Term] = [Offset()] if truth.friction.offset.any() else []
     extra += [RotorInertia()] if truth.rotor.any() else []
     model = DynamicsModel(truth.robot, (RigidBody(), Viscous(), Coulomb(), *extra))
@@ -193,7 +193,7 @@ def true_model(truth: KnownArm) -> tuple[DynamicsModel, Array]:
 
 
 def truth_record(simulated: Simulated, recording_sha256: str) -> dict[str, Any]:
-    """Contents of `truth.json`: the simulated arm, and the values that an identification should find."""
+    """Content of `truth.json`: the simulated arm, and the values that an identification should find."""
     truth, plan = simulated.truth, simulated.plan
     model, theta = true_model(truth)
     base = find_base_parameters(model)
@@ -224,7 +224,7 @@ def truth_record(simulated: Simulated, recording_sha256: str) -> dict[str, Any]:
 
 
 def _record(value: Any) -> Any:
-    """Dataclass as a table; faults with their kind."""
+    """Converts a dataclass to a table; a fault also gets its kind."""
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         table = {f.name: _record(getattr(value, f.name)) for f in dataclasses.fields(value)}
         name = getattr(type(value), "name", None)

@@ -1,4 +1,4 @@
-"""Faults of the clock: rows that are lost, missing for a while, or repeated."""
+"""Faults of the time base: rows that are lost, missing for some time, repeated or shuffled, and missing times."""
 
 from __future__ import annotations
 
@@ -13,24 +13,26 @@ from armid.measurement.recording import Recording
 from armid.values import Array
 
 QUANTITIES = ("q", "dq", "ddq", "effort")
-"""Quantities that a recording may have for each channel."""
+"""Quantities that a recording can have for each channel."""
 
 
 def check_share(name: str, value: float) -> None:
-    """Raises an error for a number that is not a share."""
+    """Raises an error if a number is not a share."""
     if not 0.0 <= value < 1.0:
-        raise LabError(f"{name} must be a share from 0 to 1; found {value}.")
+        raise LabError(
+            f"The key `{name}` must be a share of at least 0 and below 1; found {value}.", remedy="correct the value."
+        )
 
 
 def clock_of(recording: Recording) -> Array:
-    """Times of the rows (N,) [s], uniform ones where the recording has no clock."""
+    """Times of the rows (N,) [s]; uniform times if the recording has no clock."""
     if recording.time is not None:
         return recording.time
     return np.arange(recording.samples) / (recording.rate or 1.0)
 
 
 def _rows(recording: Recording, rows: NDArray[np.intp]) -> dict[str, Array]:
-    """Recording with a selection of rows, which may repeat."""
+    """Quantities of a recording at a selection of rows, in which rows may repeat."""
     present = {name: getattr(recording, name) for name in QUANTITIES}
     return {name: x[rows] for name, x in present.items() if x is not None}
 
@@ -46,7 +48,7 @@ class LostRows:
     """Rows that are missing together with their time stamps.
 
     Attributes:
-        share: Probability of each row but the first and last.
+        share: Probability that a row is lost; the first and the last row are never lost.
     """
 
     share: float = 0.01
@@ -56,7 +58,7 @@ class LostRows:
         check_share("share", self.share)
 
     def apply(self, recording: Recording, rng: np.random.Generator) -> Recording:
-        """The recording without these rows."""
+        """Recording without the lost rows."""
         kept = rng.random(recording.samples) >= self.share
         kept[[0, -1]] = True
         return _without(recording, kept)
@@ -64,11 +66,11 @@ class LostRows:
 
 @dataclass(frozen=True, slots=True)
 class Gap:
-    """Interval without any row.
+    """Interval of time without rows.
 
     Attributes:
-        start: Begin as a share of the length of the recording.
-        seconds: Length [s].
+        start: Start of the interval, as a share of the duration of the recording.
+        seconds: Duration of the interval [s].
     """
 
     start: float = 0.5
@@ -79,7 +81,7 @@ class Gap:
         check_share("start", self.start)
 
     def apply(self, recording: Recording, rng: np.random.Generator) -> Recording:
-        """The recording without this stretch."""
+        """Recording without the rows of this interval."""
         del rng
         time = clock_of(recording)
         begin = time[0] + self.start * (time[-1] - time[0])
@@ -88,11 +90,11 @@ class Gap:
 
 @dataclass(frozen=True, slots=True)
 class RepeatedRows:
-    """Rows that repeat the values of the row before, as when a lost packet is replaced by the last one.
+    """Rows that repeat the values of the row before, for instance because a lost packet was replaced by the last one.
 
     Attributes:
-        share: Probability of each row.
-        stamps: Whether the time is repeated, too.
+        share: Probability that a row is a repetition.
+        stamps: Whether its time is repeated, too.
     """
 
     share: float = 0.01
@@ -103,7 +105,7 @@ class RepeatedRows:
         check_share("share", self.share)
 
     def apply(self, recording: Recording, rng: np.random.Generator) -> Recording:
-        """The recording with these rows."""
+        """Recording with repeated rows."""
         again = rng.random(recording.samples) < self.share
         again[0] = False
         rows = np.maximum.accumulate(np.where(again, 0, np.arange(recording.samples)))
@@ -118,19 +120,19 @@ class NoClock:
     name: ClassVar[str] = "no-clock"
 
     def apply(self, recording: Recording, rng: np.random.Generator) -> Recording:
-        """The recording without its clock."""
+        """Recording without times and rate."""
         del rng
         return replace(recording, time=None, rate=None)
 
 
 @dataclass(frozen=True, slots=True)
 class ShuffledRows:
-    """Rows in random order without times, as in a table of samples for machine learning."""
+    """Rows in random order and without times, as in a data set for machine learning."""
 
     name: ClassVar[str] = "shuffled-rows"
 
     def apply(self, recording: Recording, rng: np.random.Generator) -> Recording:
-        """The recording with its rows in another order."""
+        """Recording with its rows in random order."""
         rows = rng.permutation(recording.samples)
         return replace(
             recording, **_rows(recording, rows), time=None, rate=None, consecutive=None, valid=recording.valid[rows]

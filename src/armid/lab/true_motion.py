@@ -1,4 +1,4 @@
-"""True motion of a simulation: every quantity at every step, without sensors."""
+"""True motion of a simulation: all quantities at every step, before they are measured by sensors."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from armid.model.motion import Motion
 from armid.values import Array
 
 MARGIN = 0.25
-"""Time before the recording that is simulated for delays and causal filters [s]."""
+"""Time before the recording that is simulated, because delays and causal filters need it [s]."""
 
 WHOLE = 1e-6
-"""Largest deviation of a period from a whole number of steps at which the motion repeats exactly [steps]."""
+"""Largest deviation of the period from a whole number of steps with which the motion is repeated exactly [steps]."""
 
 PROGRESS_INTERVAL = 2000
 """Number of steps between two calls of the progress callback."""
@@ -31,19 +31,19 @@ Tell = Callable[[float], None]
 
 @dataclass(frozen=True, eq=False, slots=True)
 class TrueMotion:
-    """True motion at N instants; the recording begins at time 0.
+    """True motion at N instants; the recording begins at the time 0.
 
     Attributes:
         time: Time of each instant, shape (N,) [s].
         q: Positions of the joints, shape (N, n) [rad or m].
-        dq: Velocities, shape (N, n).
-        ddq: Accelerations, shape (N, n).
+        dq: Velocities of the joints, shape (N, n) [rad/s or m/s].
+        ddq: Accelerations of the joints, shape (N, n) [rad/s² or m/s²].
         effort: Torque of the drives, on the joint side, shape (N, n) [N·m or N].
         friction: Friction, shape (N, n) [N·m or N].
-        transmitted: Torque on the links, shape (N, n) [N·m or N].
-        drive_q: Positions of elastic drives, shape (N, n); `None` for rigid ones.
-        drive_dq: Their velocities, shape (N, n).
-        rise: Temperature rise, shape (N, n) [K], where there is one.
+        transmitted: Torque that the gears transmit to the links, shape (N, n) [N·m or N].
+        drive_q: Positions of elastic drives, on the joint side, shape (N, n) [rad or m]; `None` for rigid drives.
+        drive_dq: Velocities of elastic drives, shape (N, n) [rad/s or m/s]; `None` for rigid drives.
+        rise: Temperature rise, shape (N, n) [K]; `None` if the friction has no warm-up.
     """
 
     time: Array
@@ -58,26 +58,29 @@ class TrueMotion:
     rise: Array | None = None
 
     def from_time(self, start: float) -> TrueMotion:
-        """Motion from a time on [s]."""
+        """Part of the motion from a given time [s] on."""
         first = int(np.searchsorted(self.time, start - 1e-9))
         parts = {name: getattr(self, name) for name in self.__slots__}
         return replace(self, **{name: None if x is None else x[first:] for name, x in parts.items()})
 
 
 def inverse_dynamics(truth: KnownArm, plan: Excitation, rate: float, repetitions: int) -> TrueMotion:
-    """Motion of an arm that follows its plan exactly, with torque by inverse dynamics.
+    """Motion of an arm that follows its plan exactly; the torque is computed by inverse dynamics.
 
     Args:
         truth: The arm; its drives must be rigid.
-        plan: The motion.
-        rate: Rate of instants [Hz].
+        plan: The planned motion.
+        rate: Number of instants per second [Hz].
         repetitions: Number of repetitions of the motion.
 
     Raises:
-        LabError: The truth is elastic, so that drive and link move differently.
+        LabError: The drives are elastic, so that drive and link move differently.
     """
     if truth.stiffness is not None:
-        raise LabError("Inverse dynamics cannot simulate elastic drives.", remedy="simulate in closed loop.")
+        raise LabError(
+            "The mode inverse-dynamics cannot simulate elastic drives.",
+            remedy="use the mode closed-loop, or leave out the stiffness and the effect 'elastic'.",
+        )
     first = -round(MARGIN * rate)
     motion = plan.at(np.arange(first, round(repetitions * plan.period * rate)) / rate)
     robot = truth.robot
@@ -98,26 +101,26 @@ def closed_loop(
     lead_in: float = 2.0,
     tell: Tell | None = None,
 ) -> tuple[TrueMotion, ControllerGains]:
-    """Motion of an arm that a controller moves along a plan, from rest through a smooth lead-in.
+    """Motion of an arm that a controller moves along a plan; it begins at rest with a smooth lead-in.
 
-    During the lead-in the reference changes from rest in the plan's first pose to the plan, which runs on the same
-    clock; the motion follows the plan from time 0 on.
+    In the lead-in, the reference changes smoothly from rest in the first pose of the plan to the plan. The time of
+    the plan runs from the beginning of the lead-in, and from time 0 on the reference is the plan.
 
     Args:
         truth: The arm.
-        plan: The motion.
+        plan: The planned motion.
         controller: Controller of the joints.
         drive: Dynamics and limits of the drives.
-        rate: Step rate [Hz].
+        rate: Number of steps per second [Hz].
         repetitions: Number of repetitions of the motion.
-        lead_in: Time from rest to the plan [s].
-        tell: Callback with the finished share.
+        lead_in: Duration of the lead-in [s].
+        tell: Callback with the share of the simulation that is done.
 
     Returns:
-        Motion from `MARGIN` before time 0 on, and the controller's gains.
+        Motion that begins `MARGIN` before the time 0, and the gains of the controller.
 
     Raises:
-        LabError: The simulation diverged, or the step is too long.
+        LabError: The simulation became unstable, or the step is too long.
     """
     h = 1.0 / rate
     every = max(1, round(rate / controller.rate)) if controller.rate else 1
@@ -139,7 +142,7 @@ def closed_loop(
 
 
 def _lead_in(plan: Excitation, steps: int, h: float) -> Motion:
-    """Reference from rest in the plan's first pose to the plan, C² at both ends: p + w(t) (plan(t) - p)."""
+    """Reference from rest in the first pose p of the plan to the plan, C² at both ends: p + w(t) (plan(t) - p)."""
     along = plan.at(np.arange(-steps, 0) * h)
     if not steps:
         return along
@@ -162,7 +165,7 @@ Reference = tuple[Array, Array, Array]
 
 
 def _reference(controller: Controller, truth: KnownArm, motion: Motion) -> Reference:
-    """Positions, velocities and torques that the controller follows, shape (N, n) each."""
+    """Positions, velocities and feed-forward torques for the controller, shape (N, n) each."""
     if not motion.samples:
         return motion.q, motion.dq, motion.q
     torque = feedforward(controller, truth, motion)
@@ -173,14 +176,14 @@ def _reference(controller: Controller, truth: KnownArm, motion: Motion) -> Refer
 
 
 def _equilibrium(truth: KnownArm, drive_q: Array) -> tuple[Array, Array]:
-    """Positions of the joints at rest for positions of the drives (1, n), and torque that holds them, (n,) each."""
+    """Positions of the joints at rest for positions of the drives (1, n), and torques that hold them, (n,) each."""
     rest = np.zeros_like(drive_q)
     holding = kernel.inverse_dynamics(truth.robot.tree, truth.inertial, drive_q, rest, rest)[0]
     return drive_q[0] if truth.stiffness is None else drive_q[0] - holding / truth.stiffness, holding
 
 
 class _Actuation:
-    """Controller and drives, with the torque that they ask for and give."""
+    """Controller and drives, with the commanded torque and the torque that the drives give."""
 
     def __init__(
         self,
@@ -216,7 +219,7 @@ class _Actuation:
 
 
 class _Run:
-    """Plant with its controller, and the motion that is stored."""
+    """Simulated arm with its controller, and its stored motion."""
 
     def __init__(self, plant: Plant, actuation: _Actuation, rows: int) -> None:
         self.plant, self.actuation, self.row = plant, actuation, 0
@@ -226,7 +229,7 @@ class _Run:
         self.stored = {name: np.empty((rows, plant.truth.robot.n)) for name in names}
 
     def follow(self, reference: Reference, steps: int, *, keep: int, tell: Tell | None = None) -> None:
-        """Follows a reference for a number of steps and stores the last of them."""
+        """Follows a reference for a number of steps, and stores the last `keep` of them."""
         for k in range(steps):
             instant = self.plant.step(self.actuation.update(k, reference, self.plant))
             if k >= steps - keep:
@@ -237,7 +240,7 @@ class _Run:
                 tell(self.row / len(self.stored["q"]))
 
     def trace(self, time: Array) -> TrueMotion:
-        """Stored motion."""
+        """True motion from the stored quantities."""
         stored = self.stored
         acceleration = stored.pop("drive_ddq", stored["ddq"])
         transmitted = stored["effort"] - stored["friction"] - self.plant.truth.rotor * acceleration

@@ -1,4 +1,4 @@
-"""Robot descriptions: values, readers, built-in arms."""
+"""Robot descriptions: data structures, readers, and built-in arms."""
 
 from armid.robot.kinematics import forward_kinematics, frame_pose
 from armid.robot.loading import builtin_arms, load_robot

@@ -1,8 +1,8 @@
-"""Correction of angles that a description states with rounding.
+"""Correction of rounded angles in a description.
 
-A description that writes π/2 as 1.5708 has axes that are almost, but not quite, parallel or at right angles. Each
-such joint adds columns to the regressor that the real arm does not have, with coefficients of 1e-5. So roll, pitch
-and yaw angles close to multiples of 15° are set to those multiples.
+If a description writes π/2 as 1.5708, its axes are almost, but not exactly, parallel or at right angles. Each such
+joint adds columns to the regressor that the real arm does not have, with coefficients of about 1e-5. Roll, pitch and
+yaw angles that are close to multiples of 15° are therefore set to these multiples.
 """
 
 from __future__ import annotations
@@ -18,21 +18,22 @@ from armid.robot.robot import Robot
 from armid.values import Array
 
 STEP = math.pi / 12.0
-"""Step of the multiples with which angles are compared [rad]."""
+"""Step of the multiples of 15° with which angles are compared [rad]."""
 
 ROUNDING = 1e-4
-"""Largest distance to a multiple of 15° that counts as rounding [rad]: angles printed with four digits."""
+"""Largest difference from a multiple of 15° that is treated as rounding [rad]: angles printed with four digits."""
 
 NOISE = 1e-8
-"""Changes below this [rad] are not reported: π with nine digits or more, and the arithmetic of a reader."""
+"""Changes below this value [rad] are not reported. They come from π with nine or more digits, or from the arithmetic
+of a reader."""
 
 
 def rounded(robot: Robot) -> tuple[Robot, Finding | None]:
-    """Robot with rounded angles corrected, and a finding about the largest change.
+    """Corrects rounded angles of a robot.
 
     Returns:
         The robot with corrected placements and axes, and a finding `description-rounded` with the largest change;
-        `None` where every change is below `NOISE`.
+        `None` in place of the finding if every change is below `NOISE`.
     """
     changes: list[tuple[float, str]] = []
 
@@ -61,17 +62,17 @@ def rounded(robot: Robot) -> tuple[Robot, Finding | None]:
         "description-rounded",
         "info",
         "",
-        f"{len(seen)} orientations or axes are close to multiples of 15° and were set to them; "
-        f"the largest change is {largest:.2g} rad, at {name}",
+        f"{len(seen)} orientations or axes differed from multiples of 15° by rounding only and were set to these "
+        f"multiples; the largest change is {largest:.2g} rad, at {name}",
     )
     return replace(robot, findings=(*robot.findings, finding)), finding
 
 
 def snapped_rotation(rotation: Array) -> Array:
-    """Rotation (3, 3) whose roll, pitch and yaw are set to multiples of 15° where they are close to them.
+    """Rotation (3, 3) with roll, pitch and yaw set to multiples of 15° if they are close to them.
 
-    At least two of the three must be close: one alone may be chance, and a tilt about one axis may be intended. At a
-    pitch of ±90° only one combination of roll and yaw is defined; the roll is then set to zero.
+    At least two of the three angles must be close to a multiple: a single one may be close by chance, and a tilt
+    about one axis may be intended. At a pitch of ±90°, roll and yaw are not unique; the roll is then set to zero.
     """
     pitch = math.atan2(-rotation[2, 0], math.hypot(rotation[0, 0], rotation[1, 0]))
     if abs(abs(pitch) - 0.5 * math.pi) < ROUNDING:
@@ -84,7 +85,7 @@ def snapped_rotation(rotation: Array) -> Array:
 
 
 def snapped_axis(axis: Array) -> Array:
-    """Unit axis (3,) set to exact multiples of 15° where azimuth and elevation are both close to them."""
+    """Unit axis (3,) with azimuth and elevation set to multiples of 15° if both are close to them."""
     elevation = math.atan2(axis[2], math.hypot(axis[0], axis[1]))
     at_pole = abs(abs(elevation) - 0.5 * math.pi) < ROUNDING
     angles = np.array([-elevation, 0.0 if at_pole else math.atan2(axis[1], axis[0])])
@@ -95,7 +96,7 @@ def snapped_axis(axis: Array) -> Array:
 
 
 def _snapped(angles: Array, at_least: int) -> Array:
-    """Angles [rad] with those within `ROUNDING` of a multiple of 15° replaced by it, if there are enough."""
+    """Angles [rad] within `ROUNDING` of multiples of 15° set to these multiples, if there are enough such angles."""
     multiples = np.round(angles / STEP) * STEP
     close = np.abs(angles - multiples) < ROUNDING
     return np.where(close, multiples, angles) if close.sum() >= at_least else angles

@@ -1,14 +1,14 @@
-"""Names of collision bodies and of pairs of them: texts that know the links which have the bodies."""
+"""Names of collision bodies and of pairs of bodies: strings that also contain the names of the links."""
 
 from __future__ import annotations
 
 
 class BodyName(str):
-    """Name of a body: its link's name, from the link's second body on with a number, as `elbow shape 2`.
+    """Name of a body: the name of its link, with a number for its further bodies, for instance `elbow shape 2`.
 
     Attributes:
-        link: Name of the link.
-        number: Number of the body among those of the link, from 1.
+        link: Name of the link to which the body belongs.
+        number: Number of the body among the bodies of the link, from 1.
     """
 
     __slots__ = ("link", "number")
@@ -17,22 +17,22 @@ class BodyName(str):
     number: int
 
     def __new__(cls, link: str, number: int = 1) -> BodyName:
-        """Makes the text of the parts."""
+        """Makes the name from link and number."""
         name = super().__new__(cls, link if number == 1 else f"{link} shape {number}")
         name.link, name.number = link, number
         return name
 
     def __getnewargs__(self) -> tuple[str, int]:  # pyright: ignore[reportIncompatibleMethodOverride]
-        """The parts, of which a copy is made."""
+        """Link and number, from which a copy is made."""
         return self.link, self.number
 
 
 class BodyPair(str):
-    """Names of two bodies, as `elbow shape 2 - base`.
+    """Names of two bodies, for instance `elbow shape 2 - base`.
 
     Attributes:
-        first: Name of the one body.
-        second: Name of the other.
+        first: Name of the first body.
+        second: Name of the second body.
     """
 
     __slots__ = ("first", "second")
@@ -41,21 +41,21 @@ class BodyPair(str):
     second: str
 
     def __new__(cls, first: str, second: str) -> BodyPair:
-        """Makes the text of the names."""
+        """Makes the pair from two names."""
         pair = super().__new__(cls, f"{first} - {second}")
         pair.first, pair.second = first, second
         return pair
 
     def __getnewargs__(self) -> tuple[str, str]:  # pyright: ignore[reportIncompatibleMethodOverride]
-        """The names, of which a copy is made."""
+        """The two names, from which a copy is made."""
         return self.first, self.second
 
     @property
     def links(self) -> BodyPair:
-        """The links that have the bodies."""
+        """Names of the links to which the two bodies belong."""
         return BodyPair(link_of(self.first), link_of(self.second))
 
 
 def link_of(body: str) -> str:
-    """Link that has a body; a body of the surroundings is its own."""
+    """Name of the link to which a body belongs; for a body of the surroundings, its own name."""
     return body.link if isinstance(body, BodyName) else body

@@ -1,7 +1,7 @@
-"""Collision geometry from visual geometry, for links without collision geometry.
+"""Use of visual geometry for links without collision geometry.
 
-Links are those of the description, not the groups that move together: a gripper that is only drawn keeps its bodies
-where the wrist that carries it has collision geometry, and so does a base beside a table.
+Each link of the description is decided on its own, even if it is fixed to another one: the visual geometry of a
+gripper is used although the wrist that carries it has collision geometry, and that of a base beside a table, too.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ from armid.robot.robot import Robot
 from armid.robot.shapes import Shape
 
 LIGHT = 0.01
-"""Mass below which a link without geometry is a frame, and no body that a collision check lacks [kg]."""
+"""Mass below which a link without geometry is taken for a mere frame, which needs no collision check [kg]."""
 
 
 def missing_bodies(robot: Robot) -> list[Finding]:
     """Findings about bodies whose files do not exist.
 
-    Visual bodies are included where no link has collision geometry.
+    If no link has collision geometry, missing files of visual bodies are included.
     """
     codes = ("mesh-missing",) if robot.shapes else ("mesh-missing", "visual-missing")
     return [finding for finding in robot.findings if finding.code in codes]
@@ -30,13 +30,13 @@ def missing_bodies(robot: Robot) -> list[Finding]:
 def with_bodies(
     robot: Robot, *, described: Collection[str] = (), markers: Sequence[Shape] = (), world: str = ""
 ) -> Robot:
-    """Robot whose visual geometry replaces missing collision geometry, with findings about it.
+    """Robot in which links without collision geometry use their visual geometry, with findings about it.
 
     Args:
         robot: The robot, with its collision and visual geometry.
         described: Names of the links that the description gives any geometry.
-        markers: Visual geometry that is no body, such as targets in a scene.
-        world: Name of the group of bodies that belong to no link; each of them is decided on its own.
+        markers: Visual geometry that does not stand for a body, such as targets in a scene.
+        world: Name of the group of bodies that belong to no link. Each body of this group is decided on its own.
     """
     known = {link_of(shape.name) for shape in robot.shapes} - {world}
     apart = {id(shape) for shape in (*markers, *robot.shapes)}
@@ -61,8 +61,8 @@ def with_bodies(
         findings.append(Finding("bodies-from-visuals", "info", "", evidence))
     if markers:
         listed = ", ".join(dict.fromkeys(each.name for each in markers))
-        evidence = f"drawn without contacts, and taken for markers that an arm may pass through: {listed}"
-        remedy = "describe with --environment what stands in the way."
+        evidence = f"shapes without contacts are taken for markers that an arm may pass through: {listed}"
+        remedy = "if any of them stands for a real body, describe this body in a file and give it with --environment."
         findings.append(Finding("markers-unchecked", "info", "", evidence, remedy))
     shapes = (*robot.shapes, *taken)
     passed = {*(link_of(each.name) for each in (*robot.visuals, *shapes)), world}
@@ -71,7 +71,7 @@ def with_bodies(
 
 
 def _unknown(robot: Robot, shapes: Sequence[Shape], lost: Sequence[str]) -> tuple[Finding, ...]:
-    """Finding about links of which no geometry can be checked; none for a robot without any shapes.
+    """Finding about links without geometry that can be checked; no finding for a robot without any shapes.
 
     Args:
         robot: The robot.
@@ -87,16 +87,16 @@ def _unknown(robot: Robot, shapes: Sequence[Shape], lost: Sequence[str]) -> tupl
     names = list(dict.fromkeys((*bare, *lost)))
     if not names or not shapes:
         return ()
-    evidence = f"no geometry that could be checked for collisions is known of {', '.join(names)}"
+    evidence = f"these links have no geometry that can be checked for collisions: {', '.join(names)}"
     remedy = "give these links geometry in the description, or its package with --package NAME=DIR."
     return (Finding("bodies-unknown", "warning", "", evidence, remedy),)
 
 
 def _key(shape: Shape) -> tuple[str, int, str, bytes, bytes]:
-    """Values by which two shapes that fill the same space agree."""
+    """Key that is equal for two shapes that fill the same space."""
     return shape.kind, shape.link, shape.path, shape.size.tobytes(), shape.placement.tobytes()
 
 
 def _numbered(name: str, count: int) -> str:
-    """Name of a body behind those that its link has already."""
+    """Name of a body, with a number after those of the bodies that the link already has."""
     return BodyName(name.link, name.number + count) if isinstance(name, BodyName) else name

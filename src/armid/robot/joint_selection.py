@@ -1,4 +1,4 @@
-"""Joints of a description, and the selection of those that are locked."""
+"""Joints of a description, and the selection of the joints that are locked."""
 
 from __future__ import annotations
 
@@ -12,32 +12,32 @@ from armid.errors import Finding, RobotError, did_you_mean
 
 @dataclass(frozen=True, slots=True)
 class Follows:
-    """Law of a mimic joint, which follows another one.
+    """Law of a mimic joint, whose position depends on that of another joint.
 
     Attributes:
-        leader: Name of the other joint; empty where the joint has a constant position.
-        factors: Coefficients of the polynomial in the leader's position, lowest first.
+        leader: Name of the other joint; empty if the mimic joint has a constant position.
+        factors: Coefficients of the polynomial in the position of the other joint, lowest power first.
     """
 
     leader: str
     factors: tuple[float, ...]
 
     def at(self, position: float) -> float:
-        """Position of the follower [rad or m] at a position of the leader."""
+        """Position of the mimic joint [rad or m] for a position of the other joint."""
         return float(sum(c * position**k for k, c in enumerate(self.factors)))
 
 
 @dataclass(frozen=True, slots=True)
 class SelectedJoint:
-    """Joint of a description that is not fixed.
+    """Joint of a description that is not a fixed joint.
 
     Attributes:
         name: Name of the joint.
-        parent: Index of the joint that carries it; -1 for the base.
+        parent: Index of the joint whose link carries it; -1 for the base.
         is_simple: Whether it has one degree of freedom.
         lower: Lowest position [rad or m].
         upper: Highest position [rad or m].
-        follows: Law of a mimic joint; `None` where the joint is independent.
+        follows: Law of a mimic joint; `None` if the joint is independent.
     """
 
     name: str
@@ -49,7 +49,7 @@ class SelectedJoint:
 
     @property
     def rest(self) -> float:
-        """Zero, or the position within the limits that is nearest to it [rad or m]."""
+        """Position within the limits that is nearest to zero [rad or m]: the joint is locked there by default."""
         if not self.is_simple or self.lower > self.upper:
             return 0.0
         return min(max(0.0, self.lower), self.upper)
@@ -60,8 +60,8 @@ class JointOutline:
     """All joints of a description, parents before children, and the joint that moves each frame.
 
     Attributes:
-        joints: The joints that are not fixed.
-        frames: Index of the joint that moves a link, body or site; -1 for none.
+        joints: The joints that are not fixed joints.
+        frames: Index of the joint that moves each link, body or site, by name; -1 if none does.
     """
 
     joints: tuple[SelectedJoint, ...]
@@ -73,7 +73,7 @@ class JointOutline:
         return tuple(joint.name for joint in self.joints)
 
     def chain(self, frame: str) -> set[str]:
-        """Joints between the base and a frame."""
+        """Names of the joints between the base and a frame."""
         found, k = set[str](), self.frames[frame]
         while k >= 0 and self.joints[k].name not in found:
             found.add(self.joints[k].name)
@@ -87,7 +87,7 @@ class HeldJoint:
 
     Attributes:
         at: Positions of the locked joints [rad or m], by name.
-        findings: Findings about joints that were locked without being named.
+        findings: Findings about joints that are locked although they were not named.
     """
 
     at: Mapping[str, float]
@@ -95,7 +95,7 @@ class HeldJoint:
 
 
 def matching(pattern: str, names: Iterable[str]) -> list[str]:
-    """Names that match a pattern (`*`, `?`, `[…]`), or the pattern itself where it is a name."""
+    """Names that match a pattern (`*`, `?`, `[…]`); if the pattern itself is one of the names, only this name."""
     names = list(names)
     return [pattern] if pattern in names else [name for name in names if fnmatchcase(name, pattern)]
 
@@ -106,15 +106,16 @@ def held_joints(
     """Selects the joints to lock, so that the remaining joints are independent of each other.
 
     Args:
-        outline: The description's joints.
+        outline: Joints of the description.
         source: Path of the description, for messages.
-        lock: Positions [rad or m] by name or pattern (`*`, `?`, `[…]`); `None` is the position within the limits that
-            is nearest to zero. A name overrides a pattern, a later pattern an earlier one.
-        only: Names and patterns of the joints that move; where none is given, `tip` selects them.
-        tip: Frame; the joints between the base and it move, or all where it is left out.
+        lock: Positions [rad or m] by name or pattern (`*`, `?`, `[…]`). `None` stands for the position within the
+            limits that is nearest to zero. A name takes precedence over a pattern, and a later pattern over an
+            earlier one.
+        only: Names or patterns of the joints that move; if empty, `tip` selects them.
+        tip: Name of a frame: the joints between the base and this frame move. If `None`, all joints move.
 
     Raises:
-        RobotError: A name or pattern fits no joint, a frame does not exist, or no joint remains.
+        RobotError: A name or pattern fits no joint, the frame does not exist, or no joint remains movable.
     """
     if tip is not None and tip not in outline.frames:
         raise RobotError(
@@ -145,15 +146,15 @@ def held_joints(
     at |= led
     if not set(outline.names) - set(at) and outline.joints:
         raise RobotError(
-            f"{source}: none of its {len(outline.joints)} joints moves.",
+            f"{source}: no movable joint remains; all of its {len(outline.joints)} joints are locked.",
             possible=", ".join(outline.names),
-            remedy="change --only, --tip or --lock; joints that follow others are always locked.",
+            remedy="change --only, --tip or --lock so that a joint stays movable; mimic joints are always locked.",
         )
     loose = [joint.name for joint in outline.joints if not joint.is_simple and joint.name not in at]
     if len(loose) > 1:  # the reader reports a single one with its kind
         raise RobotError(
-            f"{source}: {', '.join(map(repr, loose))} do not have exactly one degree of freedom.",
-            remedy=f"lock them (--lock {','.join(loose)}), which fixes what they carry; --tip LINK chooses one arm.",
+            f"{source}: the joints {', '.join(map(repr, loose))} do not have exactly one degree of freedom.",
+            remedy=f"lock them (--lock {','.join(loose)}), or select one arm with --tip LINK.",
         )
     if free:
         by_name = [name + (f" at {at[name]:.4g}" if at[name] else "") for name in outline.names if name in locked]
@@ -170,7 +171,7 @@ def _outside(joint: SelectedJoint, value: float) -> Finding | None:
 
 
 def _fitting(outline: JointOutline, pattern: str, source: str, purpose: str) -> list[SelectedJoint]:
-    """Joint of a name, else the joints that match it as a pattern."""
+    """Joint with a given name, or the joints that match a pattern."""
     found = matching(pattern, outline.names)
     if found:
         return [joint for joint in outline.joints if joint.name in found]
@@ -178,12 +179,12 @@ def _fitting(outline: JointOutline, pattern: str, source: str, purpose: str) -> 
     raise RobotError(
         f"{source} has no joint {'that fits ' if is_pattern else ''}{pattern!r} {purpose}.",
         possible=", ".join(outline.names),
-        remedy=did_you_mean(pattern, outline.names) or "name joints as the description does; * is any text.",
+        remedy=did_you_mean(pattern, outline.names) or "use names of the description; * stands for any text.",
     )
 
 
 def _followers(outline: JointOutline, at: Mapping[str, float]) -> tuple[dict[str, float], tuple[Finding, ...]]:
-    """Positions of the joints that follow others, and the findings about them."""
+    """Positions of the mimic joints, which are locked, and the findings about them."""
     by_name = {joint.name: joint for joint in outline.joints}
 
     def position(name: str, seen: tuple[str, ...] = ()) -> float:
@@ -195,7 +196,7 @@ def _followers(outline: JointOutline, at: Mapping[str, float]) -> tuple[dict[str
         return joint.follows.at(position(joint.follows.leader, (*seen, name)))
 
     def leads(name: str, seen: tuple[str, ...] = ()) -> str:
-        """Independent joint at the beginning of a chain of followers; empty where the whole chain is locked."""
+        """Independent joint on which a chain of mimic joints depends; empty if the chain is locked."""
         joint = by_name.get(name)
         if joint is None or name in at or name in seen:
             return ""
@@ -209,7 +210,7 @@ def _followers(outline: JointOutline, at: Mapping[str, float]) -> tuple[dict[str
     for leader, names in moved.items():
         where = ", ".join(f"{name} at {led[name]:.4g}" for name in names)
         if leader:
-            what = f"joints that mimic {leader} move with it; the model keeps them locked instead: {where}"
+            what = f"joints that mimic {leader} move with it, but the model keeps them locked: {where}"
             advice = f"lock {leader}, too, if it does not move in the recordings"
             findings.append(Finding("joint-follows", "info", leader, what, advice))
         else:
@@ -219,13 +220,14 @@ def _followers(outline: JointOutline, at: Mapping[str, float]) -> tuple[dict[str
 
 
 MANY = 12
-"""Largest number of locked joints in a finding; of more it lists the first, and all that are not at zero."""
+"""Largest number of locked joints that a finding lists. Of more joints it lists the first ones and all that are not
+locked at zero."""
 
 
 def _said(
     free: Sequence[SelectedJoint], locked: Sequence[str], led: int, outline: JointOutline, *, by_tip: bool
 ) -> Finding:
-    """Finding about joints that were locked because others were selected to move."""
+    """Finding about joints that are locked because other joints were selected to move."""
     listed = [joint for k, joint in enumerate(free) if joint.rest or k < MANY]
     names = [joint.name + (f" at {joint.rest:.4g}" if joint.rest else "") for joint in listed]
     more = f" and {len(free) - len(listed)} more" if len(listed) < len(free) else ""
@@ -233,9 +235,11 @@ def _said(
     total = len(outline.joints)
     following = f", {led} of them because {'it mimics' if led == 1 else 'they mimic'} others" if led else ""
     what = f"{total - held} of {total} joints move, so the other {held} are locked{following}; "
-    what += "at 0 unless a position stands beside the name: "
+    what += "the position is 0 unless another one is given after the name: "
     as_asked = f"{', '.join(locked)} (by name), " if locked else ""
     remedy = (
-        "if joints on the way to the tip do not move, leave them out with --lock, or with --only." if by_tip else ""
+        "if joints between base and tip do not move either, lock them with --lock, or leave them out of --only."
+        if by_tip
+        else ""
     )
     return Finding("joints-held", "info", "", f"{what}{as_asked}{', '.join(names)}{more}", remedy)

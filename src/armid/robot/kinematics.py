@@ -1,4 +1,4 @@
-"""Forward kinematics of links and frames for many joint positions at once."""
+"""Forward kinematics of links and frames for an array of joint positions."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def frame_pose(robot: Robot, q: ArrayLike, frame: Frame | None = None) -> tuple[
     Args:
         robot: The robot.
         q: Joint positions, shape (N, n) [rad or m].
-        frame: The frame; the robot's tip by default.
+        frame: The frame; `None` for the tip of the robot.
 
     Returns:
         Rotations (N, 3, 3) and origins (N, 3) [m].

@@ -1,4 +1,4 @@
-"""Loader of robots from the name of a built-in arm or a path."""
+"""Loading of robots by the name of a built-in arm or by a path."""
 
 from __future__ import annotations
 
@@ -37,27 +37,28 @@ def load_robot(
     locked: Locked | None = None,
     packages: Mapping[str, str] | None = None,
 ) -> Robot:
-    """Loads the robot of a description.
+    """Loads the robot that a description defines.
 
     Angles within 1e-4 rad of a multiple of 15° are set to that multiple, with a finding (see
     `armid.robot.angle_rounding`).
 
     Args:
         description: Name of a built-in arm, or path to a URDF, xacro, MJCF or DH table in TOML.
-        gravity: Acceleration of gravity in the base frame (3,) [m/s²]; that of the description if left out.
-        lock: Locked joints: names or `"name=position"` [rad or m], or positions by name. Without a position, it is
-            the one within the limits that is nearest to zero. Names may be patterns such as `leg_*`. Joints that
-            follow another one (mimic) are always locked, with a finding.
+        gravity: Acceleration of gravity in the base frame, shape (3,) [m/s²]; `None` for that of the description.
+        lock: Joints to be locked: names, `"name=position"` [rad or m], or positions by name. Without a position, a
+            joint is locked at the position within its limits that is nearest to zero. Names may be patterns such as
+            `leg_*`. Mimic joints, whose position depends on another joint, are always locked, with a finding.
         only: Names or patterns of the joints that move; all others are locked.
-        tip: Name of the frame of the tool flange: the joints between the base and it move, all others are locked,
-            unless `only` selects joints. If left out, the frame is found, and no joint is locked for it.
-        locked: Former name of `lock`.
-        packages: Folders of ROS packages by name, beside those that `armid.robot.packages` finds.
+        tip: Name of the frame of the tool flange. The joints between the base and this frame move, and all others are
+            locked, unless `only` selects joints. If `None`, the frame is searched, and no joint is locked because of
+            it.
+        locked: Former name of the argument `lock`.
+        packages: Folders of ROS packages by name, in addition to those that `armid.robot.packages` finds.
 
     Raises:
-        RobotError: The arm or file does not exist or cannot be read, or a pattern fits no joint; the message lists
-            what is possible.
-        MissingExtraError: The package of the format is not installed.
+        RobotError: The arm or the file does not exist or cannot be read, or a pattern fits no joint. The message
+            lists the possible names.
+        MissingExtraError: The Python package that this format needs is not installed.
     """
     asked = _values(lock if locked is None else locked)
     given = give_packages(packages or {})
@@ -76,14 +77,14 @@ def load_robot(
 def held_of(
     description: str | Path, *, lock: Locked = (), only: str | Sequence[str] = (), tip: str | None = None
 ) -> dict[str, float]:
-    """Positions [rad or m] of all joints that `load_robot` locks, by name; the arguments are the same."""
+    """Positions [rad or m] by name of all joints that `load_robot` would lock with the same arguments."""
     text, source, reader = _expanded(description)
     outline = reader.outline(text, source=source)
     return dict(held_joints(outline, source, _values(lock), _names(only), tip).at)
 
 
 def _values(lock: Locked) -> dict[str, float | None]:
-    """Positions by name or pattern; `None` where none is given."""
+    """Positions by name or pattern; `None` if no position is given."""
     if isinstance(lock, Mapping):
         return {name: float(value) for name, value in lock.items()}
     values: dict[str, float | None] = {}
@@ -103,7 +104,7 @@ def _names(given: str | Iterable[str]) -> tuple[str, ...]:
 
 
 def _expanded(description: str | Path) -> tuple[str, str, DescriptionReader]:
-    """Text, source and reader of a description; a xacro is expanded to a URDF."""
+    """Text, source and reader of a description; xacro is expanded to URDF."""
     text, source, reader = _find(description)
     return (xacro.expand(text, source), source, urdf) if reader is xacro else (text, source, reader)
 
@@ -134,7 +135,7 @@ def _not_found(path: Path) -> RobotError:
     neighbours = [str(p) for p in path.parent.iterdir() if p.suffix in suffixes] if path.parent.is_dir() else []
     close = get_close_matches(str(path), [*builtin_arms(), *neighbours], 1)
     if path.exists():
-        problem = f"{path} is not a robot description that armid reads."
+        problem = f"{path} is not a robot description in a format that armid can read."
     else:
         problem = f"There is no robot description {str(path)!r}: neither a built-in arm nor a file."
     return RobotError(

@@ -1,4 +1,4 @@
-"""Joints that move no mass, and the name of the missing inertia in the format of the description."""
+"""Joints that move no mass according to the description, and the key for the missing inertia in its format."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from armid.robot.robot import Robot
 
 
 def massless_joints(robot: Robot) -> tuple[str, ...]:
-    """Names of the joints that move no mass in the description."""
+    """Names of the joints that move no mass according to the description."""
     carried = [0.0 if link.inertial is None else link.inertial.mass for link in robot.links]
     for i in range(robot.n - 1, -1, -1):
         if robot.joints[i].parent >= 0:
@@ -15,5 +15,5 @@ def massless_joints(robot: Robot) -> tuple[str, ...]:
 
 
 def inertial_key(robot: Robot) -> str:
-    """Name of a link's inertia in the format of the description."""
+    """Key for the inertia of a link in the format of the description."""
     return "<inertial>" if robot.source.endswith(("xml", "urdf", "xacro", "mjcf")) else "[joint.inertial]"

@@ -1,4 +1,4 @@
-"""Joints of an MJCF, and the equality constraints that couple joints or close loops."""
+"""Joints of an MJCF, and its equality constraints, which couple joints or close loops."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from armid.robot.xml import numbers
 COUPLINGS = ("flex", "flexvert", "flexstrain")
 LOOPS = ("connect", "weld")
 IDENTITY = (0.0, 1.0, 0.0, 0.0, 0.0)
-"""Default polynomial of an equality of joints."""
+"""Default coefficients of the polynomial of an equality of joints."""
 
 
 def joints_of(body: ET.Element) -> list[ET.Element]:
@@ -23,7 +23,7 @@ def joints_of(body: ET.Element) -> list[ET.Element]:
 
 
 def joint_names(root: ET.Element) -> list[str]:
-    """Names of all joints of a flattened document."""
+    """Names of all joints of a document whose includes are resolved."""
     bodies = (body for worldbody in root.findall("worldbody") for body in worldbody.iter("body"))
     return [joint.get("name", "") for body in bodies for joint in joints_of(body)]
 
@@ -31,11 +31,11 @@ def joint_names(root: ET.Element) -> list[str]:
 def outline_of(
     root: ET.Element, source: str, limits: Mapping[str, DescribedLimits], references: Mapping[str, float]
 ) -> JointOutline:
-    """All joints of a flattened document, and the joint that moves each body and site.
+    """All joints of a document whose includes are resolved, and the joint that moves each body and site.
 
     Args:
         root: The document.
-        source: Its path, for messages.
+        source: Path of the document, for messages.
         limits: Limits of the joints with one degree of freedom.
         references: Reference positions of these joints [rad or m].
     """
@@ -61,7 +61,7 @@ def outline_of(
 
 
 def _follows(root: ET.Element, source: str, references: Mapping[str, float]) -> dict[str, Follows]:
-    """Joints that follow others by equalities: q - ref is a polynomial in the leader's q - ref, or constant."""
+    """Laws of mimic joints from equalities: q - ref is constant, or a polynomial in q - ref of another joint."""
     result: dict[str, Follows] = {}
     for tie in _active(root):
         follower = tie.get("joint1", "")
@@ -77,7 +77,7 @@ def _follows(root: ET.Element, source: str, references: Mapping[str, float]) -> 
 
 
 def _shifted(factors: list[float], by: float) -> list[float]:
-    """Coefficients in x of a polynomial in x - by."""
+    """Coefficients in powers of x of a polynomial that is given in powers of x - by."""
     degree = range(len(factors))
     return [sum(factors[k] * math.comb(k, i) * (-by) ** (k - i) for k in degree if k >= i) for i in degree]
 
@@ -88,13 +88,13 @@ def _active(root: ET.Element) -> list[ET.Element]:
 
 
 def check_equalities(root: ET.Element, source: str, locked: Collection[str]) -> list[Finding]:
-    """Raises an error for equalities that close a loop or couple joints that are not locked.
+    """Raises an error if an equality closes a loop or couples joints, and these joints are not locked.
 
     Returns:
-        Findings about ignored equalities.
+        Findings about equalities that are ignored.
 
     Raises:
-        RobotError: There is such an equality.
+        RobotError: An equality closes a loop or couples joints that are not locked.
     """
     found: list[Finding] = []
     above = _joints_above(root)
@@ -103,15 +103,15 @@ def check_equalities(root: ET.Element, source: str, locked: Collection[str]) -> 
         follower = tie.get("joint1")
         if tie.tag in COUPLINGS:
             raise RobotError(
-                f"{source} has an equality of kind {tie.tag!r}, which couples joints.",
+                f"{source} has an equality of kind {tie.tag!r}, which couples joints; armid cannot model it.",
                 possible="open chains and trees",
-                remedy='remove it, or give it active="false".',
+                remedy='remove the equality, or give it active="false".',
             )
         tied = _tied(root, tie, above)
         moving = sorted(tied - set(locked))
         # A body that is tied to a mocap body is moved by a simulation, and is not part of the arm.
         if tie.tag in LOOPS and dragged & set(_ends(tie)):
-            what = f"{tie.tag} to a mocap body, by which a simulation moves the arm, is ignored"
+            what = f"the equality {tie.tag} to a mocap body, with which a simulation moves the arm, is ignored"
             found.append(Finding("mocap-ignored", "info", " - ".join(_ends(tie)), what))
         elif tie.tag in (*LOOPS, "tendon") and moving:
             what = "closes a loop over" if tie.tag in LOOPS else "couples"
@@ -122,14 +122,14 @@ def check_equalities(root: ET.Element, source: str, locked: Collection[str]) -> 
             )
         if tie.tag == "joint" and follower not in locked:
             raise RobotError(
-                f"{source}: joint {follower!r} is of kind mimic: an equality ties it to {tie.get('joint2')!r}.",
-                remedy=f"lock {follower!r}, or remove the equality.",
+                f"{source}: joint {follower!r} is a mimic joint: an equality couples it to {tie.get('joint2')!r}.",
+                remedy=f"lock {follower!r} with --lock, or remove the equality.",
             )
     return found
 
 
 def _tied(root: ET.Element, tie: ET.Element, above: Mapping[str, set[str]]) -> set[str]:
-    """Joints that an equality of bodies, sites or tendons couples."""
+    """Joints that are coupled by an equality of bodies, sites or tendons."""
     if tie.tag in LOOPS:
         one, other = (above.get(end, set[str]()) for end in _ends(tie))
         return one ^ other
@@ -141,7 +141,7 @@ def _tied(root: ET.Element, tie: ET.Element, above: Mapping[str, set[str]]) -> s
 
 
 def _ends(tie: ET.Element) -> tuple[str, str]:
-    """Names of the two bodies or sites that an equality connects; empty for the world."""
+    """Names of the two bodies or sites that an equality connects; an empty name stands for the world."""
     one, other = ("body1", "body2") if "body1" in tie.attrib else ("site1", "site2")
     return tie.get(one, ""), tie.get(other, "")
 

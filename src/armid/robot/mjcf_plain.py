@@ -1,8 +1,9 @@
 """Conversion of an MJCF to a plain form that Pinocchio reads correctly.
 
-Pinocchio's parser ignores includes, gravity, all but the first tree, disabled limits and some forms of orientation,
-and assumes a unit mass where the inertia would come from a mesh. This conversion resolves includes and default
-classes, converts angles to radians, leaves every body at most one joint, and puts all bodies below one root body.
+Pinocchio's parser ignores includes, gravity, all trees except the first, disabled limits and some forms of
+orientation. If an inertia must be computed from a mesh, it assumes a unit mass. This conversion resolves includes and
+default classes, converts angles to radians, splits bodies with several joints into bodies with one joint each, and
+puts all bodies below one root body.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ ACTUATORS = ("general", "motor", "position", "velocity", "intvelocity", "damper"
 PRIMITIVES = ("sphere", "capsule", "ellipsoid", "cylinder", "box")
 MASSLESS = ("plane", "hfield")
 POSE = {"pos": 3, "quat": 4, "xyaxes": 6, "zaxis": 3}
-"""Attributes that Pinocchio reads correctly, with their number of values."""
+"""Attributes of a pose that Pinocchio reads correctly, with their numbers of values."""
 INERTIAL = {"mass": 1, "diaginertia": 3, "fullinertia": 6}
 GEOM = {"fromto": 6, "mass": 1, "density": 1}
 
@@ -40,13 +41,14 @@ class Plain:
     """Description in plain form.
 
     Attributes:
-        text: The MJCF for Pinocchio.
+        text: The converted MJCF, for Pinocchio.
         limits: Limits by joint.
         gravity: Acceleration of gravity [m/s²].
         findings: Findings of the conversion.
-        geoms: Every geom with its defaults and a pose that Pinocchio reads correctly, and the name of its body, which
-            is empty for the world.
-        sites: Named sites in the same form. They are not in the text: Pinocchio misplaces those of a fixed body.
+        geoms: Every geom with the attributes of its defaults and a pose that Pinocchio reads correctly, together with
+            the name of its body, which is empty for the world.
+        sites: Named sites, in the same form as `geoms`. They are not in `text`, because Pinocchio misplaces sites of
+            fixed bodies.
     """
 
     text: str
@@ -58,7 +60,7 @@ class Plain:
 
 
 def flatten(root: ET.Element, source: str) -> ET.Element:
-    """Document with its included files inserted and all bodies and joints named, in the given element.
+    """Inserts included files into a document and names unnamed bodies and joints; it changes the given element.
 
     Raises:
         RobotError: An included file cannot be read or is included twice.
@@ -72,7 +74,7 @@ def flatten(root: ET.Element, source: str) -> ET.Element:
                 continue
             path = folder / child.get("file", "")
             if path in seen:
-                raise RobotError(f"{source} includes {path} more than once.", remedy="include each file once.")
+                raise RobotError(f"{source} includes {path} more than once.", remedy="include each file only once.")
             seen.add(path)
             try:
                 included = parse_xml(path.read_text(encoding="utf-8"), str(path))
@@ -99,17 +101,17 @@ def plain_mjcf(root: ET.Element, source: str, locked: Mapping[str, float]) -> Pl
 
     Args:
         root: The document.
-        source: Its path, for messages.
-        locked: Joints to be locked; those with several degrees of freedom are left out.
+        source: Path of the document, for messages.
+        locked: Joints to be locked; those with several degrees of freedom are not in the result.
 
     Raises:
-        RobotError: An element has no plain form, or a joint of several degrees of freedom is not locked.
+        RobotError: An element has no plain form, or a joint with several degrees of freedom is not locked.
     """
     for element in root.iter():
         if element.tag in REFUSED_ELEMENTS:
             raise RobotError(
-                f"{source} uses <{element.tag}>, which armid does not read.",
-                remedy="let MuJoCo compile the file, save it (mj_saveLastXML) and give the result.",
+                f"{source} uses <{element.tag}>, which armid cannot read.",
+                remedy="load the file in MuJoCo, save it with mj_saveLastXML, and give the saved file.",
             )
     passed_over = check_equalities(root, source, locked)
     writer = _Writer(root, source, locked)
@@ -137,7 +139,7 @@ def plain_mjcf(root: ET.Element, source: str, locked: Mapping[str, float]) -> Pl
 
 @dataclass(slots=True)
 class _Writer:
-    """Writer of bodies in plain form that collects their limits."""
+    """Conversion of bodies to plain form; it also collects their limits."""
 
     root: ET.Element
     source: str
@@ -160,13 +162,17 @@ class _Writer:
                     "description-ignored",
                     "warning",
                     "",
-                    f"the compiler settings {', '.join(ignored)} change masses or inertias and are not applied",
-                    "write the masses and inertias out",
+                    f"the compiler settings {', '.join(ignored)}, which change masses or inertias, are ignored",
+                    "write the changed masses and inertias into the bodies, and remove these settings",
                 )
             )
         sequence = self.compiler.get("eulerseq", "xyz")
         if len(sequence) != 3 or set(sequence.lower()) - set("xyz"):
-            raise RobotError(f"{self.source}: eulerseq is {sequence!r}.", possible="three letters of x, y, z")
+            raise RobotError(
+                f"{self.source}: the compiler setting eulerseq is {sequence!r}.",
+                possible="three letters, each x, y, z, X, Y or Z",
+                remedy="correct the setting.",
+            )
         self.defaults["main"] = {}
         for section in self.root.findall("default"):
             self._add_defaults(section, {}, "main")
@@ -184,17 +190,21 @@ class _Writer:
         """Element with the attributes of its default class added."""
         name = element.get("class", childclass)
         if name not in self.defaults:
-            raise RobotError(f"{self.source} has no default class {name!r}.", possible=", ".join(self.defaults))
+            raise RobotError(
+                f"{self.source} has no default class {name!r}, which an element uses.",
+                possible=", ".join(self.defaults),
+                remedy="correct the name of the class.",
+            )
         attributes = {**self.defaults[name].get(element.tag, {}), **element.attrib}
         attributes.pop("class", None)
         return ET.Element(element.tag, attributes)
 
     def body(self, body: ET.Element, childclass: str) -> ET.Element:
-        """Writes a body with its subtree; several joints become a chain of massless bodies."""
+        """Converts a body with its subtree; a body with several joints becomes a chain with massless bodies."""
         childclass = body.get("childclass", childclass)
         name = body.get("name", "")
         if name in self.bodies:
-            raise RobotError(f"{self.source} has two bodies named {name!r}.", remedy="give each its own name.")
+            raise RobotError(f"{self.source} has two bodies named {name!r}.", remedy="give each body its own name.")
         self.bodies.add(name)
         joints = [
             plain for joint in joints_of(body) if (plain := self._joint(self.resolved(joint, childclass))) is not None
@@ -218,7 +228,7 @@ class _Writer:
         return outer
 
     def keep_geoms(self, name: str, body: ET.Element, childclass: str) -> None:
-        """Stores the visual and collision geoms of a body."""
+        """Stores the visual and collision geoms of a body, with their defaults."""
         for geom in body.findall("geom"):
             plain = self.resolved(geom, childclass)
             pose = self._pose(plain, f"a geom of {name or 'the world'!r}")
@@ -226,7 +236,7 @@ class _Writer:
             self.geoms.append((name, ET.Element("geom", {**rest, **pose})))
 
     def _pose(self, element: ET.Element, where: str) -> dict[str, str]:
-        """Position and orientation; orientations that Pinocchio misreads are written as two axes."""
+        """Position and orientation; an orientation that Pinocchio misreads is written as two axes instead."""
         pose = self._checked(element, POSE, where)
         euler = numbers(element, "euler", 3, self.source, where)
         axisangle = numbers(element, "axisangle", 4, self.source, where)
@@ -240,7 +250,7 @@ class _Writer:
         return pose
 
     def _checked(self, element: ET.Element, counts: Mapping[str, int], where: str) -> dict[str, str]:
-        """Existing attributes, each checked to have a given number of values, because Pinocchio does not check."""
+        """Attributes that exist; their numbers of values are checked, because Pinocchio does not check them."""
         there = [key for key, n in counts.items() if numbers(element, key, n, self.source, where) is not None]
         return {key: element.get(key, "") for key in there}
 
@@ -248,7 +258,7 @@ class _Writer:
         return angles if self.compiler.get("angle", "degree") == "radian" else [math.radians(a) for a in angles]
 
     def _joint(self, joint: ET.Element) -> ET.Element | None:
-        """Hinge or slide in plain form; `None` where it is locked and has several degrees of freedom."""
+        """Hinge or slide joint in plain form; `None` for a locked joint with several degrees of freedom."""
         name = joint.get("name", "")
         kind = "free" if joint.tag == "freejoint" else joint.get("type", "hinge")
         if kind not in ("hinge", "slide"):
@@ -258,7 +268,9 @@ class _Writer:
             raise floating(self.source, name, kind, "hinge, slide")
         where, turns = f"joint {name!r}", kind == "hinge"
         if not any(numbers(joint, "axis", 3, self.source, where) or [1.0]):
-            raise RobotError(f"{self.source}: {where} has an axis of zero length.", remedy="give its direction.")
+            raise RobotError(
+                f"{self.source}: {where} has an axis of zero length.", remedy="give the direction of the axis."
+            )
         plain = self._checked(joint, {"axis": 3, "pos": 3}, where)
         reference = numbers(joint, "ref", 1, self.source, where)
         if reference is not None:
@@ -272,12 +284,12 @@ class _Writer:
         force = numbers(joint, "actuatorfrcrange", 2, self.source, where)
         effort = min(map(abs, force)) if force and joint.get("actuatorfrclimited") != "false" else 0.0
         if name in self.stated:
-            raise RobotError(f"{self.source} has two joints named {name!r}.", remedy="give each its own name.")
+            raise RobotError(f"{self.source} has two joints named {name!r}.", remedy="give each joint its own name.")
         self.stated[name] = ((position[0], position[1]) if position else None, effort, turns)
         return ET.Element("joint", {"name": name, "type": kind, **plain})
 
     def _mass(self, body: ET.Element, childclass: str, name: str) -> list[ET.Element]:
-        """Inertial element, or the geoms that define the inertia."""
+        """The inertial element of a body, or the geoms from which Pinocchio computes the inertia."""
         source_of_mass = self.compiler.get("inertiafromgeom", "auto")
         inertial = body.find("inertial")
         if inertial is not None and source_of_mass != "true":
@@ -295,14 +307,14 @@ class _Writer:
                 "inertial-missing",
                 "info",
                 name,
-                "the inertia would come from meshes or shells, which are not evaluated; it counts as unknown",
-                "give the body an <inertial> if nominal values matter",
+                "the inertia would have to be computed from meshes or shells, which armid does not do; it is unknown",
+                "give the body an <inertial> if the values of the description are needed",
             )
         )
         return []
 
     def _geom(self, geom: ET.Element, where: str) -> ET.Element:
-        """Primitive with the attributes that determine its mass and inertia."""
+        """Primitive geom with the attributes that determine its mass and inertia."""
         sizes = {"size": len(geom.get("size", "").split())}
         kept = self._checked(geom, {**GEOM, **sizes}, where)
         return ET.Element("geom", {"type": geom.get("type", "sphere"), **kept, **self._pose(geom, where)})
@@ -319,7 +331,7 @@ class _Writer:
         return low <= (group or [0.0])[0] <= high and (mass or density or [1.0])[0] != 0.0
 
     def add_actuator_limits(self, root: ET.Element) -> None:
-        """Effort limits from actuators on joints that state none themselves."""
+        """Adds effort limits of actuators to the joints that have no effort limit themselves."""
         for element in (a for section in root.findall("actuator") for a in section if a.tag in ACTUATORS):
             actuator = self.resolved(element, "main")
             name = actuator.get("joint", "")
@@ -336,13 +348,13 @@ class _Writer:
 
 
 def _is_solid(geom: ET.Element) -> bool:
-    """Tests whether the geom's inertia follows from its shape alone."""
+    """Tests whether the inertia of a geom can be computed from its primitive shape alone."""
     primitive = geom.get("type", "sphere") in PRIMITIVES and "mesh" not in geom.attrib
     return primitive and geom.get("shellinertia") != "true"
 
 
 def _euler_rotation(angles: list[float], sequence: str) -> Array:
-    """Rotation by Euler angles [rad]; lower case about body axes, upper case about fixed axes."""
+    """Rotation by Euler angles [rad]; lower-case letters stand for body axes, upper-case ones for fixed axes."""
     rotation = np.eye(3)
     about = {"x": rotation_x, "y": rotation_y, "z": rotation_z}
     for letter, angle in zip(sequence, angles, strict=True):
@@ -352,5 +364,5 @@ def _euler_rotation(angles: list[float], sequence: str) -> Array:
 
 
 def _axes(rotation: Array) -> str:
-    """First and second column as text in full precision."""
+    """First and second column of a rotation, as text in full precision."""
     return " ".join(repr(float(x)) for x in rotation[:, :2].T.ravel())

@@ -1,9 +1,9 @@
-"""Visual and collision geometry of an MJCF and its sites, each on the link that carries it.
+"""Visual and collision geometry of an MJCF and its sites; each is placed on the link that carries it.
 
-A geom without contacts (contype and conaffinity of zero) is visual; by MuJoCo's convention, groups from 3 on are
-hidden. In trees of bodies without hinges and slides, visual geoms are markers where they are see-through, small, or
-moved by a simulation (mocap and free bodies). Meshes are searched in the compiler's folders; files are not opened
-here.
+A geom is visual if it has no contacts (contype and conaffinity are 0). By MuJoCo's convention, groups from 3 on are
+hidden. In a tree of bodies without hinges and slides, a visual geom is a marker if it is see-through, small, or moved
+by the simulation (mocap and free bodies). Meshes are searched in the folders of the compiler settings; the files are
+not opened here.
 """
 
 from __future__ import annotations
@@ -33,17 +33,17 @@ from armid.robot.xml import numbers
 from armid.values import Array
 
 FIRST_HIDDEN = 3.0
-"""First group of geoms that MuJoCo's viewer hides by default."""
+"""First group of geoms that the viewer of MuJoCo hides by default."""
 
 WORLD = "world"
 """Name of the group of geoms that belong to no body."""
 
 MARKER = 0.1
-"""Largest extent of a primitive without contacts, beside the robots of a scene, that is taken for a marker [m]."""
+"""Extent below which a primitive without contacts that belongs to no robot of a scene is taken for a marker [m]."""
 
 
 def carriers_of(model: Any) -> dict[str, tuple[int, Array]]:
-    """Index of the joint that moves each body, -1 for none, and the body's frame in that joint's link."""
+    """Index of the joint that moves each body (-1 for none), and pose of the body in the link frame of this joint."""
     return {
         frame.name: (frame.parentJoint - 1, np.array(frame.placement.homogeneous))
         for frame in model.frames
@@ -52,7 +52,7 @@ def carriers_of(model: Any) -> dict[str, tuple[int, Array]]:
 
 
 def add_sites(model: Any, plain: Plain) -> None:
-    """Adds a frame for each site to a `pinocchio.Model`, on the frame of its body."""
+    """Adds a frame to a `pinocchio.Model` for each site, fixed to the frame of its body."""
     pin = pinocchio()
     bodies = {frame.name: k for k, frame in enumerate(model.frames) if frame.type.name == "BODY"}
     for body, site in plain.sites:
@@ -65,12 +65,12 @@ def add_sites(model: Any, plain: Plain) -> None:
 def shapes_of_mjcf(
     root: ET.Element, plain: Plain, carriers: Mapping[str, tuple[int, Array]], source: str
 ) -> tuple[tuple[Shape, ...], tuple[Shape, ...], tuple[Shape, ...], tuple[Finding, ...]]:
-    """Collision geometry, visual geometry, its markers, and findings about missing parts of it.
+    """Collision geometry, visual geometry, the markers among it, and findings about geometry that is missing.
 
     Args:
-        root: The flattened document.
-        plain: Its plain form, with all geoms.
-        carriers: Joint and pose of each body.
+        root: The document with includes resolved.
+        plain: Plain form of the document, with all geoms.
+        carriers: Joint and pose of each body, from `carriers_of`.
         source: Path of the description.
     """
     meshes = _meshes(root, source)
@@ -102,7 +102,7 @@ def shapes_of_mjcf(
 
 
 def _scenery(root: ET.Element) -> tuple[set[str], set[str]]:
-    """Bodies outside of robots that a simulation moves, and those that stand; the world itself is the name ``""``."""
+    """Bodies outside of robots that a simulation moves, and those that stand still; ``""`` is the world."""
     moved, standing = set[str](), {""}
     for tree in (body for worldbody in root.findall("worldbody") for body in worldbody.findall("body")):
         joints = [*tree.iter("joint"), *tree.iter("freejoint")]
@@ -114,7 +114,7 @@ def _scenery(root: ET.Element) -> tuple[set[str], set[str]]:
 
 
 def _see_through(root: ET.Element) -> dict[str, bool]:
-    """Materials by name, and whether they are see-through."""
+    """True for the materials that are see-through, by name of the material."""
     return {material.get("name", ""): _clear(material) for asset in root.findall("asset") for material in asset}
 
 
@@ -137,7 +137,7 @@ def _is_small(shape: Shape) -> bool:
 
 
 def _meshes(root: ET.Element, source: str) -> dict[str, tuple[str, Array]]:
-    """File and scale of each mesh whose file exists."""
+    """Path and scale of each mesh whose file exists, by name."""
     compiler: dict[str, str] = {}
     for each in root.findall("compiler"):
         compiler.update(each.attrib)
@@ -157,7 +157,7 @@ def _meshes(root: ET.Element, source: str) -> dict[str, tuple[str, Array]]:
 
 
 def _shape(name: str, geom: ET.Element, meshes: Mapping[str, tuple[str, Array]]) -> Shape | None:
-    """Geom in its body's frame; `None` for an unsupported kind."""
+    """Geom as a shape in the frame of its body; `None` if its kind is not supported."""
     kind = geom.get("type", "mesh" if "mesh" in geom.attrib else "sphere")
     pose = _placement(geom)
     if kind == "mesh":
@@ -184,7 +184,7 @@ def _shape(name: str, geom: ET.Element, meshes: Mapping[str, tuple[str, Array]])
 
 
 def _placement(geom: ET.Element) -> Array:
-    """Frame of a geom or site in its body's, from a position and one of three forms of orientation."""
+    """Pose of a geom or site in the frame of its body, from a position and one of three forms of orientation."""
 
     def given(key: str) -> Array:
         return np.array([float(x) for x in geom.get(key, "").split()])

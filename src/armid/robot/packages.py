@@ -1,4 +1,7 @@
-"""Search for folders of ROS packages: given ones, above the description, ROS_PACKAGE_PATH, AMENT_PREFIX_PATH.
+"""Search for the folders of ROS packages.
+
+The folders searched are those given by the user, those above the description, and those in ROS_PACKAGE_PATH and
+AMENT_PREFIX_PATH.
 
 A description names meshes as package://NAME/… and xacro files as $(find NAME)/…, but not the folder of package NAME.
 ROS need not be installed.
@@ -14,25 +17,27 @@ from types import MappingProxyType
 
 from armid.errors import RobotError
 
-REMEDY = "say where the package is with --package NAME=DIR, ROS_PACKAGE_PATH or AMENT_PREFIX_PATH"
+REMEDY = "name the folder of the package with --package NAME=DIR, ROS_PACKAGE_PATH or AMENT_PREFIX_PATH"
 
 _given: ContextVar[Mapping[str, str]] = ContextVar("_given", default=MappingProxyType({}))
 
 
 def give_packages(packages: Mapping[str, str]) -> Token[Mapping[str, str]]:
-    """Registers packages by their folders in this context; `forget` removes them.
+    """Registers the folders of packages by name in this context, until `forget` removes them.
 
     Raises:
         RobotError: A folder does not exist.
     """
     for name, folder in packages.items():
         if not Path(folder).is_dir():
-            raise RobotError(f"The folder {folder} of the package {name} does not exist.", remedy="correct the path.")
+            raise RobotError(
+                f"The folder {folder} of the package {name} does not exist.", remedy="correct the path of the folder."
+            )
     return _given.set({**_given.get(), **packages})
 
 
 def forget(token: Token[Mapping[str, str]]) -> None:
-    """Removes the packages that were registered."""
+    """Removes the packages that `give_packages` registered."""
     _given.reset(token)
 
 
@@ -45,8 +50,8 @@ def package_folders(name: str, source: str) -> list[Path]:
     """Existing folders that may contain a package, the most likely first.
 
     Args:
-        name: The package.
-        source: Path of the description that names it.
+        name: Name of the package.
+        source: Path of the description that refers to the package.
     """
     above = Path(source).resolve().parent
     found = [Path(_given.get()[name])] if name in _given.get() else []
@@ -59,10 +64,10 @@ def package_folders(name: str, source: str) -> list[Path]:
 
 
 def file_of(name: str, inside: Path, source: str) -> str:
-    """Path of a file in a package; empty where it is not found.
+    """Path of a file in a package; empty if it is not found.
 
-    Where no folder has the package's name, a folder above the description that contains the path is used, as for a
-    folder of meshes that was copied alone.
+    If no folder with the name of the package contains the file, the folders above the description are searched for
+    the path inside the package. This helps if only a folder of meshes was copied.
     """
     above = Path(source).resolve().parent
     places = [folder / inside for folder in package_folders(name, source)]
@@ -71,11 +76,11 @@ def file_of(name: str, inside: Path, source: str) -> str:
 
 
 def _entries(variable: str) -> list[Path]:
-    """Folders in an environment variable."""
+    """Folders that are listed in an environment variable."""
     return [Path(entry) for entry in os.environ.get(variable, "").split(os.pathsep) if entry]
 
 
 def _below(folder: Path, name: str) -> list[Path]:
-    """Folders with a name and a package description, up to three levels below another folder."""
+    """Folders with a given name and a package.xml, up to three levels below another folder."""
     found = [path for deep in ("*", "*/*", "*/*/*") for path in sorted(folder.glob(f"{deep}/{name}/package.xml"))]
     return [path.parent for path in found]

@@ -19,13 +19,14 @@ from armid.robot.robot import EARTH_GRAVITY, Frame, InertialParameters, Joint, L
 from armid.values import Array
 
 ORTHONORMAL_TOLERANCE = 1e-6
-"""Largest deviation of RᵀR from the identity that rounding of printed numbers explains."""
+"""Largest deviation of RᵀR from the identity that can be explained by rounding of printed numbers."""
 
 NO_STOP = 100.0
-"""Position limit [rad] from which a joint counts as unlimited: no arm turns sixteen times between its stops."""
+"""Position limit [rad] from which a revolute joint counts as unlimited, because no real arm turns 16 times between
+its limits."""
 
 FLANGE_NAMES = ("tool0", "flange")
-"""Names of the tool flange by the convention REP 199 of ROS-Industrial, in order of preference."""
+"""Names of the frame of the tool flange, in order of preference, by the convention REP 199 of ROS-Industrial."""
 
 Rotating = ("RX", "RY", "RZ", "RUBX", "RUBY", "RUBZ", "RevoluteUnaligned", "RevoluteUnboundedUnaligned")
 Sliding = ("PX", "PY", "PZ", "PrismaticUnaligned")
@@ -33,14 +34,14 @@ Sliding = ("PX", "PY", "PZ", "PrismaticUnaligned")
 
 @dataclass(frozen=True, slots=True)
 class DescribedLimits:
-    """Limits of one joint; infinite where the description has none.
+    """Limits of one joint; infinite if the description does not contain a limit.
 
     Attributes:
         lower: Lowest position [rad or m].
         upper: Highest position [rad or m].
         velocity: Largest speed [rad/s or m/s].
         effort: Largest effort [N·m or N].
-        soft: Lowest and highest position at which the robot's controller stops the joint [rad or m].
+        soft: Lowest and highest position, at which the robot's controller stops the joint [rad or m].
     """
 
     lower: float = -math.inf
@@ -53,50 +54,50 @@ class DescribedLimits:
 def limits_of(
     joint: str, *, position: tuple[float, float] | None, velocity: float, effort: float, turns: bool
 ) -> tuple[DescribedLimits, Finding | None]:
-    """Limits of a joint from its description, with placeholders taken as unknown.
+    """Limits of a joint from its description; placeholder values are treated as unknown limits.
 
-    Zero velocity or effort, a range without width, and a range of a rotating joint wider than any stops allow are
-    placeholders; the last two are reported.
+    Placeholders are a velocity or effort of zero, a position range of zero width, and a position range of a rotating
+    joint that is wider than that of any real joint. The last two are reported in a finding.
 
     Args:
         joint: Name of the joint.
-        position: Lower and upper limit [rad or m], `None` where not given.
-        velocity: Velocity limit [rad/s or m/s], 0 where not given.
-        effort: Effort limit [N·m or N], 0 where not given.
+        position: Lower and upper limit [rad or m]; `None` if not given.
+        velocity: Velocity limit [rad/s or m/s]; 0 if not given.
+        effort: Effort limit [N·m or N]; 0 if not given.
         turns: Whether the joint rotates.
 
     Raises:
-        RobotError: The lower limit is above the upper one.
+        RobotError: The lower limit is larger than the upper limit.
     """
     lower, upper = position or (-math.inf, math.inf)
     finding = None
     if lower > upper:
         raise RobotError(
             f"Joint {joint!r} has its lower position limit {lower:g} above the upper one {upper:g}.",
-            remedy="exchange them.",
+            remedy="exchange the two limits.",
         )
     if lower == upper or (turns and position is not None and min(-lower, upper) > NO_STOP):
         finding = Finding(
             "limits-unknown",
             "info",
             joint,
-            f"position limits {lower:g} to {upper:g} are implausible; read as no limits",
-            "write the joint's limits into the description if they matter",
+            f"position limits {lower:g} to {upper:g} are implausible; the joint is treated as unlimited",
+            "write the real limits of the joint into the description if they are needed",
         )
         lower, upper = -math.inf, math.inf
     return DescribedLimits(lower, upper, abs(velocity) or math.inf, abs(effort) or math.inf), finding
 
 
 def pinocchio() -> Any:
-    """Pinocchio module, imported when first needed because that takes 0.3 s."""
+    """Module pinocchio, imported at the first use because this takes 0.3 s."""
     return importlib.import_module("pinocchio")
 
 
 def build(make: Callable[[], Any], source: str) -> Any:
-    """Result of `make` for a description; messages that the parser prints go into the error.
+    """Result of `make` for a description; messages that the parser prints are put into the error.
 
     Raises:
-        RobotError: The parser refused the description, or printed an error and left something out.
+        RobotError: The parser refused the description, or printed an error and ignored a part of the description.
     """
     result, reason = None, ""
     # urdfdom prints errors to the C++ standard error only, and continues without an inertia that it cannot read.
@@ -115,8 +116,8 @@ def build(make: Callable[[], Any], source: str) -> Any:
     messages = [line.removeprefix("Error:").strip() for line in lines if line.startswith("Error:")]
     if result is None or messages:
         raise RobotError(
-            f"{source} is not a description that can be read: {'; '.join(messages) or reason}",
-            remedy="correct the named error.",
+            f"{source} cannot be read as a robot description: {'; '.join(messages) or reason}",
+            remedy="correct this error in the description.",
         )
     return result
 
@@ -132,25 +133,26 @@ def robot_from_model(
     gravity: ArrayLike = EARTH_GRAVITY,
     findings: tuple[Finding, ...] = (),
 ) -> Robot:
-    """Robot of a Pinocchio model; its fixed joints are merged already.
+    """Robot from a Pinocchio model, in which fixed joints are merged already.
 
     Args:
         model: A `pinocchio.Model`.
         name: Name of the robot.
         limits: Limits by joint.
         source: Path of the description.
-        locked: Joints that will be locked; they do not count in the search for the tip.
-        tip: Name of the tip frame; `None` finds it (see `find_tip`).
+        locked: Joints that will be locked; they are not counted in the search for the tip.
+        tip: Name of the tip frame; if `None`, it is searched (see `find_tip`).
         gravity: Acceleration of gravity in the base frame (3,) [m/s²].
-        findings: Findings so far.
+        findings: Findings of the reader.
 
     Raises:
-        RobotError: There is no moving joint, a joint of another kind, or no such tip frame.
+        RobotError: There is no movable joint, a joint has another number of degrees of freedom than one, or there is
+            no such tip frame.
     """
     if model.njoints < 2:
         raise RobotError(
-            f"{source} has no joint that moves.",
-            remedy="give at least one revolute, continuous or prismatic joint.",
+            f"{source} has no movable joint.",
+            remedy="give a description with at least one revolute, continuous or prismatic joint.",
         )
     joints = tuple(_joint(model, i, limits, source) for i in range(1, model.njoints))
     links = tuple(_link(model, i) for i in range(1, model.njoints))
@@ -168,12 +170,13 @@ def robot_from_model(
 
 
 def find_tip(model: Any, locked: Collection[str]) -> Any:
-    """Frame of the tool flange.
+    """Finds the frame of the tool flange.
 
-    The search begins at the last moving joint of the longest chain (locked joints do not count; of equally long
-    chains the last one). If a frame fixed to its link is called tool0 or flange, that is the tip. Otherwise the
-    bodies fixed to the link are followed outwards as long as there is only one; of several, a body on a fixed joint
-    is preferred to one on a locked joint, and the search stops where this does not decide.
+    The search begins at the last movable joint of the longest chain. Locked joints are not counted; if several chains
+    are equally long, the last one is taken. If a frame fixed to the link of this joint is called tool0 or flange, it
+    is the tip. Otherwise the search follows the bodies that are fixed to the link outwards, as long as there is only
+    one. If there are several, a single body on a fixed joint is preferred to those on locked joints; otherwise the
+    search stops.
     """
     frames = list(model.frames)
     last = _last_joint(model, locked)
@@ -196,7 +199,7 @@ def find_tip(model: Any, locked: Collection[str]) -> Any:
 
 
 def _last_joint(model: Any, locked: Collection[str]) -> int:
-    """Index of the last moving joint of the longest chain."""
+    """Index of the last movable joint of the longest chain."""
     depth = [0] * model.njoints
     for i in range(1, model.njoints):
         depth[i] = depth[model.parents[i]] + (model.names[i] not in locked)
@@ -207,7 +210,7 @@ def _last_joint(model: Any, locked: Collection[str]) -> int:
 
 
 def _attached(model: Any, locked: Collection[str]) -> tuple[dict[int, list[int]], dict[int, list[int]]]:
-    """Neighbouring bodies of each frame over fixed joints, and over locked joints."""
+    """Bodies attached to each frame by a fixed joint, and bodies attached to it by a locked joint."""
     frames = list(model.frames)
     fixed: dict[int, list[int]] = {k: [] for k in range(len(frames))}
     over_locked: dict[int, list[int]] = {k: [] for k in range(len(frames))}
@@ -221,7 +224,7 @@ def _attached(model: Any, locked: Collection[str]) -> tuple[dict[int, list[int]]
 
 
 def _named_frame(model: Any, name: str, source: str) -> Any:
-    """The frame of that name, bodies before others."""
+    """Frame with a given name; bodies take precedence over other frames."""
     kinds = {kind: [f for f in model.frames if f.type.name == kind] for kind in ("BODY", "OP_FRAME", "FIXED_JOINT")}
     for frames in kinds.values():
         for frame in frames:
@@ -230,18 +233,20 @@ def _named_frame(model: Any, name: str, source: str) -> Any:
     raise RobotError(
         f"{source} has no frame {name!r} for the tip.",
         possible=", ".join(f.name for frames in kinds.values() for f in frames if f.name != "universe"),
+        remedy="give the name of one of these frames.",
     )
 
 
 def _joint(model: Any, i: int, limits: Mapping[str, DescribedLimits], source: str) -> Joint:
-    """Joint i of the model."""
+    """Joint i of a Pinocchio model."""
     joint, name = model.joints[i], model.names[i]
     kind = joint.shortname().removeprefix("JointModel")
     if kind not in Rotating + Sliding:
         raise RobotError(
-            f"{source}: joint {name!r} is of kind {kind}, which does not have exactly one degree of freedom.",
+            f"{source}: joint {name!r} is of kind {kind}, which armid cannot model: it needs exactly one degree of "
+            "freedom.",
             possible="revolute, continuous, prismatic",
-            remedy=f"lock {name!r}, or replace it by joints of these kinds.",
+            remedy=f"lock {name!r} with --lock, or replace it by joints of these kinds.",
         )
     data = joint.createData()
     joint.calc(data, pinocchio().neutral(model))
@@ -263,7 +268,7 @@ def _joint(model: Any, i: int, limits: Mapping[str, DescribedLimits], source: st
 
 
 def _link(model: Any, i: int) -> Link:
-    """Link i: named after the body on the joint, `None` for the inertia where the description has none."""
+    """Link i of a Pinocchio model: it has the name of the body on the joint; its inertia is `None` if it is zero."""
     vector = np.asarray(model.inertias[i].toDynamicParameters())
     bodies = [
         f.name
@@ -275,8 +280,10 @@ def _link(model: Any, i: int) -> Link:
 
 
 def _placement(pose: Any, where: str, source: str) -> Array:
-    """Homogeneous transform of a Pinocchio pose, its rotation checked."""
+    """Homogeneous transform of a Pinocchio pose, after a check of its rotation."""
     rotation = np.array(pose.rotation)
     if not np.abs(rotation.T @ rotation - np.eye(3)).max() < ORTHONORMAL_TOLERANCE:
-        raise RobotError(f"{source}: the orientation of {where} is not a rotation.", remedy="correct its angles.")
+        raise RobotError(
+            f"{source}: the orientation of {where} is not a rotation.", remedy="correct the angles or axes there."
+        )
     return homogeneous(rotation, np.array(pose.translation))

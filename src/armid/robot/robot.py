@@ -1,4 +1,4 @@
-"""Robot arm: links, joints with one degree of freedom, limits, gravity, a tip frame."""
+"""Robot arm: links, joints with one degree of freedom, limits, gravity, and a tip frame."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ EARTH_GRAVITY = (0.0, 0.0, -9.81)
 """Acceleration of gravity in the base frame of an upright arm [m/s²]; a hanging arm has (0, 0, 9.81)."""
 
 CONSISTENCY_TOLERANCE = 1e-9
-"""Relative negative eigenvalue of a pseudo-inertia that is accepted as rounding."""
+"""Largest negative eigenvalue of a pseudo-inertia, relative to the largest one, accepted as rounding error."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class InertialParameters:
-    """Mass, first moment and inertia of a rigid body about the origin of its link frame.
+    """Mass, first moment and inertia of a rigid body; the inertia is about the origin of its link frame.
 
     Attributes:
         mass: Mass [kg].
@@ -44,7 +44,7 @@ class InertialParameters:
         object.__setattr__(self, "first_moment", array(self.first_moment, (3,), "first_moment"))
         object.__setattr__(self, "inertia", array(self.inertia, (6,), "inertia"))
         if not math.isfinite(self.mass):
-            raise RobotError(f"mass must be finite; found {self.mass}.")
+            raise RobotError(f"The mass must be finite; found {self.mass}.", remedy="give a finite mass [kg].")
 
     @classmethod
     def from_vector(cls, vector: ArrayLike) -> InertialParameters:
@@ -60,7 +60,7 @@ class InertialParameters:
 
     @classmethod
     def zero(cls) -> InertialParameters:
-        """Inertial parameters of a massless body."""
+        """Inertial parameters that are all zero."""
         return cls.from_vector(np.zeros(10))
 
     @property
@@ -75,20 +75,20 @@ class InertialParameters:
 
     @property
     def com(self) -> Array:
-        """Centre of mass, shape (3,) [m]; NaN where the mass is zero."""
+        """Centre of mass, shape (3,) [m]; NaN if the mass is zero."""
         return self.first_moment / self.mass if self.mass else np.full(3, np.nan)
 
     def is_consistent(self, tolerance: float = CONSISTENCY_TOLERANCE) -> bool:
-        """Tests whether some distribution of positive mass has these parameters."""
+        """Tests whether a distribution of positive mass exists that has these parameters."""
         eigenvalues = np.linalg.eigvalsh(self.pseudo_inertia)
         return bool(eigenvalues[0] >= -tolerance * max(abs(eigenvalues[-1]), np.finfo(float).tiny))
 
     def seen_from(self, rotation: Array, translation: Array) -> InertialParameters:
-        """Same body in frame A, given R_AB (3, 3) and p_AB (3,) [m] of this frame B."""
+        """Same body in a frame A, given the rotation R_AB (3, 3) and origin p_AB (3,) [m] of this frame B in A."""
         return self.from_vector(inertia_maths.transform(self.vector, rotation, translation))
 
     def __add__(self, other: InertialParameters) -> InertialParameters:
-        """Sum of two bodies that are welded together, both in one frame."""
+        """Sum of the parameters of two bodies that are rigidly connected, both given in the same frame."""
         return self.from_vector(self.vector + other.vector)
 
 
@@ -99,14 +99,14 @@ class Joint:
     Attributes:
         name: Name in the description.
         kind: `revolute`, `continuous` (revolute without position limits) or `prismatic`.
-        parent: Index of the joint that carries this one; -1 for the base.
-        axis: Unit axis in the joint's frame, shape (3,).
+        parent: Index of the joint whose link carries this joint; -1 for the base.
+        axis: Unit vector of the axis in the joint's frame, shape (3,).
         placement: Frame of the joint at q = 0 in the parent link's frame, shape (4, 4).
-        position_limits: Lower and upper limit, shape (2,) [rad or m]; infinite where unknown.
-        velocity_limit: Largest speed [rad/s or m/s]; infinite where unknown.
-        effort_limit: Largest effort [N·m or N]; infinite where unknown.
-        soft_limits: Positions at which the robot's controller stops the joint, shape (2,) [rad or m]; infinite where
-            unknown.
+        position_limits: Lower and upper limit, shape (2,) [rad or m]; infinite if unknown.
+        velocity_limit: Largest speed [rad/s or m/s]; infinite if unknown.
+        effort_limit: Largest effort [N·m or N]; infinite if unknown.
+        soft_limits: Lowest and highest position, at which the robot's controller stops the joint, shape (2,) [rad or
+            m]; infinite if unknown.
     """
 
     name: str
@@ -123,12 +123,14 @@ class Joint:
         axis = array(self.axis, (3,), f"axis of joint {self.name!r}")
         length = float(np.linalg.norm(axis))
         if length == 0.0:
-            raise RobotError(f"Joint {self.name!r} has an axis of zero length.", remedy="give its direction.")
+            raise RobotError(
+                f"Joint {self.name!r} has an axis of zero length.", remedy="give the direction of the axis."
+            )
         if self.kind not in ("revolute", "continuous", "prismatic"):
             raise RobotError(
                 f"Joint {self.name!r} is of kind {self.kind!r}.",
                 possible="revolute, continuous, prismatic",
-                remedy="lock it at a value or replace it by joints of these kinds.",
+                remedy="lock it at a position, or replace it by joints of these kinds.",
             )
         object.__setattr__(self, "axis", array(axis / length, (3,), "axis"))
         object.__setattr__(self, "placement", array(self.placement, (4, 4), f"placement of joint {self.name!r}"))
@@ -142,16 +144,16 @@ class Joint:
 
     @property
     def unit(self) -> str:
-        """Unit of its position, `rad` or `m`."""
+        """Unit of the position, `rad` or `m`."""
         return "m" if self.is_prismatic else "rad"
 
     @property
     def effort_unit(self) -> str:
-        """Unit of its effort."""
+        """Unit of the effort, `N·m` or `N`."""
         return "N" if self.is_prismatic else "N·m"
 
     def motion(self, q: ArrayLike) -> tuple[Array, Array]:
-        """Rotation (..., 3, 3) and translation (..., 3) [m] of the link in the parent link's frame."""
+        """Rotation (..., 3, 3) and translation (..., 3) [m] of the link in the parent link's frame, at q."""
         R0, p0 = self.placement[:3, :3], self.placement[:3, 3]
         q = np.asarray(q, dtype=np.float64)
         if self.is_prismatic:
@@ -162,11 +164,11 @@ class Joint:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Link:
-    """Rigid body moved by the joint of the same index.
+    """Rigid body that is moved by the joint with the same index.
 
     Attributes:
-        name: Name in the description; of the first body where several were merged.
-        inertial: Inertial parameters of the description in the link frame; `None` where it has none.
+        name: Name in the description; if several bodies were merged, the name of the first one.
+        inertial: Inertial parameters in the link frame, from the description; `None` if it contains none.
     """
 
     name: str
@@ -179,7 +181,7 @@ class Frame:
 
     Attributes:
         name: Name of the frame.
-        parent: Index of the link that it is fixed to; -1 for the base.
+        parent: Index of the link to which it is fixed; -1 for the base.
         placement: Pose in the link's frame, shape (4, 4).
     """
 
@@ -199,7 +201,7 @@ class Held:
         name: Name of the joint.
         position: Position at which it is locked [rad or m].
         unit: Unit of the position, `rad` or `m`.
-        place: Index among all joints of the description, locked ones included.
+        place: Index among all joints of the description, including locked ones.
     """
 
     name: str
@@ -219,10 +221,10 @@ class Robot(Displayed):
         tip: Frame of the tool flange.
         gravity: Acceleration of gravity in the base frame, shape (3,) [m/s²].
         source: Path of the description, or name of a built-in arm.
-        sha256: Digest of the description's text; empty without a text.
+        sha256: Digest of the text of the description; empty if there is no text.
         findings: Findings of the reader.
-        shapes: Collision geometry of the links, as far as the description has it.
-        visuals: Visual geometry of the links, as far as the description has it.
+        shapes: Collision geometry of the links that the description contains.
+        visuals: Visual geometry of the links that the description contains.
         held: Joints with one degree of freedom that are locked.
     """
 
@@ -246,10 +248,13 @@ class Robot(Displayed):
         object.__setattr__(self, "held", tuple(self.held))
         object.__setattr__(self, "gravity", array(self.gravity, (3,), "gravity"))
         if len(self.joints) != len(self.links):
-            raise RobotError(f"{len(self.joints)} joints move {len(self.links)} links; the numbers must agree.")
+            raise RobotError(
+                f"Each joint must move one link; found {len(self.joints)} joints and {len(self.links)} links.",
+                remedy="give as many links as joints.",
+            )
         names = self.joint_names
         if len(set(names)) != len(names):
-            raise RobotError(f"Joint names must differ; found {', '.join(names)}.")
+            raise RobotError(f"Joint names must differ; found {', '.join(names)}.", remedy="rename joints.")
         self.tree  # noqa: B018  (raises where the joints do not form a tree)
 
     def __repr__(self) -> str:
@@ -267,7 +272,7 @@ class Robot(Displayed):
 
     @property
     def described_joints(self) -> tuple[str, ...]:
-        """Names of the joints, locked ones included, in the description's order."""
+        """Names of all joints, including locked ones, in the order of the description."""
         names = list(self.joint_names)
         for held in sorted(self.held, key=lambda each: each.place):
             names.insert(held.place, held.name)
@@ -275,7 +280,7 @@ class Robot(Displayed):
 
     @property
     def tree(self) -> Tree:
-        """Geometry in the form of the kernel."""
+        """Geometry of the arm in the form that the kernel needs."""
         return Tree(
             parent=np.array([j.parent for j in self.joints]),
             prismatic=np.array([j.is_prismatic for j in self.joints]),
@@ -287,7 +292,7 @@ class Robot(Displayed):
 
     @property
     def inertial_vector(self) -> Array | None:
-        """Nominal inertial parameters, shape (n, 10); `None` where no link has a significant mass."""
+        """Nominal inertial parameters, shape (n, 10); `None` if the description contains none."""
         if all(link.inertial is None or not link.inertial.vector.any() for link in self.links):
             return None
         zero = InertialParameters.zero()
@@ -320,17 +325,17 @@ class Robot(Displayed):
             ) from None
 
     def with_gravity(self, gravity: ArrayLike) -> Robot:
-        """Same arm with another gravity acceleration (3,) [m/s²], for instance hanging."""
+        """Same arm with another acceleration of gravity (3,) [m/s²], for instance hanging from a ceiling."""
         return replace(self, gravity=array(gravity, (3,), "gravity"))
 
     def lock(self, values: Mapping[str, float] | Iterable[str]) -> Robot:
-        """Arm with some joints locked, each welded to the link that carries it.
+        """Arm with some joints locked; the link of each locked joint is merged into the link that carries it.
 
         Args:
-            values: Joint names, with positions [rad or m]; 0 where only names are given.
+            values: Names of the joints, or positions [rad or m] by name; without a position, a joint is locked at 0.
 
         Raises:
-            RobotError: A joint is unknown, or no joint remains.
+            RobotError: A joint is unknown, or no movable joint remains.
         """
         wanted = dict(values) if isinstance(values, Mapping) else dict.fromkeys(values, 0.0)
         robot = self
@@ -340,11 +345,11 @@ class Robot(Displayed):
 
 
 def _weld(robot: Robot, index: int, value: float) -> Robot:
-    """Robot without joint `index`, whose link is merged into the parent link at position `value`."""
+    """Robot without joint `index`, whose link is merged into its parent link at joint position `value`."""
     if robot.n == 1:
         raise RobotError(
-            f"Locking {robot.joints[index].name!r} leaves no joint of {robot.name}.",
-            remedy="leave at least one joint free.",
+            f"If {robot.joints[index].name!r} is locked, {robot.name} has no movable joint.",
+            remedy="leave at least one joint movable.",
         )
     joint = robot.joints[index]
     rotation, translation = joint.motion(value)

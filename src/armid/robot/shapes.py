@@ -1,4 +1,4 @@
-"""Collision geometry of the links: simple bodies fixed to links."""
+"""Geometry of the links: simple bodies and meshes that are fixed to links."""
 
 from __future__ import annotations
 
@@ -21,13 +21,14 @@ class Shape:
     """Body fixed to a link or to the base.
 
     Attributes:
-        name: Name for messages, for instance the link's name.
+        name: Name for messages, for instance the name of the link.
         link: Index of the link that carries it; -1 for the base and the surroundings.
         kind: Kind of shape; `capsule` and `cylinder` lie along z, a `half-space` is solid below z = 0.
-        size: Radius and length between the caps' centres of a capsule, radius and length of a cylinder, radius of a
-            sphere, edges of a box, scale of a mesh (negative: mirrored), shape (3,) filled up with zeros [m].
-        placement: Pose in the link's frame, shape (4, 4).
-        path: File of a mesh.
+        size: Dimensions [m], shape (3,), filled up with zeros. Capsule: radius, and distance of the centres of its
+            two end spheres. Cylinder: radius, length. Sphere: radius. Box: lengths of its edges. Mesh: scale factors
+            along x, y and z; a negative factor mirrors the mesh.
+        placement: Pose in the frame of the link, shape (4, 4).
+        path: File of a mesh; empty for other kinds.
     """
 
     name: str
@@ -45,7 +46,11 @@ class Shape:
         object.__setattr__(self, "placement", array(self.placement, (4, 4), f"placement of {self.name!r}"))
         needed = {"capsule": 1, "sphere": 1, "cylinder": 2, "box": 3, "mesh": 3, "half-space": 0}
         if self.kind not in needed:
-            raise RobotError(f"{self.name!r} is of kind {self.kind!r}.", possible=", ".join(needed))
+            raise RobotError(
+                f"The shape {self.name!r} is of the unknown kind {self.kind!r}.",
+                possible=", ".join(needed),
+                remedy="give one of these kinds.",
+            )
         own = size[: needed[self.kind]]
         # A negative scale mirrors a mesh: the parts of a left arm are often those of the right one.
         if not (own != 0.0 if self.kind == "mesh" else own > 0.0).all() or (
@@ -54,16 +59,16 @@ class Shape:
             wanted = "a scale other than zero" if self.kind == "mesh" else "positive sizes"
             raise RobotError(
                 f"The {self.kind} {self.name!r} needs {wanted}; found {given.tolist()}.",
-                remedy="correct it in the description.",
+                remedy="correct the size in the description.",
             )
 
     def on(self, link: int, placement: Array) -> Shape:
-        """Same shape on another link, whose frame sees this one's frame at a placement (4, 4)."""
+        """Same shape in another frame, that of `link`, in which the present frame has the pose `placement` (4, 4)."""
         return replace(self, link=link, placement=placement @ self.placement)
 
 
 def capsule_between(name: str, link: int, begin: ArrayLike, end: ArrayLike, radius: float) -> Shape:
-    """Capsule between two points (3,) of a link [m]."""
+    """Capsule between two points (3,) [m], given in the frame of a link."""
     a, b = array(begin, (3,), "from"), array(end, (3,), "to")
     length = float(np.linalg.norm(b - a))
     turned = rotation_with_z(b - a if length else np.array([0.0, 0.0, 1.0]))
@@ -71,38 +76,38 @@ def capsule_between(name: str, link: int, begin: ArrayLike, end: ArrayLike, radi
 
 
 def meshes_missing(files: Mapping[str, str]) -> tuple[Finding, ...]:
-    """Finding about all missing collision meshes; none where all exist.
+    """Finding about all collision meshes whose files are missing; none if all exist.
 
     Args:
-        files: Files by the names of their bodies.
+        files: Paths of the missing files, by the names of their bodies.
     """
     if not files:
         return ()
     bodies, (first, file) = ", ".join(files), next(iter(files.items()))
     what = f"the collision mesh {file} is" if len(files) == 1 else f"{len(files)} collision meshes ({file}, …) are"
-    evidence = f"{what} missing; a collision check ignores {bodies}"
+    evidence = f"{what} missing; a collision check would ignore {bodies}"
     remedy = (
-        "for collision checks, give the package's folder with --package NAME=DIR, or put the meshes beside the "
-        "description; an identification does not need them."
+        "if collisions are to be checked, name the folder of the package with --package NAME=DIR, or put the meshes "
+        "beside the description; an identification does not need them."
     )
     return (Finding("mesh-missing", "warning", first if len(files) == 1 else "", evidence, remedy),)
 
 
 def looks_missing(files: Mapping[str, str]) -> tuple[Finding, ...]:
-    """Finding about all missing visual meshes; none where all exist.
+    """Finding about all visual meshes whose files are missing; none if all exist.
 
     Args:
-        files: Files by the names of their bodies.
+        files: Paths of the missing files, by the names of their bodies.
     """
     if not files:
         return ()
     evidence = f"{len(files)} visual meshes are missing, such as {next(iter(files.values()))}: {', '.join(files)}"
-    remedy = "give the package's folder with --package NAME=DIR, or put the meshes beside the description."
+    remedy = "name the folder of the package with --package NAME=DIR, or put the meshes beside the description."
     return (Finding("visual-missing", "info", "", evidence, remedy),)
 
 
 def rotation_with_z(direction: Array) -> Array:
-    """Smallest rotation (3, 3) that turns z to a non-zero direction (3,), about x where that is -z."""
+    """Smallest rotation (3, 3) that turns z to a non-zero direction (3,); if this is -z, a rotation about x."""
     x, y, z = direction / np.linalg.norm(direction)
     if x == y == 0.0:
         return np.diag([1.0, np.sign(z), np.sign(z)])

@@ -1,6 +1,6 @@
-"""Collision and visual bodies of a URDF, each on its link after fixed joints are merged.
+"""Collision and visual bodies of a URDF, placed on the links that remain after fixed joints are merged.
 
-Mesh files are not opened here; a path that begins with package:// is searched in the folders above the description.
+Mesh files are not opened here. A path that begins with package:// is searched as `armid.robot.packages` describes.
 """
 
 from __future__ import annotations
@@ -24,17 +24,17 @@ from armid.values import Array
 def shapes_of_urdf(
     root: ET.Element, robot: Robot, locked: Mapping[str, float], source: str, kind: str = "collision"
 ) -> tuple[tuple[Shape, ...], tuple[Finding, ...]]:
-    """Shapes of every <collision> or <visual>, and findings about those that cannot be used.
+    """Shapes of all tags <collision> or <visual>, and findings about those that cannot be used.
 
     Args:
-        root: The document with its collisions and visuals.
+        root: The document with its tags <collision> and <visual>.
         robot: The robot of the document, whose joints carry the shapes.
         locked: Joints that the reader has fixed, with their positions.
         source: Path of the description.
         kind: `collision` or `visual`.
 
     Raises:
-        RobotError: A collision element is invalid; an invalid visual is left out with a finding.
+        RobotError: A tag <collision> is invalid. An invalid <visual> is ignored with a finding.
     """
     above = {joint.find("child").get("link"): joint for joint in root.findall("joint")}  # pyright: ignore
     shapes: list[Shape] = []
@@ -59,7 +59,7 @@ def shapes_of_urdf(
                     raise
                 # Only pictures depend on it.
                 findings.append(
-                    Finding("visual-left-out", "info", label, error.problem, "correct it to see the link.")
+                    Finding("visual-left-out", "info", label, error.problem, "correct it if pictures need this body.")
                 )
     return tuple(shapes), (*findings, *(meshes_missing if kind == "collision" else looks_missing)(missing))
 
@@ -67,7 +67,7 @@ def shapes_of_urdf(
 def _carrier(
     link: str, above: Mapping[str | None, ET.Element], robot: Robot, locked: Mapping[str, float], source: str
 ) -> tuple[int, Array]:
-    """Index of the moving joint that carries a link, and the link's frame in that joint's link frame."""
+    """Index of the movable joint that carries a link, and the pose of the link in the link frame of this joint."""
     placement = np.eye(4)
     names = robot.joint_names
     while link in above:
@@ -88,7 +88,7 @@ def _carrier(
 
 
 def _pose(element: ET.Element, source: str) -> Array:
-    """Transform of an <origin>."""
+    """Transform that is given by a tag <origin>."""
     origin = element.find("origin")
     if origin is None:
         return np.eye(4)
@@ -99,7 +99,7 @@ def _pose(element: ET.Element, source: str) -> Array:
 
 
 def _geometry(shape: ET.Element, source: str, where: str) -> tuple[Kind, Array, str]:
-    """Kind, size and file of a <geometry>'s content."""
+    """Kind, size and file of the shape inside a tag <geometry>."""
 
     def value(key: str, count: int, default: float) -> list[float]:
         return numbers(shape, key, count, source, where) or [default] * count
@@ -115,7 +115,7 @@ def _geometry(shape: ET.Element, source: str, where: str) -> tuple[Kind, Array, 
 
 
 def _mesh_path(filename: str, source: str) -> str:
-    """Path of the mesh; empty where it is not found."""
+    """Path of a mesh; empty if the file is not found."""
     folder = Path(source).resolve().parent
     for scheme in ("package://", "model://"):
         if filename.startswith(scheme):

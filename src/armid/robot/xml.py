@@ -1,4 +1,4 @@
-"""Parser of the XML of robot descriptions, without entities and with line numbers in errors."""
+"""Parser of XML for robot descriptions; it refuses entities, and its errors name the line."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from armid.errors import RobotError
 def parse_xml(text: str, source: str) -> ET.Element:
     """Root element of an XML text.
 
-    A document type is refused before it is read: it could include other files or expand without bound, and no robot
-    description needs one.
+    A document with a document type (DOCTYPE) is refused before it is read: a document type could include other files
+    or expand without bound, and no robot description needs one.
 
     Args:
         text: The document.
-        source: Its path, for messages.
+        source: Path of the document, for messages.
 
     Raises:
         RobotError: The text is not well-formed, or has a document type.
@@ -27,8 +27,8 @@ def parse_xml(text: str, source: str) -> ET.Element:
 
     def refuse(*_: object) -> NoReturn:
         raise RobotError(
-            f"{source}:{parser.CurrentLineNumber}: a document type or entities are declared; armid reads neither.",
-            remedy="remove the <!DOCTYPE …> declaration and write entities out.",
+            f"{source}:{parser.CurrentLineNumber}: a document type or entities are declared, which armid refuses.",
+            remedy="remove the declaration <!DOCTYPE …>, and replace entities by their text.",
         )
 
     parser = expat.ParserCreate("utf-8")
@@ -40,12 +40,12 @@ def parse_xml(text: str, source: str) -> ET.Element:
         line = parser.ErrorLineNumber
         reason = expat.ErrorString(parser.ErrorCode) or str(error)
         raise RobotError(
-            f"{source}:{line}: not well-formed XML ({reason}).", remedy="repair or export the file again."
+            f"{source}:{line}: the XML is not well-formed ({reason}).", remedy="correct the file or export it again."
         ) from error
 
 
 def root_tag(text: str) -> str:
-    """Tag of the root element; empty where the text has none."""
+    """Tag of the root element; empty if there is none."""
     tags: list[str] = []
 
     def start(tag: str, _: dict[str, str]) -> None:
@@ -61,10 +61,10 @@ def root_tag(text: str) -> str:
 
 
 def numbers(element: ET.Element, attribute: str, count: int, source: str, where: str) -> list[float] | None:
-    """Numbers in an attribute; `None` where the attribute is missing.
+    """Numbers in an attribute; `None` if the attribute is missing.
 
     Raises:
-        RobotError: The attribute has another count of numbers, or values that are not finite.
+        RobotError: The attribute contains another number of values, or values that are not finite numbers.
     """
     text = element.get(attribute)
     if text is None:
@@ -75,15 +75,18 @@ def numbers(element: ET.Element, attribute: str, count: int, source: str, where:
         values = []
     if len(values) != count or not all(math.isfinite(v) for v in values):
         wanted = "a finite number" if count == 1 else f"{count} finite numbers"
-        raise RobotError(f"{source}: {attribute} of {where} must be {wanted}; found {text!r}.")
+        raise RobotError(
+            f"{source}: {attribute} of {where} must be {wanted}; found {text!r}.",
+            remedy="correct the attribute in the description.",
+        )
     return values
 
 
 def check_locked(locked: Iterable[str], known: Iterable[str], source: str) -> None:
-    """Raises an error for locked joints that the description does not have.
+    """Raises an error if joints to be locked do not exist in the description.
 
     Raises:
-        RobotError: There is such a joint; the message lists the existing ones.
+        RobotError: A joint does not exist; the message lists the existing ones.
     """
     names = list(known)
     missing = [name for name in locked if name not in names]
@@ -96,22 +99,22 @@ def check_locked(locked: Iterable[str], known: Iterable[str], source: str) -> No
 
 
 def identity_only(name: str, kind: str, value: float) -> None:
-    """Raises an error for a joint of several degrees of freedom that is not locked at its zero pose.
+    """Raises an error if a joint with several degrees of freedom is to be locked at a value other than zero.
 
     Raises:
         RobotError: `value` is not 0.
     """
     if value != 0.0:
         raise RobotError(
-            f"Joint {name!r} is {kind}; it can be locked at its zero pose only, not at {value}.",
-            remedy=f"lock {name!r} without a value, or make it a fixed joint with the pose you need.",
+            f"Joint {name!r} is of kind {kind}; it can be locked only at its zero pose, not at {value}.",
+            remedy=f"lock {name!r} without a value, or replace it by a fixed joint with the pose that you need.",
         )
 
 
 def floating(source: str, name: str, kind: str, possible: str) -> RobotError:
-    """Error for a joint of several degrees of freedom that is not locked, such as a floating base."""
+    """Error for a joint with several degrees of freedom that is not locked, for instance a floating base."""
     return RobotError(
-        f"{source}: joint {name!r} is of kind {kind!r}.",
+        f"{source}: joint {name!r} is of kind {kind!r}, but armid needs joints with one degree of freedom.",
         possible=possible,
-        remedy=f"lock {name!r} (--lock {name}), which fixes what it carries; --tip LINK chooses one arm.",
+        remedy=f"lock {name!r} (--lock {name}), or select one arm with --tip LINK.",
     )

@@ -1,1 +1,1 @@
-"""Reproduction of the reference study [Halper2024]: one module a chapter computes values; `page` draws them."""
+"""Reproduction of the thesis [Halper2024]: each module computes one chapter or section; `page` shows the results."""

@@ -1,4 +1,4 @@
-"""Algorithm 3, from a recording to parameters, and the error against the known parameters of a virtual arm."""
+"""Algorithm 3 of the thesis, from a recording to parameters, and its errors on a virtual arm that is known."""
 
 from __future__ import annotations
 
@@ -23,23 +23,23 @@ from armid.thesis.setting import PERIOD, ReferenceModel, Setting
 from armid.values import digest
 
 REPETITIONS = 5
-"""K of section 3.2.2; the thesis does not give its value."""
+"""Number K of repetitions in section 3.2.2 of the thesis, which does not give its value."""
 
 TEST_RATE = 100.0
-"""Sample rate of the held-out motion [Hz]."""
+"""Sample rate of the motion on which estimates are validated [Hz]."""
 
 NOISE = Sensors()
-"""Noise of recordings at 8 kHz; at other rates it is scaled to the same noise density."""
+"""Noise of recordings at 8 kHz; at other rates it is scaled so that the noise density is the same."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Fitted:
-    """Estimate with its model, observations and information.
+    """Estimate together with its model, observations and estimation problem.
 
     Attributes:
         model: Dynamics model of the fit.
         observations: The processed recording.
-        problem: Its estimation problem.
+        problem: Estimation problem for these observations.
         fit: The estimate.
     """
 
@@ -50,20 +50,20 @@ class Fitted:
 
     @property
     def residual(self) -> float:
-        """Root mean square of the filtered residuals of all joints [N·m]."""
+        """Root mean square of the filtered residuals, over all joints [N·m]."""
         return float(np.sqrt(np.mean(self.fit.residual_rms**2)))
 
 
 @dataclass(frozen=True, slots=True)
 class Errors:
-    """Error of an estimate against the truth.
+    """Errors of an estimate, compared with the true parameters.
 
     Attributes:
-        relative: Norm of the error of all base parameters over the norm of the truth.
-        inertial: The same for base parameters without friction.
-        friction: The same for friction.
-        unseen: Root mean square over all joints of predicted less true torque along Table A.2 [N·m].
-        residual: Root mean square of the filtered residual [N·m].
+        relative: Norm of the error of all base parameters divided by the norm of the true base parameters.
+        inertial: The same ratio for base parameters without friction.
+        friction: The same ratio for friction parameters.
+        unseen: Root mean square, over all joints, of predicted minus true torque along Table A.2 of the thesis [N·m].
+        residual: Root mean square of the filtered residuals, over all joints [N·m].
     """
 
     relative: float
@@ -74,7 +74,7 @@ class Errors:
 
 
 def recorded(setting: Setting, seed: int, *, noise: bool = True) -> Recording:
-    """Noisy recording of the virtual arm along five repetitions of Table A.1 in 27 s each, without a pause."""
+    """Simulates a noisy recording of the virtual arm: five repetitions of Table A.1 in 27 s each, without a pause."""
     rng, rate = np.random.default_rng(seed), setting.extent.rate
     size = np.sqrt(rate / NOISE.rate) if noise else 0.0
     sensors = Sensors(size * NOISE.position, size * NOISE.torque, rate)
@@ -83,7 +83,7 @@ def recorded(setting: Setting, seed: int, *, noise: bool = True) -> Recording:
 
 
 def mean_of(recording: Recording, period: float = PERIOD) -> Recording:
-    """Mean of a recording's repetitions, as a recording of one repetition."""
+    """Mean of the repetitions of a recording, as a recording of one repetition."""
     assert recording.time is not None and recording.effort is not None  # a virtual arm logs both
     samples = round(period / (recording.time[1] - recording.time[0]))
     q, effort = (x[: len(x) // samples * samples] for x in (recording.q, recording.effort))
@@ -102,7 +102,7 @@ def mean_of(recording: Recording, period: float = PERIOD) -> Recording:
 def observed(
     setting: Setting, recording: Recording, processing: ProcessingOptions, period: float | None = PERIOD
 ) -> Observations:
-    """Steps 1 and 2 of Algorithm 3: processing of a recording; `None` for a period means no repetitions."""
+    """Steps 1 and 2 of Algorithm 3: processes a recording; if `period` is `None`, it has no repetitions."""
     reading = LogFormat() if period is None else LogFormat(period=period, start=0.0)
     choice = RecordingChoice("virtual", reading=reading)
     return joined_observations(process_each([(choice, recording)], processing, setting.hanging.dynamics.robot))
@@ -111,23 +111,23 @@ def observed(
 def estimate(
     model: ReferenceModel, observations: Observations, method: str = "ols", options: Mapping[str, Any] | None = None
 ) -> Fitted:
-    """Steps 3 and 4 of Algorithm 3: estimate by a method."""
+    """Steps 3 and 4 of Algorithm 3: estimates the parameters by a given method."""
     problem = build_problem(model.dynamics, observations, base=model.base)
     return Fitted(model, observations, problem, _solved(problem, method, options))
 
 
 def by_method(fitted: Fitted, method: str, options: Mapping[str, Any] | None = None) -> Fitted:
-    """Estimate by another method from the same information."""
+    """Estimates the parameters by another method from the same estimation problem."""
     return replace(fitted, fit=_solved(fitted.problem, method, options))
 
 
 def _solved(problem: EstimationProblem, method: str, options: Mapping[str, Any] | None) -> Fit:
-    """Fit with deviations (2.44) to (2.46), as in the thesis."""
+    """Fit with standard deviations by equations (2.44) to (2.46) of the thesis."""
     return build_estimator(EstimationChoice(method, options={method: options or {}})).solve(problem)
 
 
 def errors_of(setting: Setting, fitted: Fitted) -> Errors:
-    """Errors of an estimate against the truth, and of its torque on held-out motion."""
+    """Errors of an estimate, and of the torque that it predicts along Table A.2, compared with the truth."""
     truth, values = setting.truth, fitted.fit.values
     friction = np.array([name.symbol not in RIGID_BODY_SYMBOLS for name in setting.hanging.base.names])
     motion = setting.unseen.sample(TEST_RATE)

@@ -1,4 +1,4 @@
-"""Section 3.2 step by step: Algorithm 3 as printed, then with one correction after the other."""
+"""Section 3.2 of the thesis step by step: Algorithm 3 as printed, then with one correction after the other."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from armid.thesis.setting import PERIOD, Setting
 from armid.values import Array
 
 CORRECTED = replace(THESIS, columns=True)
-"""Processing of the thesis, but with the torque's filter on the regressor as well."""
+"""Processing of the thesis, with the filter of the torque also applied to the columns of the regressor."""
 
 PADDED = replace(THESIS, edges="pad", average=False)
 OWN = ProcessingOptions(edges="periodic", average=True)
@@ -23,13 +23,13 @@ OWN = ProcessingOptions(edges="periodic", average=True)
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """Row of the table.
+    """Row of the table of results: one variant of the identification.
 
     Attributes:
-        group: Title of its group of rows.
+        group: Title of the group of rows to which it belongs.
         key: Unique name.
         title: Description of the method.
-        errors: Errors against the truth.
+        errors: Errors compared with the true parameters.
     """
 
     group: str
@@ -40,14 +40,15 @@ class Step:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Spread:
-    """Main steps over several seeds of the noise.
+    """Results of the main steps for several seeds of the noise.
 
     Attributes:
         seeds: Number of seeds.
-        printed: Relative error and torque error [N·m] on Table A.2 of Algorithm 3 as printed, shape (seeds, 2).
-        corrected: The same with filtered columns, shape (seeds, 2).
-        printed_ratio: Residual for the wrong sign of gravity over that for the right one, as printed, shape (seeds,).
-        corrected_ratio: The same with filtered columns, shape (seeds,).
+        printed: Relative error, and torque error on Table A.2 [N·m], of Algorithm 3 as printed, shape (seeds, 2).
+        corrected: The same errors with filtered columns, shape (seeds, 2).
+        printed_ratio: Residual with the wrong sign of gravity divided by that with the right sign, for Algorithm 3 as
+            printed, shape (seeds,).
+        corrected_ratio: The same ratio with filtered columns, shape (seeds,).
     """
 
     seeds: int
@@ -59,14 +60,14 @@ class Spread:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Estimates:
-    """Estimates that later chapters use.
+    """Estimates that are used in later chapters.
 
     Attributes:
-        printed: Ordinary least squares of Algorithm 3 as printed, periodic edges.
-        corrected: The same with filtered columns.
-        wrong: The corrected estimate for the printed sign of gravity.
-        printed_physical: Estimate by (3.52) and (3.53) with filtered torque only.
-        corrected_physical: The same with filtered columns.
+        printed: Estimate by Algorithm 3 as printed: ordinary least squares, periodic edges.
+        corrected: The same estimate with filtered columns.
+        wrong: Estimate with filtered columns and the printed sign of gravity.
+        printed_physical: Estimate by (3.52) and (3.53), with filtered torque only.
+        corrected_physical: Estimate by (3.52) and (3.53), with filtered columns.
         consistent: Physically consistent estimate with filtered columns.
     """
 
@@ -80,11 +81,11 @@ class Estimates:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Steps:
-    """Results of section 3.2 on the virtual arm.
+    """Results of the identification steps of section 3.2 of the thesis, on the virtual arm.
 
     Attributes:
-        rows: Rows of the table.
-        spread: Main steps over seeds.
+        rows: Results of the steps, one for each row of the table of results.
+        spread: Results of the main steps for several seeds of the noise.
     """
 
     rows: tuple[Step, ...]
@@ -92,7 +93,7 @@ class Steps:
 
 
 def steps(setting: Setting, tell: Callable[[float], None]) -> tuple[Steps, Estimates]:
-    """Runs every step, and the main ones over several seeds."""
+    """Runs all steps, and the main steps for several seeds of the noise."""
     tell(0.0)
     recording = recorded(setting, seed=1)
     rows = _Rows(setting)
@@ -111,14 +112,14 @@ def steps(setting: Setting, tell: Callable[[float], None]) -> tuple[Steps, Estim
 
 
 class _Rows:
-    """Builder of the table."""
+    """Builder of the table of results."""
 
     def __init__(self, setting: Setting) -> None:
         self.setting = setting
         self.found: list[Step] = []
 
     def take(self, group: str, key: str, title: str, fitted: Fitted) -> Fitted:
-        """Adds a row for an estimate."""
+        """Adds a row for an estimate, and returns the estimate."""
         self.found.append(Step(group, key, title, errors_of(self.setting, fitted)))
         return fitted
 
@@ -131,7 +132,7 @@ class _Rows:
         processing: ProcessingOptions,
         method: str = "ols",
     ) -> Fitted:
-        """Adds a row for a recording."""
+        """Processes a recording, estimates the parameters, and adds a row for the estimate."""
         period = None if processing.edges == "pad" else PERIOD
         observations = observed(self.setting, recording, processing, period)
         return self.take(group, key, title, estimate(self.setting.hanging, observations, method))
@@ -142,7 +143,7 @@ def _periodic(setting: Setting, recording: Recording) -> Fitted:
 
 
 def _edges(rows: _Rows, recording: Recording) -> None:
-    """Adds rows on the treatment of the ends of the mean period, which the thesis does not state."""
+    """Adds rows for several treatments of the ends of the mean period; the thesis does not state its treatment."""
     mean, group = mean_of(recording), "one-sided filter"
     rows.run(group, "printed-padded", "as printed, ends padded, 100 rows a second", mean, PADDED)
     every = replace(PADDED, decimate=0.0)
@@ -161,7 +162,7 @@ def _cutoffs(rows: _Rows, recording: Recording) -> None:
 
 
 def _both_sides(rows: _Rows, recording: Recording, printed: Fitted) -> Fitted:
-    """Adds rows with the torque's filter on the regressor's columns."""
+    """Adds rows for estimates in which the filter of the torque is also applied to the columns of the regressor."""
     group, mean = "columns filtered too", mean_of(recording)
     padded = replace(PADDED, columns=True)
     rows.run(group, "columns-padded", "ends padded", mean, padded)
@@ -172,7 +173,7 @@ def _both_sides(rows: _Rows, recording: Recording, printed: Fitted) -> Fitted:
 
 
 def _others(rows: _Rows, recording: Recording, printed: Fitted, corrected: Fitted) -> Estimates:
-    """Adds rows on excluded rows, weights, gravity and consistent links."""
+    """Adds rows for left-out rows, weights, the sign of gravity, and physically consistent links."""
     setting, group = rows.setting, "one-sided filter, other remedies"
     rows.run(group, "printed-fast", "rows below 0.1 rad/s left out", recording, replace(THESIS, slow=0.1))
     rows.take(group, "printed-weighted", "each joint weighted", by_method(printed, "wls"))
@@ -195,7 +196,7 @@ def _others(rows: _Rows, recording: Recording, printed: Fitted, corrected: Fitte
 
 
 def _spread(setting: Setting, tell: Callable[[float], None]) -> Spread:
-    """Rows of the main steps and of the sign of gravity, seed by seed."""
+    """Runs the main steps with both signs of gravity, seed by seed."""
     seeds = setting.extent.seeds
     errors, ratios = np.zeros((2, seeds, 2)), np.zeros((2, seeds))
     for k in range(seeds):

@@ -1,4 +1,7 @@
-"""Audit of the published results: sign of gravity, consistency, constraints, deviations, condition number."""
+"""Audit of the published results of the thesis.
+
+It checks the sign of gravity, physical consistency, constraints, standard deviations and condition numbers.
+"""
 
 from __future__ import annotations
 
@@ -25,20 +28,20 @@ from armid.validation.thesis_constraints import ROUNDING
 from armid.values import Array
 
 OUTLIER = "ZZR_6"
-"""Parameter whose deviation in Table 4.1 is an outlier."""
+"""Parameter whose standard deviation in Table 4.1 of the thesis is an outlier."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Conditions:
-    """Condition numbers of the stacked Y_b of Table A.1 at 100 Hz.
+    """Condition numbers of the stacked base regressor Y_b along Table A.1 of the thesis, sampled at 100 Hz.
 
     Attributes:
-        period: Seconds, shape (k,).
-        hanging: For the hanging arm, shape (k,).
-        literal: With the printed sign of gravity, shape (k,).
-        scaled: With columns of unit length, for the hanging arm, shape (k,).
-        without_friction: Without friction columns, for the hanging arm, shape (k,).
-        every_column: With all 84 columns in 20 s, which (3.54) names.
+        period: Duration of the motion [s], shape (k,).
+        hanging: Condition number for the hanging arm, shape (k,).
+        literal: Condition number for the printed sign of gravity, shape (k,).
+        scaled: Condition number for the hanging arm with columns scaled to unit length, shape (k,).
+        without_friction: Condition number for the hanging arm without friction columns, shape (k,).
+        every_column: Condition number with all 84 columns of Y, which equation (3.54) of the thesis names, in 20 s.
     """
 
     period: Array
@@ -51,17 +54,20 @@ class Conditions:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Deviations:
-    """Printed standard deviations compared with those that Table A.1 implies.
+    """Printed standard deviations, compared with those that follow from Table A.1 of the thesis.
 
     Attributes:
-        period: Seconds that the table is stretched to, shape (k,).
-        hanging: Standard deviation of ln(printed / computed deviation) for the hanging arm, shape (k,).
-        literal: The same for the printed sign of gravity, shape (k,).
-        shape: Relative deviations [%] in 27 s for that sign, scaled to the printed ones, shape (57,).
-        outlier: Parameter that is left out of these numbers.
-        error_median: Median ratio of true error to such a deviation, for Algorithm 3 as printed on the virtual arm.
-        error_largest: Largest such ratio.
-        below_ten: Number of parameters with a printed deviation below 10 %.
+        period: Duration to which the motion is stretched [s], shape (k,).
+        hanging: Standard deviation over the parameters of ln(printed / computed deviation), for the hanging arm,
+            shape (k,).
+        literal: The same quantity for the printed sign of gravity, shape (k,).
+        shape: Relative deviations [%] for 27 s and the printed sign of gravity, scaled to the printed ones, shape
+            (57,).
+        outlier: Parameter that is not used in `hanging`, `literal` and the scale of `shape`.
+        error_median: Median ratio of true error and estimated deviation, for Algorithm 3 as printed on the virtual
+            arm.
+        error_largest: Largest of these ratios.
+        below_ten: Number of parameters whose printed relative deviation is below 10 %.
     """
 
     period: Array
@@ -76,13 +82,13 @@ class Deviations:
 
 @dataclass(frozen=True, slots=True)
 class Broken:
-    """Constraint of (3.52) or (3.53) that Table 4.2 violates beyond rounding.
+    """Constraint (3.52) or (3.53) of the thesis that Table 4.2 violates by more than rounding.
 
     Attributes:
-        constraint: Number of the constraint.
+        constraint: Equation number of the constraint in the thesis.
         link: Number of the link.
-        value: Left-hand side.
-        bound: Right-hand side.
+        value: Value of the left-hand side.
+        bound: Value of the right-hand side.
     """
 
     constraint: str
@@ -93,12 +99,12 @@ class Broken:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Carried:
-    """Table 4.2 converted to base parameters.
+    """Table 4.2 of the thesis converted to base parameters.
 
     Attributes:
         values: Base parameters, shape (57,).
-        mismatch: Relative difference from Table 4.1, inertial part.
-        printed_mismatch: The same with YY_i as (3.7) prints it.
+        mismatch: Norm of the difference from Table 4.1 divided by the norm of Table 4.1, without friction.
+        printed_mismatch: The same ratio if YY_i is computed as equation (3.7) of the thesis prints it.
     """
 
     values: Array
@@ -108,15 +114,16 @@ class Carried:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class PrintedCoefficients:
-    """Table of Fourier coefficients checked against (3.55).
+    """Table of Fourier coefficients, checked against the conditions (3.55) of the thesis.
 
     Attributes:
-        sums: Largest of |Σ b_l / l|, |Σ a_l|, |Σ l b_l| over the joints, (3.55c), shape (3,).
-        without_last: The same without the last row of b, shape (3,).
+        sums: Largest absolute values over the joints of Σ b_l / l, Σ a_l and Σ l b_l, which (3.55c) sets to zero,
+            shape (3,).
+        without_last: The same values without the last row of b, shape (3,).
         position_share: Largest utilisation of the limit in (3.55d).
         velocity_share: Largest utilisation of the limit in (3.55e).
-        above_literal: Number of pairs (a_il, b_il) above (3.55f) as printed.
-        above: Number of pairs above it without 1/L.
+        above_literal: Number of pairs (a_il, b_il) that exceed the bound (3.55f) as printed.
+        above: Number of pairs that exceed this bound without its factor 1/L.
     """
 
     sums: Array
@@ -132,16 +139,16 @@ class Audit:
     """Audit of the published results.
 
     Attributes:
-        base: Certificate of Table 4.1, with its mass matrix along Table A.2 and at the worst pose.
+        base: Certificate of Table 4.1, with the mass matrix along Table A.2 and at the worst pose.
         physical: Certificate of Table 4.2.
         broken: Constraints that Table 4.2 violates.
-        eigenvalues: Smallest eigenvalue of each link's pseudo-inertia in Table 4.2, shape (7,).
-        rounding: Part of Table 4.1's distance from a real body that its rounding to three decimals explains.
-        carried: Table 4.2 as base parameters.
-        gravity: Evidence of Table 4.1 on the sign of gravity; empty without any.
-        deviations: Standard deviations of Table 4.1.
-        conditions: Condition numbers of Table A.1.
-        tables: Tables A.1 and A.2 checked against (3.55).
+        eigenvalues: Smallest eigenvalue of the pseudo-inertia of each link in Table 4.2, shape (7,).
+        rounding: Part of the distance of Table 4.1 from a real body that rounding to three decimals explains.
+        carried: Table 4.2 converted to base parameters.
+        gravity: Evidence in Table 4.1 that the sign of gravity is wrong; empty if there is none.
+        deviations: Standard deviations of Table 4.1, compared with those that follow from Table A.1.
+        conditions: Condition numbers along Table A.1.
+        tables: Tables A.1 and A.2, checked against (3.55).
     """
 
     base: Verdict
@@ -157,7 +164,7 @@ class Audit:
 
 
 def audit(setting: Setting, estimates: Estimates) -> Audit:
-    """Audits Tables 4.1, 4.2, A.1 and A.2 with the model of the arm."""
+    """Audits Tables 4.1, 4.2, A.1 and A.2 of the thesis with the model of the arm."""
     model, robot = setting.hanging, setting.hanging.dynamics.robot
     thesis = published()
     values = {name: value for name, (value, _) in thesis.base.items()}
@@ -192,7 +199,7 @@ def audit(setting: Setting, estimates: Estimates) -> Audit:
 
 
 def _named(rows: Array) -> dict[str, float]:
-    """Parameters of Table 4.2 by name."""
+    """Parameters of Table 4.2 of the thesis by name."""
     names = (*PHYSICAL, "Fv", "Fs")
     return {f"{name}_{k + 1}": float(x) for k, row in enumerate(rows) for name, x in zip(names, row, strict=True)}
 
@@ -220,7 +227,7 @@ def _conditions(setting: Setting) -> Conditions:
 
 
 def _shape(model: ReferenceModel, plan: Excitation, period: float) -> Array:
-    """[(Y_bᵀ Y_b)⁻¹]_jj to the power of ½, shape (57,)."""
+    """Square roots of the diagonal of (Y_bᵀ Y_b)⁻¹, shape (57,)."""
     return np.sqrt(np.sum(np.linalg.inv(_stacked(model, plan, period)) ** 2, axis=1))
 
 

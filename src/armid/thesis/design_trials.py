@@ -1,4 +1,4 @@
-"""Section 3.3 and Algorithm 2: trajectories from random starts, each tested in closed loop and evaluated."""
+"""Section 3.3 and Algorithm 2 of the thesis: trajectories from random starts, tested in closed loop and evaluated."""
 
 from __future__ import annotations
 
@@ -31,34 +31,35 @@ from armid.values import Array
 HARMONICS = 10
 
 CHECKED = 50.0
-"""Rate of the collision check [Hz]: the fastest joint turns by 3° between poses."""
+"""Rate of the poses in which collisions are checked [Hz]: the fastest joint turns by 3° from one pose to the next."""
 
 MOVING = replace(CORRECTED, slow=0.05)
-"""Processing without rows below 0.05 rad/s, where a joint may stick with any static friction."""
+"""Processing that leaves out rows below 0.05 rad/s, at which a joint may stick with an unknown static friction."""
 
 NEAR = 2
-"""Distance in joints up to which links may overlap by construction: capsules of a bent wrist do."""
+"""Largest number of joints between links that may overlap by construction, as the capsules of a bent wrist do."""
 
 CONTROLLER = Controller(model_scale=1.05, friction=0.9)
-"""Inverse dynamics with a model that is 5 % too heavy and feedforward of 90 % of the friction: a good model before
-the identification."""
+"""Controller with inverse dynamics of a model that is 5 % too heavy and feed-forward of 90 % of the friction: a good
+model before an identification."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class DesignTrial:
-    """Tested trajectory.
+    """Designed trajectory with the results of its test in closed loop.
 
     Attributes:
-        name: `Table A.1` or the number of its start.
+        name: `Table A.1` with its period, or the number of the random start.
         plan: The trajectory.
-        condition: Condition number of its stacked Y_b at 100 Hz.
-        limits: Highest share of the limits of position, velocity and torque in closed loop, shape (3,).
-        tracking: Root mean square of the position error of all joints in closed loop [rad].
-        clearance: Smallest distance between bodies more than two joints apart [m].
-        doubts: Codes of findings against a run on the arm.
-        printed: Errors of Algorithm 3 as printed, on the closed loop's recording.
-        corrected: The same with filtered columns.
-        moving: The same without rows at or near standstill of their joint.
+        condition: Condition number of the stacked base regressor Y_b along the trajectory, sampled at 100 Hz.
+        limits: Largest shares of the limits of position, velocity and torque that are used in closed loop, shape
+            (3,).
+        tracking: Root mean square of the position error in closed loop, over all joints [rad].
+        clearance: Smallest distance between bodies of links that are more than two joints apart [m].
+        doubts: Codes of the findings because of which the real arm should not run the trajectory; empty if none.
+        printed: Errors of Algorithm 3 as printed, on the recording in closed loop.
+        corrected: Errors of Algorithm 3 with filtered columns.
+        moving: Errors of Algorithm 3 with filtered columns, without the rows in which the joint is slow or at rest.
     """
 
     name: str
@@ -74,21 +75,21 @@ class DesignTrial:
 
     @property
     def feasible(self) -> bool:
-        """True if the trajectory meets all limits."""
+        """Tests whether the trajectory keeps all limits."""
         return not self.doubts
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Designs:
-    """Result of Algorithm 2.
+    """Result of Algorithm 2 of the thesis.
 
     Attributes:
-        unknowns: Coefficients of (3.55), 2 · 7 · L.
-        free: Number of coefficients that (3.55c) leaves free.
-        published: Table A.1 in 20 s and in 27 s, tested in the same way.
-        trials: Designed trajectories, in order of their starts.
-        starts: Condition number of each random start, scaled into the limits, shape (starts,).
-        kept: Index of the best feasible trial; -1 where none is feasible.
+        unknowns: Number of coefficients of the series (3.55) of the thesis: 2 · 7 · L.
+        free: Number of coefficients that the condition (3.55c) leaves free.
+        published: Table A.1 in 20 s and in 27 s, tested in the same way as the designs.
+        trials: Designed trajectories, in the order of their random starts.
+        starts: Condition number of each random start, scaled to keep the limits, shape (starts,).
+        kept: Index of the best feasible trajectory in `trials`; -1 if none is feasible.
     """
 
     unknowns: int
@@ -100,14 +101,15 @@ class Designs:
 
     @property
     def best(self) -> DesignTrial:
-        """Best feasible trajectory; Table A.1 in 27 s if there is none."""
+        """Best feasible trajectory; if there is none, Table A.1 in 27 s."""
         return self.trials[self.kept] if self.kept >= 0 else self.published[-1]
 
 
 def designs(setting: Setting, tell: Callable[[float], None]) -> Designs:
-    """Algorithm 2: descend from each start, run the result in closed loop, evaluate it by Algorithm 3, keep the best.
+    """Runs Algorithm 2: each start is optimised, run in closed loop and evaluated by Algorithm 3; the best is kept.
 
-    The best is the feasible trajectory with the smallest prediction error on Table A.2 after Algorithm 3 as printed.
+    The best trajectory is the feasible one whose estimate by Algorithm 3 as printed has the smallest torque error
+    along Table A.2.
 
     Raises:
         MissingExtraError: MuJoCo is not installed.
@@ -136,7 +138,7 @@ def designs(setting: Setting, tell: Callable[[float], None]) -> Designs:
 
 
 def _problem(setting: Setting) -> DescentProblem:
-    """(3.55): minimum of the condition number at 100 Hz under (3.55c) to (3.55f), the last without 1/L."""
+    """Problem (3.55): smallest condition number at 100 Hz under (3.55c) to (3.55f), the last without the 1/L."""
     model = setting.hanging
     robot = model.dynamics.robot
     limits = limits_of(robot)
@@ -184,7 +186,7 @@ def _trial(setting: Setting, name: str, plan: Excitation, seed: int) -> DesignTr
 
 
 def _shares(setting: Setting, done: Simulated) -> Array:
-    """Largest shares of the limits of position, velocity and torque, shape (3,)."""
+    """Largest shares of the limits of position, velocity and torque that are used, shape (3,)."""
     joints = setting.hanging.dynamics.robot.joints
     limits = limits_of(setting.hanging.dynamics.robot)
     trace = done.trace.from_time(0.0)
@@ -196,7 +198,7 @@ def _shares(setting: Setting, done: Simulated) -> Array:
 
 
 def _clearance(setting: Setting, done: Simulated) -> float:
-    """Smallest distance between bodies of the arm along the simulated motion [m], without neighbours."""
+    """Smallest distance between bodies of the arm along the simulated motion [m]; neighbouring links are left out."""
     robot = setting.hanging.dynamics.robot
     found = collision_of(robot, limits_of(robot), np.zeros(robot.n), margin=0.0)
     links = np.array([shape.link for shape in found.shapes])[found.pairs]

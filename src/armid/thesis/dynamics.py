@@ -1,4 +1,4 @@
-"""Sections 2.2, 3.1.1 and 3.1.2: frames, Lagrangian and Newton-Euler dynamics, M, C, g, the sign of gravity."""
+"""Sections 2.2, 3.1.1 and 3.1.2 of the thesis: frames, dynamics by Lagrange and Newton-Euler, the sign of gravity."""
 
 from __future__ import annotations
 
@@ -15,31 +15,31 @@ from armid.thesis.setting import DESIGNED, HANGING, LITERAL, Setting, random_sta
 from armid.values import Array
 
 POSE = np.array([[0.1, -0.2, 0.3, -0.4, 0.5, -0.6, 0.7]])
-"""Pose without symmetry [rad], at which numbers are printed."""
+"""Pose without symmetry at which results are printed [rad]."""
 
 STATE = (
     POSE,
     np.array([[0.3, -0.2, 0.1, 0.4, -0.5, 0.6, -0.7]]),
     np.array([[1.0, -1.0, 2.0, -2.0, 3.0, -3.0, 4.0]]),
 )
-"""Velocity and acceleration at this pose [rad/s, rad/s²]."""
+"""Pose, velocity and acceleration of the state at which results are printed [rad, rad/s, rad/s²]."""
 
 BALANCE_RATE, BALANCE_STEP = 100.0, 1e-4
-"""Rate of the energy balance [Hz], and half the step of its difference quotient [s], which has an error of 1e-6 W."""
+"""Rate of the energy balance [Hz], and half the step of its difference quotient [s], whose error is about 1e-6 W."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Kinematics:
-    """Results of section 3.1.1.
+    """Results of section 3.1.1 of the thesis.
 
     Attributes:
-        poses: Number of random poses at which (3.1) was compared with the arm's own frames.
-        rotation_error: Largest difference of a rotation's entry.
-        position_error: Largest difference of an origin [m].
-        heights: Heights of the origins and of the flange at q = 0, shape (8,) [m].
-        pose: Further pose, shape (7,) [rad].
-        origins: Origins and flange at that pose, shape (8, 3) [m].
-        rotation: Orientation of frame 7 at that pose, shape (3, 3).
+        poses: Number of random poses at which equation (3.1) was compared with the description of the arm.
+        rotation_error: Largest difference of an element of a rotation.
+        position_error: Largest difference of a coordinate of an origin [m].
+        heights: Heights of the origins of the frames and of the flange at q = 0, shape (8,) [m].
+        pose: Pose of the next two fields, shape (7,) [rad].
+        origins: Origins of the frames and of the flange in this pose, shape (8, 3) [m].
+        rotation: Orientation of frame 7 in this pose, shape (3, 3).
     """
 
     poses: int
@@ -53,20 +53,21 @@ class Kinematics:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Dynamics:
-    """Results of sections 2.2 and 3.1.2.
+    """Results of sections 2.2 and 3.1.2 of the thesis.
 
     Attributes:
-        states: Number of random states at which forms of the dynamics were compared.
-        regressor_error: Largest difference of Lagrangian and Newton-Euler regressor, over the largest entry.
-        printed_derivative_error: The same with (3.42) as printed.
-        mass_error: Largest difference of ∂²L/∂q̇∂q̇ from M(q), over the largest entry.
-        torque_error: Largest difference of M q̈ + C q̇ + g + friction from Y π, over the largest torque.
-        triangle: Largest entry of y_ij of link i and joint j, over the largest of all: for j > i, which (3.43)
-            prints, and for i > j.
-        torque: Torque of the description's bodies at a state without symmetry, shape (7,) [N·m].
-        literal_torque: The same with the potential energy of (2.21) as printed, shape (7,) [N·m].
-        imbalance: Largest |d/dt (T + U) - τᵀ q̇| along Table A.1 in 20 s [W].
-        literal_imbalance: The same with U of (2.21) as printed [W].
+        states: Number of random states at which the forms of the dynamics were compared.
+        regressor_error: Largest difference of the Lagrangian and the Newton-Euler regressor, divided by the largest
+            element.
+        printed_derivative_error: The same ratio if the Lagrangian regressor uses equation (3.42) as printed.
+        mass_error: Largest difference of ∂²L/∂q̇∂q̇ and M(q), divided by the largest element.
+        torque_error: Largest difference of M q̈ + C q̇ + g + friction and Y π, divided by the largest torque.
+        triangle: Largest element of the blocks y_ij of link i and joint j, divided by the largest element of Y: first
+            for the blocks with j > i, which equation (3.43) prints as nonzero, then for those with i > j.
+        torque: Torque of the bodies of the description at a state without symmetry, shape (7,) [N·m].
+        literal_torque: The same torque with the potential energy of equation (2.21) as printed, shape (7,) [N·m].
+        imbalance: Largest absolute value of d/dt (T + U) - τᵀ q̇ along Table A.1 in 20 s [W].
+        literal_imbalance: The same value with U of equation (2.21) as printed [W].
     """
 
     states: int
@@ -82,7 +83,7 @@ class Dynamics:
 
 
 def kinematics(setting: Setting) -> Kinematics:
-    """Compares Table 3.1 with the arm's description."""
+    """Compares Table 3.1 of the thesis with the description of the arm."""
     robot, frames = setting.hanging.dynamics.robot, make_frames(published())
     q = random_states(setting, seed=1).q
     R, p = frames.forward(q)
@@ -103,13 +104,13 @@ def kinematics(setting: Setting) -> Kinematics:
 
 
 def beta_columns(model: DynamicsModel) -> list[int]:
-    """Indices of the inertial parameters in the order of (3.8)."""
+    """Index in `model.parameters` of each inertial parameter, in the order of equation (3.8) of the thesis."""
     names: list[str] = [parameter.name for parameter in model.parameters]
     return [names.index(f"{symbol}_{link + 1}") for link in range(model.n) for symbol in BETA_ORDER]
 
 
 def dynamics(setting: Setting) -> Dynamics:
-    """Compares the Lagrangian regressor with the kernel's, M, C and g, and the effect of the printed sign."""
+    """Compares the Lagrangian regressor with the kernel and with M, C and g, and computes the effect of the sign."""
     model, theta = setting.hanging.dynamics, setting.theta
     frames, states = make_frames(published()), random_states(setting, seed=2)
     gravity, order = np.array(HANGING), beta_columns(model)
@@ -138,7 +139,7 @@ def dynamics(setting: Setting) -> Dynamics:
 
 
 def _torque_of_matrices(model: DynamicsModel, states: Motion, theta: Array) -> Array:
-    """(3.3): M(q) q̈ + C(q, q̇) q̇ + g(q) + friction, shape (N, 7)."""
+    """Torque by equation (3.3) of the thesis: M(q) q̈ + C(q, q̇) q̇ + g(q) + friction, shape (N, 7)."""
     tau = np.einsum("nij,nj->ni", model.mass_matrix(states.q, theta), states.ddq)
     tau += np.einsum("nij,nj->ni", model.coriolis_matrix(states.q, states.dq, theta), states.dq)
     return tau + model.gravity_torque(states.q, theta) + _friction(model, states, theta)
@@ -152,13 +153,16 @@ def _friction(model: DynamicsModel, states: Motion, theta: Array) -> Array:
 
 
 def _triangle(Y: Array) -> tuple[float, float]:
-    """Largest entries of joints' rows in columns of earlier links and of later links, over the largest of all."""
+    """Largest elements of the blocks of earlier and of later links than the joint, divided by the largest of all."""
     blocks = np.abs(Y.reshape(len(Y), 7, 7, 10)).max(axis=(0, 3))  # joint j, link i
     return float(np.tril(blocks, -1).max() / blocks.max()), float(np.triu(blocks, 1).max() / blocks.max())
 
 
 def _imbalance(setting: Setting, model: DynamicsModel, potential: DynamicsModel) -> float:
-    """Largest |d/dt (T + U) - τᵀ q̇| along Table A.1 in 20 s [W]: U of `potential`, τ of the hanging arm."""
+    """Largest absolute value of d/dt (T + U) - τᵀ q̇ along Table A.1 in 20 s [W].
+
+    U is the potential energy of the model `potential`; T and τ are those of the model `model`.
+    """
     plan = setting.train.stretched(DESIGNED)
     motion = plan.sample(BALANCE_RATE)
     bodies = model.nominal_parameters()

@@ -1,4 +1,4 @@
-"""Errata of the thesis, each with the printed form, the correct form, and a number as evidence."""
+"""Errata of the thesis: for each the printed form, the correct form, and a number as evidence."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ NONE = float("nan")
 
 @dataclass(frozen=True, slots=True)
 class Erratum:
-    """One erratum.
+    """Erratum: an error in the thesis and its correction.
 
     Attributes:
         item: Place in the thesis.
         printed: Printed form.
         right: Correct form.
-        shown: Meaning of the two numbers, or the reason where there are none.
-        printed_value: Number from the printed form; NaN without one.
-        right_value: Number from the correct form; NaN without one.
-        typesetting: Whether it may be an error of typesetting, or of the copy of the text in use.
+        shown: Meaning of the two numbers; if there are none, the reason why the printed form is wrong.
+        printed_value: Number that follows from the printed form; NaN if there is none.
+        right_value: Number that follows from the correct form; NaN if there is none.
+        typesetting: Whether it may be an error of typesetting, or of the copy of the thesis that was used.
     """
 
     item: str

@@ -1,9 +1,10 @@
-"""Hyper-dual numbers: a value with two first derivatives and the mixed second one, exact to rounding.
+"""Hyper-dual numbers: a value with two first derivatives and their mixed second derivative, exact to rounding.
 
     x = x0 + x1 ε1 + x2 ε2 + x12 ε1 ε2,    ε1² = ε2² = 0
 
-In the result of a function the part of ε1 is its derivative along the first direction, the part of ε1 ε2 the second
-derivative along both [Fike2011]. There is no truncation error, and no step to choose.
+If a function is evaluated for such numbers, the factor of ε1 in the result is its derivative along the first
+direction, and the factor of ε1 ε2 is its second derivative along both directions [Fike2011]. There is no truncation
+error, and no step size has to be chosen.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ class HyperDual:
     """Array of hyper-dual numbers.
 
     Attributes:
-        parts: Value, the two first derivatives and the mixed second one, shape (4, ...).
+        parts: Value, the two first derivatives and the mixed second derivative, shape (4, ...).
     """
 
     parts: Array
@@ -41,12 +42,12 @@ class HyperDual:
         return HyperDual(self.parts * np.asarray(factor))
 
     def at(self, *index: int) -> HyperDual:
-        """Elements by their last indices."""
+        """Elements selected by their last indices."""
         return HyperDual(self.parts[(..., *index)])
 
 
 def hyper_dual(value: ArrayLike, first: ArrayLike, second: ArrayLike) -> HyperDual:
-    """Numbers with their first derivatives along two directions; shapes are broadcast."""
+    """Hyper-dual numbers with given first derivatives along two directions; shapes are broadcast."""
     parts = np.broadcast_arrays(value, first, second, 0.0)
     return HyperDual(np.stack(parts).astype(np.float64))
 
@@ -57,7 +58,7 @@ def constant(value: ArrayLike) -> HyperDual:
 
 
 def bilinear(product: Callable[[Array, Array], Array], a: HyperDual, b: HyperDual) -> HyperDual:
-    """Bilinear product of two arrays."""
+    """Bilinear product of two arrays, which `product` defines for real arrays."""
     x, y = a.parts, b.parts
     return HyperDual(
         np.stack(

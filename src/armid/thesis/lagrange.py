@@ -1,11 +1,12 @@
-"""Regressor by differentiation of the thesis's Lagrangian, independent of any Newton-Euler recursion.
+"""Regressor by differentiation of the Lagrangian of the thesis, without a Newton-Euler recursion.
 
-The vectors β of (2.33) follow link by link from the frames of Table 3.1 by (3.9), in hyper-dual numbers. The
-regressor is
+The vectors β of equation (2.33) of the thesis are computed link by link from the frames of Table 3.1 by equation
+(3.9), in hyper-dual numbers. The regressor is
 
-    y_ij = d/dt (∂β_i / ∂q̇_j)ᵀ - (∂β_i / ∂q_j)ᵀ        (2.37), (3.6a), (3.42) as it should read
+    y_ij = d/dt (∂β_i / ∂q̇_j)ᵀ - (∂β_i / ∂q_j)ᵀ
 
-with the time derivative along (q̇, q̈). The kernel is not used: only Table 3.1 and its lengths.
+with the time derivative along (q̇, q̈). This is equation (2.37) and (3.6a), and the corrected form of (3.42). The
+kernel is not used, only Table 3.1 and the lengths of the arm.
 """
 
 from __future__ import annotations
@@ -20,25 +21,25 @@ from armid.thesis.published import Published
 from armid.values import Array
 
 BETA_ORDER = ("M", "MX", "MY", "MZ", "XX", "XY", "XZ", "YY", "YZ", "ZZ")
-"""Order of (3.8) without friction."""
+"""Inertial parameters of a link in the order of equation (3.8) of the thesis."""
 
 ANGLES = {"0": 0.0, "π": np.pi, "-π": -np.pi, "π/2": 0.5 * np.pi}
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Frames:
-    """Transforms of Table 3.1, frame by frame, at joint angle zero.
+    """Transforms of Table 3.1 of the thesis, frame by frame, for joint angles of zero.
 
     Attributes:
-        rotation: R_z(φ) R_x(θ), shape (7, 3, 3).
-        translation: [0, d_y, d_z], shape (7, 3) [m].
+        rotation: Rotations R_z(φ) R_x(θ), shape (7, 3, 3).
+        translation: Translations [0, d_y, d_z], shape (7, 3) [m].
     """
 
     rotation: Array
     translation: Array
 
     def forward(self, q: Array) -> tuple[Array, Array]:
-        """(3.1): rotations (N, 7, 3, 3) and origins (N, 7, 3) [m] in the base, for positions (N, 7)."""
+        """Rotations (N, 7, 3, 3) and origins (N, 7, 3) [m] in the base frame for positions (N, 7): equation (3.1)."""
         R, p = np.broadcast_to(np.eye(3), (len(q), 3, 3)), np.zeros((len(q), 3))
         rotations, origins = [], []
         for k in range(len(self.rotation)):
@@ -52,7 +53,7 @@ class Frames:
 
 
 def make_frames(thesis: Published) -> Frames:
-    """Rows of Table 3.1 as rotations and translations."""
+    """Converts the rows of Table 3.1 of the thesis to rotations and translations."""
 
     def length(symbol: str) -> float:
         return 0.0 if symbol == "0" else float(thesis.lengths[int(symbol.removeprefix("d_")) - 1])
@@ -68,16 +69,16 @@ def make_frames(thesis: Published) -> Frames:
 
 
 def lagrangian_terms(frames: Frames, q: HyperDual, dq: HyperDual, gravity: Array) -> HyperDual:
-    """Vectors β of (2.33) for every link, with L_i = β_iᵀ π'_i and U_i = -m_i gravityᵀ p.
+    """Vectors β of equation (2.33) for every link: the Lagrangian is L_i = β_iᵀ π'_i, and U_i = -m_i gravityᵀ p.
 
     Args:
-        frames: Table 3.1.
-        q: Positions (..., 7).
-        dq: Velocities (..., 7).
+        frames: Transforms between the link frames, from Table 3.1 of the thesis.
+        q: Positions, shape (..., 7).
+        dq: Velocities, shape (..., 7).
         gravity: Acceleration of gravity in the base frame, shape (3,) [m/s²]; the thesis prints the opposite sign.
 
     Returns:
-        Vectors of shape (..., 7, 10), in the order of (3.8).
+        Vectors β, shape (..., 7, 10), in the order of equation (3.8) of the thesis.
     """
     zero = q.at(0).times(0.0)
     nothing = stacked([zero, zero, zero])
@@ -107,13 +108,14 @@ def _beta(velocity: HyperDual, turning: HyperDual, origin: HyperDual, R: HyperDu
 
 
 def lagrangian_regressor(frames: Frames, motion: Motion, gravity: Array, *, printed: bool = False) -> Array:
-    """Rigid-body regressor (N, 7, 70) from the Lagrangian, columns link by link in the order of (3.8).
+    """Rigid-body regressor (N, 7, 70) from the Lagrangian, with columns link by link in the order of equation (3.8).
 
     Args:
-        frames: Table 3.1.
-        motion: N states.
-        gravity: Acceleration of gravity as in `lagrangian_terms`.
-        printed: Whether to use (3.42) as printed, with ∂β/∂q_j under the time derivative.
+        frames: Transforms between the link frames, from Table 3.1 of the thesis.
+        motion: Positions, velocities and accelerations at N instants.
+        gravity: Acceleration of gravity, as in `lagrangian_terms`.
+        printed: If true, equation (3.42) is used as the thesis prints it: it differentiates ∂β/∂q_j in time. The
+            correct equation differentiates ∂β/∂q̇_j.
     """
     along = np.eye(motion.n)[:, None, :]  # directions j, shape (7, 1, 7)
     first_q, first_dq = (along, 0.0) if printed else (0.0, along)
@@ -127,7 +129,7 @@ def lagrangian_regressor(frames: Frames, motion: Motion, gravity: Array, *, prin
 
 
 def lagrangian_mass(frames: Frames, q: Array, parameters: Array) -> Array:
-    """Mass matrix M = ∂²L / ∂q̇ ∂q̇, shape (N, 7, 7), for parameters (7, 10) in the order of (3.8)."""
+    """Mass matrix M = ∂²L / ∂q̇ ∂q̇, shape (N, 7, 7), for inertial parameters (7, 10) in the order of (3.8)."""
     n = q.shape[1]
     one, other = np.eye(n)[:, None, None, :], np.eye(n)[None, :, None, :]
     dq = hyper_dual(np.zeros_like(q), one, other)
@@ -146,7 +148,7 @@ def _alike(a: HyperDual, b: HyperDual) -> tuple[HyperDual, HyperDual]:
 
 
 def _turned(rotation: HyperDual, angle: HyperDual) -> HyperDual:
-    """Rotation · R_z(angle)."""
+    """Product of a rotation and R_z(angle)."""
     c, s = cosine(angle), sine(angle)
     zero, one = angle.times(0.0), constant(np.ones(angle.parts.shape[1:]))
     rows = [stacked([c, zero - s, zero]), stacked([s, c, zero]), stacked([zero, zero, one])]

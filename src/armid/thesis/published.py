@@ -1,4 +1,4 @@
-"""Published data of the thesis: tables, condition number, and formulas as sums of columns and parameters."""
+"""Published data of the thesis: tables, condition number, and formulas as sums of parameters or columns."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from armid.values import Array
 
 @dataclass(frozen=True, slots=True)
 class Summand:
-    """Summand of a parameter or column, such as 2 (d_3 + d_4)² M_4.
+    """Summand with a parameter or a column, for instance 2 (d_3 + d_4)² M_4.
 
     Attributes:
-        name: Name of the parameter.
+        name: Name of the parameter or column.
         factor: Numerical factor.
-        lengths: Numbers of the lengths in the sum.
-        power: Exponent of the sum of lengths; 0 for none.
+        lengths: Numbers i of the lengths d_i in the sum of lengths.
+        power: Exponent of the sum of lengths; 0 if the summand contains no lengths.
     """
 
     name: str
@@ -36,17 +36,17 @@ Sum = tuple[Summand, ...]
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Published:
-    """Published numbers of the thesis [Halper2024].
+    """Published data of the thesis [Halper2024].
 
     Attributes:
-        condition: Condition number of section 4.1.
-        lengths: d_1 to d_7 of the arm [m]; the thesis gives them as symbols.
+        condition: Condition number in section 4.1.
+        lengths: Lengths d_1 to d_7 of the arm [m]; the thesis gives only the symbols.
         frames: Rows of Table 3.1: d_y, d_z, φ, θ, ψ.
-        base: Table 4.1: value and relative deviation [%] of each base parameter.
-        physical: Table 4.2: rows as (3.40), shape (7, 12).
-        columns: Lines of (A.1): removed column, its printed label, and its correct and printed sum; `None` where the
-            print cannot be read as a sum.
-        groupings: Lines of (3.39): base parameter and sum.
+        base: Table 4.1: value and relative standard deviation [%] of each base parameter.
+        physical: Table 4.2: one row for each link, in the order of equation (3.40), shape (7, 12).
+        columns: Lines of equation (A.1): removed column, its printed label, its correct sum and its printed sum. The
+            printed sum is `None` if the print cannot be read as a sum.
+        groupings: Lines of equation (3.39): base parameter and its sum of standard parameters.
     """
 
     condition: float
@@ -59,12 +59,12 @@ class Published:
 
 
 def weight(summand: Summand, lengths: Array) -> float:
-    """Factor of a summand's parameter."""
+    """Factor with which a summand multiplies its parameter or column."""
     return summand.factor * float(sum(lengths[i - 1] for i in summand.lengths)) ** summand.power
 
 
 def formula(terms: Sum) -> str:
-    """Sum as text, `0` where it is empty."""
+    """Sum as text; `0` if it is empty."""
     if not terms:
         return "0"
     text = " ".join(_written(each, first=k == 0) for k, each in enumerate(terms))
@@ -82,7 +82,7 @@ def _written(each: Summand, *, first: bool) -> str:
 
 @cache
 def published() -> Published:
-    """Reads the published numbers, once."""
+    """Published data of the thesis; the file is read once."""
     table: dict[str, Any] = json.loads((Path(__file__).parent / "published.json").read_text(encoding="utf-8"))
     return Published(
         float(table["condition"]),

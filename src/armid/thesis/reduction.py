@@ -1,4 +1,4 @@
-"""Section 3.1.4 and the appendix: zero columns, dependent columns, base parameters, and Algorithm 1."""
+"""Section 3.1.4 and appendix of the thesis: zero and dependent columns, base parameters, and Algorithm 1."""
 
 from __future__ import annotations
 
@@ -15,24 +15,25 @@ from armid.thesis.setting import HANGING, Setting, random_states
 from armid.values import Array
 
 GAP = 1e-10
-"""Ratio of a singular value to the largest below which columns are dependent: rounding gives 1e-15, independent
-columns more than 1e-2."""
+"""Ratio of a singular value and the largest one, below which columns are dependent. Rounding gives about 1e-15,
+independent columns give more than 1e-2."""
 
 ALIKE = 1e-12
-"""Largest relative difference that counts as rounding."""
+"""Largest relative difference that counts as a rounding error."""
 
 
 @dataclass(frozen=True, slots=True)
 class Dependence:
-    """Line of (A.1).
+    """Line of equation (A.1) of the thesis: a removed column as a sum of other columns.
 
     Attributes:
-        column: Removed column.
+        column: Name of the removed column.
         label: Printed label.
-        printed: Printed sum; empty where it cannot be read as a sum.
+        printed: Printed sum; empty if the print cannot be read as a sum.
         right: Correct sum.
-        printed_error: Error of the printed line over the larger side, 0 within rounding; NaN where unreadable.
-        right_error: Error of the correct line.
+        printed_error: Largest difference of the sides of the printed line, divided by the largest element of both
+            sides; NaN if the print cannot be read.
+        right_error: The same ratio for the correct line.
     """
 
     column: str
@@ -45,12 +46,12 @@ class Dependence:
 
 @dataclass(frozen=True, slots=True)
 class Grouping:
-    """Line of (3.39).
+    """Line of equation (3.39) of the thesis: a base parameter as a sum of standard parameters.
 
     Attributes:
         name: Name of the base parameter.
         printed: Printed sum.
-        error: Largest difference of a coefficient from that of the geometry.
+        error: Largest difference between a printed coefficient and the one that is computed from the geometry.
     """
 
     name: str
@@ -60,14 +61,16 @@ class Grouping:
 
 @dataclass(frozen=True, slots=True)
 class Identity:
-    """Identity between β of one link and those of the links before it.
+    """Identity that expresses an element of the vector β of one link by elements of β of the links before it.
 
     Attributes:
-        number: Number in the thesis.
-        printed: Printed form, where names denote their β.
-        error: Largest difference between the sides over the largest β of its kind, at random states.
-        right: Correct form, where the print is wrong.
-        right_error: Error of the correct form.
+        number: Equation number in the thesis, (3.18) to (3.30).
+        printed: Identity as the thesis prints it. The name of a parameter stands for the element of β that belongs to
+            that parameter.
+        error: Largest difference between the two sides at random states, divided by the largest absolute value of the
+            left side.
+        right: Correct identity, if the printed one is wrong; otherwise empty.
+        right_error: The same ratio as `error` for the correct identity.
     """
 
     number: str
@@ -79,19 +82,20 @@ class Identity:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Reduction:
-    """Results of section 3.1.4.
+    """Results of section 3.1.4 of the thesis.
 
     Attributes:
-        columns: Number of columns of Y.
+        columns: Number of columns of the regressor Y.
         zero: Names of the zero columns.
         rank: Number of independent columns.
-        singular: Smallest nonzero and largest zero singular value, over the largest.
-        removed: Removed parameters π_r of (3.33).
-        names: Base parameters π_b of (3.38).
-        dependences: Lines of (A.1).
-        groupings: Lines of (3.39).
-        identities: Identities (3.18) to (3.30).
-        torque_error: Largest difference of Y_b π_b(π(μ)) from τ(μ) in Algorithm 1, over the largest torque.
+        singular: Smallest singular value that is not zero, and largest one that is zero within rounding, both divided
+            by the largest singular value.
+        removed: Removed parameters, π_r of equation (3.33).
+        names: Base parameters, π_b of equation (3.38).
+        dependences: Lines of equation (A.1).
+        groupings: Lines of equation (3.39).
+        identities: Identities between (3.18) and (3.30).
+        torque_error: Largest difference of Y_b π_b(π(μ)) and τ(μ) in Algorithm 1, divided by the largest torque.
     """
 
     columns: int
@@ -107,7 +111,7 @@ class Reduction:
 
 
 def reduction(setting: Setting) -> Reduction:
-    """Checks each printed line of the base reduction against the regressor."""
+    """Checks each printed line of the reduction to base parameters against the regressor."""
     model, base = setting.hanging.dynamics, setting.hanging.base
     states = random_states(setting, seed=3)
     Y = model.regressor(states)
@@ -134,12 +138,12 @@ def reduction(setting: Setting) -> Reduction:
 
 
 def standard_of_physical(model: DynamicsModel, physical: Array, *, printed: bool = False) -> Array:
-    """Standard parameters π(μ) of (3.7), shape (84,).
+    """Standard parameters π(μ) of equation (3.7) of the thesis, shape (84,).
 
     Args:
-        model: Rigid bodies, viscous and Coulomb friction.
-        physical: Rows as (3.40), shape (7, 12).
-        printed: Whether to use YY_i as printed, with r_y² + r_z².
+        model: Model with rigid bodies, viscous and Coulomb friction.
+        physical: Physical parameters, one row for each link in the order of equation (3.40), shape (7, 12).
+        printed: If true, YY_i is computed as the thesis prints it, with r_y² + r_z²; the correct sum is r_x² + r_z².
     """
     names: list[str] = [parameter.name for parameter in model.parameters]
     theta = np.zeros(len(names))
@@ -154,7 +158,7 @@ def standard_of_physical(model: DynamicsModel, physical: Array, *, printed: bool
 
 
 def physical_of_standard(model: DynamicsModel, theta: Array) -> Array:
-    """Physical parameters μ(π) by rows as (3.40), shape (7, 12)."""
+    """Physical parameters μ(π), one row for each link in the order of equation (3.40), shape (7, 12)."""
     names: list[str] = [parameter.name for parameter in model.parameters]
     rows: list[list[float]] = []
     for k, own in enumerate(model.inertial_columns.reshape(-1, 10)):
@@ -177,7 +181,7 @@ def _dependence(columns: dict[str, Array], name: str, label: str, right: Sum, pr
 
 
 def _column_error(columns: dict[str, Array], name: str, terms: Sum) -> float:
-    """Largest difference between a column and a sum of columns, over the larger of the two."""
+    """Largest difference between a column and a sum of columns, divided by the largest element of both."""
     zero = np.zeros_like(columns[name])
     total = sum((weight(each, published().lengths) * columns[each.name] for each in terms), zero)
     difference = float(np.abs(columns[name] - total).max())
@@ -195,7 +199,7 @@ def _grouping(setting: Setting, name: str, terms: Sum) -> Grouping:
 
 
 def _identities(setting: Setting) -> tuple[Identity, ...]:
-    """Identities (3.18), (3.23), (3.26), (3.29) and (3.30) for every link to which they apply."""
+    """Identities (3.18), (3.23), (3.26), (3.29) and (3.30) of the thesis, for all links to which they apply."""
     states, d = random_states(setting, seed=4), published().lengths
     terms = lagrangian_terms(
         make_frames(published()), constant(states.q), constant(states.dq), np.array(HANGING)

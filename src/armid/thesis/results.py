@@ -1,4 +1,4 @@
-"""Chapter 4: parameter tables in the thesis's form; measured and predicted torque and their difference."""
+"""Chapter 4 of the thesis: tables of parameters, and measured and predicted torque with their difference."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from armid.validation.smallest_mass_matrix import worst_along
 from armid.values import Array
 
 BAND = 0.1
-"""Share of a joint's torque range at which Figure 4.3 has lines."""
+"""Share of the range of a joint's torque at which Figure 4.3 of the thesis has horizontal lines."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Table41:
-    """Base parameters in the form of Table 4.1.
+    """Base parameters in the form of Table 4.1 of the thesis.
 
     Attributes:
         values: Base parameters, shape (57,).
         relative: Relative standard deviations for white residuals [%], shape (57,).
-        below_ten: Number of these below 10 %.
-        mass_matrix: Smallest eigenvalue of M(q) along Table A.2 [kg·m²].
+        below_ten: Number of relative standard deviations below 10 %.
+        mass_matrix: Smallest eigenvalue of the mass matrix M(q) along Table A.2 [kg·m²].
     """
 
     values: Array
@@ -37,16 +37,17 @@ class Table41:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Pictures:
-    """Data of figures 4.2 and 4.3 over one period.
+    """Data of Figures 4.2 and 4.3 of the thesis, over one period.
 
     Attributes:
         time: Time of each sample, shape (N,) [s].
         measured: Processed torque, shape (N, 7) [N·m].
-        base: Prediction by base parameters, shape (N, 7) [N·m].
-        physical: Prediction by physical parameters, shape (N, 7) [N·m].
-        band: A tenth of each joint's torque range, shape (7,) [N·m].
-        rms: RMS of measured less predicted, by base and by physical parameters, shape (2, 7) [N·m].
-        beyond: Share of samples outside ± band, by base parameters, shape (7,).
+        base: Torque predicted with the base parameters, shape (N, 7) [N·m].
+        physical: Torque predicted with the physical parameters, shape (N, 7) [N·m].
+        band: A tenth of the range of each joint's torque, shape (7,) [N·m].
+        rms: RMS of measured minus predicted torque, first with the base and then with the physical parameters, shape
+            (2, 7) [N·m].
+        beyond: Share of samples whose difference, with the base parameters, is outside ± `band`, shape (7,).
     """
 
     time: Array
@@ -60,19 +61,19 @@ class Pictures:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Results:
-    """Results of chapter 4 on the virtual arm.
+    """Results of chapter 4 of the thesis, computed for the virtual arm.
 
     Attributes:
-        names: π_b of (3.38).
+        names: Names of the base parameters, π_b of equation (3.38).
         truth: True base parameters, shape (57,).
-        printed: Table 4.1 by Algorithm 3 as printed.
-        corrected: Table 4.1 with filtered columns.
-        wrong: Base parameters with filtered columns for the printed sign of gravity, shape (57,).
-        printed_physical: Table 4.2 by Algorithm 3 as printed, shape (7, 12).
-        corrected_physical: Table 4.2 with filtered columns, shape (7, 12).
-        true_physical: True values, of which only the base parameters are identifiable, shape (7, 12).
-        printed_pictures: Figures 4.2 and 4.3 by Algorithm 3 as printed.
-        corrected_pictures: The same with filtered columns.
+        printed: Table 4.1, estimated by Algorithm 3 as printed.
+        corrected: Table 4.1, estimated with filtered columns.
+        wrong: Base parameters estimated with filtered columns and the printed sign of gravity, shape (57,).
+        printed_physical: Table 4.2, estimated by Algorithm 3 as printed, shape (7, 12).
+        corrected_physical: Table 4.2, estimated with filtered columns, shape (7, 12).
+        true_physical: True physical parameters, shape (7, 12); the torque determines only their base parameters.
+        printed_pictures: Data of Figures 4.2 and 4.3 for Algorithm 3 as printed.
+        corrected_pictures: Data of Figures 4.2 and 4.3 with filtered columns.
     """
 
     names: tuple[str, ...]
@@ -88,7 +89,7 @@ class Results:
 
 
 def results(setting: Setting, estimates: Estimates) -> Results:
-    """Computes Tables 4.1 and 4.2 and the data of Figures 4.2 and 4.3."""
+    """Computes Tables 4.1 and 4.2 of the thesis, and the data of Figures 4.2 and 4.3."""
     model = setting.hanging.dynamics
     return Results(
         setting.hanging.base.names,
@@ -116,14 +117,14 @@ def _table(setting: Setting, fitted: Fitted) -> Table41:
 
 
 def _physical(setting: Setting, fitted: Fitted) -> Array:
-    """Rows as (3.40), shape (7, 12)."""
+    """Physical parameters of an estimate, one row for each link in the order of equation (3.40), shape (7, 12)."""
     standard = fitted.fit.standard
     assert standard is not None  # estimators of bodies have them
     return physical_of_standard(setting.hanging.dynamics, standard.values)
 
 
 def _pictures(base: Fitted, physical: Fitted) -> Pictures:
-    """Torques on the output grid; predictions are filtered where the columns are."""
+    """Torques on the output grid; predictions are filtered if the columns are filtered."""
     (run,) = base.observations.runs
     band, rows = base.observations.band, run.rows
     measured = filtered_torque(run, band)[rows]

@@ -1,4 +1,4 @@
-"""Run of the whole reference study, and the record of its numbers."""
+"""Run of the whole study of the thesis, and the record of its numbers."""
 
 from __future__ import annotations
 
@@ -22,27 +22,27 @@ from armid.thesis.results import Pictures, Results, results
 from armid.thesis.setting import Extent, Setting, Tell, make_setting
 
 NEEDED = {"mujoco": "lab", "casadi": "nlp"}
-"""Required packages with their extras, checked before the work begins."""
+"""Required packages and the extras that install them; they are checked before the study begins."""
 
 SHARES = {"model": (0.0, 0.03), "Algorithm 3": (0.03, 0.45), "Algorithm 2": (0.45, 0.96), "audit": (0.96, 1.0)}
-"""Begin and end of each chapter as shares of the whole time."""
+"""Begin and end of each part of the study, as shares of the whole time."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Thesis:
-    """Results of the study, chapter by chapter.
+    """Results of the study of the thesis, chapter by chapter.
 
     Attributes:
-        setting: Arm, truth and motions.
-        kinematics: Section 3.1.1.
-        dynamics: Sections 2.2 and 3.1.2.
-        reduction: Section 3.1.4 and (A.1).
-        steps: Section 3.2, step by step.
-        designs: Section 3.3, Algorithm 2.
-        results: Chapter 4 on the virtual arm.
-        audit: The published results.
+        setting: Arm, true parameters and motions.
+        kinematics: Results of section 3.1.1.
+        dynamics: Results of sections 2.2 and 3.1.2.
+        reduction: Results of section 3.1.4 and equation (A.1).
+        steps: Results of section 3.2, step by step.
+        designs: Results of section 3.3 and Algorithm 2.
+        results: Results of chapter 4, on the virtual arm.
+        audit: Audit of the published results.
         errata: Errata of the thesis.
-        seconds: Wall time.
+        seconds: Wall time of the study [s].
     """
 
     setting: Setting
@@ -58,11 +58,11 @@ class Thesis:
 
 
 def retell(extent: Extent | None = None, *, progress: Tell | None = None) -> Thesis:
-    """Runs the study.
+    """Runs the study of the thesis.
 
     Args:
-        extent: Extent of the run; the whole study where not given.
-        progress: Callback with the chapter and its finished share.
+        extent: Extent of the run; if `None`, the whole study.
+        progress: Callback with the name of the part and the share of the study that is done.
 
     Raises:
         MissingExtraError: MuJoCo or CasADi is not installed.
@@ -96,11 +96,11 @@ def _silent(chapter: str, share: float) -> None:
 
 
 SERIES = {"time", "measured", "base", "physical"}
-"""Fields of `Pictures` that are lines of a figure."""
+"""Fields of `Pictures` that are lines of figures; they are left out of the record."""
 
 
 def thesis_record(thesis: Thesis) -> dict[str, Any]:
-    """Contents of `thesis.json`: every number of the study except the lines of its figures."""
+    """Content of `thesis.json`: all numbers of the study except the lines of its figures."""
     return {
         field.name: _record(getattr(thesis, field.name))
         for field in dataclasses.fields(thesis)

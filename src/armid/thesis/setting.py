@@ -1,4 +1,4 @@
-"""Common setting of all chapters: the hanging arm, its model under both signs of gravity, and the true parameters."""
+"""Setting that all chapters share: the hanging arm, its models with both signs of gravity, the true parameters."""
 
 from __future__ import annotations
 
@@ -18,28 +18,28 @@ from armid.robot import load_robot
 from armid.values import Array
 
 HANGING, LITERAL = (0.0, 0.0, 9.81), (0.0, 0.0, -9.81)
-"""Gravity as an acceleration in the base of the hanging arm, and with the sign of the thesis's equations."""
+"""Acceleration of gravity in the base frame of the hanging arm [m/s²], and the same with the sign of the thesis."""
 
 PERIOD, DESIGNED = 27.0, 20.0
-"""Duration of Table A.1 on the arm, and in its design [s]."""
+"""Period of Table A.1 on the arm and in its design [s]."""
 
 Tell = Callable[[str, float], None]
-"""Callback with the name of the chapter and its finished share."""
+"""Callback with the name of the part and the share of the study that is done."""
 
 
 @dataclass(frozen=True, slots=True)
 class Extent:
-    """Extent of a study run.
+    """Extent of a run of the study.
 
     Attributes:
-        seeds: Seeds of the noise over which medians are taken.
-        starts: Random starts of Algorithm 2.
-        stages: Stages of each descent, from smoothed to exact criterion.
-        rate: Sample rate of recordings along the exact motion [Hz]; the noise of their mean does not depend on it.
+        seeds: Number of seeds of the noise; medians are taken over them.
+        starts: Number of random starts of Algorithm 2.
+        stages: Number of stages of each descent, from a smoothed to the exact criterion.
+        rate: Sample rate of recordings along the exact motion [Hz]; the noise density does not depend on it.
         lab_rate: Sample rate of closed-loop recordings [Hz].
         physics_rate: Step rate of the closed-loop simulation [Hz].
-        repetitions: Repetitions in each closed-loop recording.
-        searches: Random starts of the nonlinear program (3.52).
+        repetitions: Number of repetitions in each closed-loop recording.
+        searches: Number of random starts of the nonlinear program, equation (3.52) of the thesis.
         poses: Number of random poses and states at which identities are checked.
     """
 
@@ -57,29 +57,29 @@ class Extent:
 QUICK = Extent(
     seeds=2, starts=1, stages=3, rate=1000.0, lab_rate=500.0, physics_rate=2000.0, repetitions=1, searches=1, poses=50
 )
-"""Smallest extent that has every chapter."""
+"""Smallest extent with which all chapters have results."""
 
 
 def extent_of(*, quick: bool = False, seeds: int | None = None, starts: int | None = None) -> Extent:
-    """Extent with some of its numbers replaced."""
+    """Whole or quick extent, with other numbers of seeds and starts if they are given."""
     extent = QUICK if quick else Extent()
     return replace(extent, seeds=seeds or extent.seeds, starts=starts or extent.starts)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class ReferenceModel:
-    """Model of the arm under one sign of gravity.
+    """Model of the arm with one of the two signs of gravity.
 
     Attributes:
-        dynamics: Rigid bodies, viscous and Coulomb friction of width zero.
-        base: The 57 base parameters of (3.38).
+        dynamics: Model with rigid bodies, viscous friction, and Coulomb friction of width zero.
+        base: The 57 base parameters of equation (3.38).
     """
 
     dynamics: DynamicsModel
     base: BaseParameters
 
     def theta(self, values: Array) -> Array:
-        """Standard parameters (p,) that give the torque of base parameters (b,); those that are not kept are zero."""
+        """Standard parameters (p,) with the torque of base parameters (b,); parameters that are not kept are zero."""
         theta = np.zeros(len(self.dynamics.parameters))
         theta[self.base.kept] = values
         return theta
@@ -91,13 +91,14 @@ class ReferenceModel:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Setting:
-    """Common setting of all chapters.
+    """Setting that all chapters share.
 
     Attributes:
         hanging: Model of the hanging arm.
-        literal: The same for the printed sign of (2.21) and (2.33).
-        theta: Standard parameters of the virtual arm (p,): bodies of the description, friction of Table 4.1.
-        truth: Base parameters of the virtual arm (57,).
+        literal: Model with the sign of gravity that equations (2.21) and (2.33) print.
+        theta: True standard parameters of the virtual arm, shape (p,): bodies of the description, friction of Table
+            4.1.
+        truth: True base parameters of the virtual arm, shape (57,).
         train: Table A.1, stretched to 27 s.
         unseen: Table A.2, stretched to 27 s.
         extent: Extent of the run.
@@ -119,7 +120,7 @@ def _model(gravity: tuple[float, float, float]) -> ReferenceModel:
 
 
 def make_setting(extent: Extent) -> Setting:
-    """Makes the arm, its true parameters and its motions."""
+    """Makes the models of the arm, its true parameters and its motions."""
     hanging, literal = _model(HANGING), _model(LITERAL)
     theta = thesis_truth(hanging.dynamics)
     return Setting(
@@ -134,7 +135,7 @@ def make_setting(extent: Extent) -> Setting:
 
 
 def random_states(setting: Setting, seed: int) -> Motion:
-    """Random states within the joint limits, velocities to 2 rad/s, accelerations to 5 rad/s²."""
+    """Random states with positions within the joint limits, velocities to 2 rad/s and accelerations to 5 rad/s²."""
     rng, joints = np.random.default_rng(seed), setting.hanging.dynamics.robot.joints
     low, high = np.array([joint.position_limits for joint in joints]).T
     shape = (setting.extent.poses, len(joints))

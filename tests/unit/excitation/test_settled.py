@@ -1,4 +1,4 @@
-"""Searches that time ended: told where the plan was still improving, and not where it had settled."""
+"""Searches that reach their time limit: reported if the plan was still improving, not if it had converged."""
 
 import math
 
@@ -19,8 +19,8 @@ def searched(*descents, seconds=10.2, interrupted=False):
 
 def test_descents_that_time_cut_short_are_told():
     found = unsettled(searched((10.1, 0.5), (10.2, 0.1)), "d-optimal", 10.0)
-    assert found is not None and "before any descent had come to its end" in found.evidence
-    assert (found.severity, found.remedy) == ("warning", "search longer, as with --budget 60.")
+    assert found is not None and "before the first descent was completed" in found.evidence
+    assert (found.severity, found.remedy) == ("warning", "give the search more time, for instance --budget 60.")
 
 
 @pytest.mark.parametrize(("criterion", "change"), [("d-optimal", 2.0), ("condition", 1.0)])
@@ -28,7 +28,7 @@ def test_what_the_last_descents_gained_is_told_by_its_measure(criterion, change)
     """A step of the criterion that makes deviations, or the condition number, smaller by a fifth."""
     step = -change * math.log(0.8)
     found = unsettled(searched((3.0, 1.0), (7.0, 1.0), (9.0, 1.0 - step), (10.2, 1.0 - step)), criterion, 10.0)
-    assert found is not None and "the last 3 descents" in found.evidence and "smaller by 20 %" in found.evidence
+    assert found is not None and "the last 3 descents" in found.evidence and "by 20 %" in found.evidence
     assert ("condition number" in found.evidence) == (criterion == "condition")
 
 

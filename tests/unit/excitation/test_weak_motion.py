@@ -59,8 +59,8 @@ def test_a_joint_that_hardly_moves_is_named_and_no_limit_is_blamed():
     x[1] *= 0.01
     found = weak_motion(problem, (0.6 * x).ravel(), limits, settled=False)
     assert found.channel == "shoulder_lift_joint, shoulder_pan_joint"
-    assert "Slowest joints: shoulder_lift_joint 1 %" in found.evidence and "would break" not in found.evidence
-    assert "time ended the search" in found.evidence and "a longer --budget" in found.remedy
+    assert "Slowest joints: shoulder_lift_joint 1 %" in found.evidence and "would exceed" not in found.evidence
+    assert "the search reached its time limit" in found.evidence and "a longer --budget" in found.remedy
 
 
 @pytest.fixture(scope="module")
@@ -86,7 +86,7 @@ def test_every_account_says_what_a_weak_plan_is(held):
     assert "--limit JOINT.effort=VALUE" in finding.remedy and "--start" in finding.remedy
     sentence = "every limit holds; collisions not checked: left out (--no-collision); but the motion is too weak"
     text, page, record = report_text(held), render_preflight(held), report_record(held)
-    assert text.startswith(f"! {sentence}") and "up to 3 is usable" in text
-    assert f'<p class="verdict fail"><b>! {sentence}' in page and "up to 3 is usable" in page
+    assert text.startswith(f"! {sentence}") and "at most 3 is usable" in text
+    assert f'<p class="verdict fail"><b>! {sentence}' in page and "at most 3 is usable" in page
     assert record["verdict"] == "weak" and record["said"].startswith(sentence)
     assert [each["code"] for each in record["findings"]].count("motion-weak") == 1

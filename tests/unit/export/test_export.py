@@ -90,7 +90,7 @@ def test_children_too_large_for_the_link_are_scaled_and_it_is_said(tmp_path: Pat
     theta[model.inertial_columns] = light.ravel()
     exported = export_run(run_with(tmp_path / "run", source, model, theta, locked=LOCKED), "urdf")
     assert codes(exported)["children-scaled"].startswith(
-        "one: with plate as described, the rest of the identified link"
+        "one: with the inertia of plate in the description, the rest of the identified link"
     )
     again = load_robot(exported.path, locked=LOCKED).inertial_vector
     np.testing.assert_allclose(again, light, rtol=0, atol=1e-14)
@@ -126,8 +126,8 @@ def test_an_mjcf_keeps_its_text_and_gets_attributes(tmp_path: Path):
         r"<joint name=\"a\" axis=\"0 0 1\" damping='\S+' range=\"-90 90\" frictionloss=\"\S+\" arm", found
     )
     assert '<inertial pos="0.0 0.0 0.0" mass="0.0" diaginertia="0.0 0.0 0.0"/><geom mesh="shell"/></body>' in found
-    assert codes(exported)["mesh-mass-removed"].startswith("cover: other programs compute its inertia")
-    assert "ball keeps what the description says" in codes(exported)["difference-taken"]
+    assert codes(exported)["mesh-mass-removed"].startswith("cover: other programs would compute its inertia")
+    assert "ball keeps the inertia of the description" in codes(exported)["difference-taken"]
 
 
 def test_what_an_mjcf_includes_is_put_in_its_place(tmp_path: Path):
@@ -252,7 +252,7 @@ def test_links_of_no_body_are_named_and_refused(tmp_path: Path):
 def test_the_description_is_never_written_over(tmp_path: Path):
     source = write(tmp_path, URDF)
     run = run_of(tmp_path / "run", source, locked=LOCKED)
-    with pytest.raises(OutputError, match="is the description itself, or a part of it"):
+    with pytest.raises(OutputError, match="this file is the description or a part of it"):
         export_run(run, "urdf", out=tmp_path / "run" / ".." / "odd.urdf")
     assert source.read_text() == URDF
 
@@ -262,7 +262,7 @@ def test_what_another_run_or_hand_has_written_is_never_written_over(tmp_path: Pa
     run = run_of(tmp_path / "run", write(tmp_path, URDF), locked=LOCKED)
     out = tmp_path / "arm.out"
     out.write_text("by hand")
-    with pytest.raises(OutputError, match="would be overwritten, and is not an export of"):
+    with pytest.raises(OutputError, match="would be overwritten, but it is not an earlier export of"):
         export_run(run, to, out)
     assert out.read_text() == "by hand"
     out.unlink()

@@ -66,7 +66,7 @@ def test_an_unknown_language_is_refused(run: Run, tmp_path: Path):
 
 def test_code_that_is_not_the_model_is_not_written(run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(code, "AGREEMENT", 0.0)
-    with pytest.raises(OutputError, match="would differ from the model"):
+    with pytest.raises(OutputError, match="The code differs"):
         export_code(run, "c", tmp_path / "code")
     assert not (tmp_path / "code").exists()
 
@@ -87,7 +87,7 @@ def test_code_of_another_run_is_never_written_over(run: Run, language: str, tmp_
     changed = replace(run.estimate, fit=replace(fit, values=1.1 * fit.values))
     other = replace(run, estimate=replace(changed, made_from=(InputDigest("options", "of another run"),)))
     before = [path.read_bytes() for path in files]
-    with pytest.raises(OutputError, match="would be overwritten, and is not an export of"):
+    with pytest.raises(OutputError, match="would be overwritten, but it is not an earlier export of"):
         export_code(other, language, tmp_path / "code")
     assert [path.read_bytes() for path in files] == before
     assert export_code(replace(run, estimate=changed), language, tmp_path / "code").files == files  # the run anew

@@ -65,7 +65,7 @@ def test_limits_that_are_known_are_written(tmp_path):
 
 def test_joints_with_stops_ask_for_theirs(tmp_path):
     made = run(tmp_path, lift="velocity = 2", slide="")
-    with pytest.raises(OutputError, match="lacks some of lift, slide") as caught:
+    with pytest.raises(OutputError, match="are missing: lift, slide") as caught:
         export_run(made, "urdf", tmp_path / "out.urdf")
     assert not (tmp_path / "out.urdf").exists() and not list(tmp_path.glob("*.armid.json"))
     option = caught.value.remedy.partition("--limit ")[2]
@@ -82,7 +82,7 @@ def test_joints_with_stops_ask_for_theirs(tmp_path):
 def test_everything_that_is_missing_is_asked_for_at_once(tmp_path):
     """One option line, also of a continuous joint, which needs no limits; no finding asks for more afterwards."""
     made = run(tmp_path, turn="effort = 5", lift="velocity = 2")
-    with pytest.raises(OutputError, match=r"some of lift \(and of turn") as caught:
+    with pytest.raises(OutputError, match=r"are missing: lift \(and of turn") as caught:
         export_run(made, "urdf", tmp_path / "out.urdf")
     option = caught.value.remedy.partition("--limit ")[2]
     assert option == "turn.velocity=2,lift.effort=100"
@@ -115,7 +115,7 @@ def test_no_limit_of_zero_anywhere(tmp_path):
 
 def test_limits_of_an_edited_description_stay(tmp_path):
     first = export_run(run(tmp_path, turn=BOTH), "urdf", tmp_path / "arm.urdf").path
-    with pytest.raises(OutputError, match="keeps its limits"):
+    with pytest.raises(OutputError, match="its limits are kept"):
         export_run(run_of(tmp_path / "b", first), "urdf", limits={("turn", "effort"): 3.0})
     with pytest.raises(ArmidError, match="no joint 'wrist'"):
         export_run(run(tmp_path), "urdf", tmp_path / "c.urdf", limits={("wrist", "effort"): 3.0})

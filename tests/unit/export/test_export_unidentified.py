@@ -46,7 +46,7 @@ def test_links_that_nothing_tells_are_refused_and_named(tmp_path, to):
         OutputError, match=r"Torques do not determine the mass of link_1 \(.* kg\), and the description"
     ) as caught:
         export_run(run, to, tmp_path / "out")
-    assert "--allow-unidentified" in caught.value.possible and "rough masses" in caught.value.remedy
+    assert "--allow-unidentified" in caught.value.possible and "approximate masses" in caught.value.remedy
     assert not (tmp_path / "out").exists()
     exported = export_run(run, to, tmp_path / "out", allow_unidentified=True)
     assert [f.severity for f in exported.findings if f.code == "unidentified"] == ["warning"]
@@ -82,9 +82,9 @@ def test_nearest_says_to_what_and_which_distance_is_least(tmp_path):
     assert kind == "nearest" and "nearest to the description" in text and "pseudo-inertia" in text
     bare = table(tmp_path, 0, 0)
     _, text = said(run_of(tmp_path / "b", bare), nearest=True)
-    assert "description" not in text.replace("the description gives no masses", "") and "estimate" in text
+    assert "description" not in text.replace("the description contains no masses", "") and "estimate" in text
     _, text = said(run_of(tmp_path / "c", bare, standard=False))
-    assert "nearest to the description" not in text and "least" in text
+    assert "nearest to the description" not in text and "smallest mass" in text
 
 
 def test_the_distance_that_is_said_is_least(tmp_path):

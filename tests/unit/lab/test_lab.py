@@ -86,11 +86,11 @@ def test_a_file_says_everything(tmp_path: Path):
         ({"controller": {"compliance": 0.0}}, "must be positive"),
         ({"drive": {"bandwidth": -1.0}}, "must not be negative"),
         ({"sensing": {"position": {"noice": 1.0}}}, "has no key 'noice'"),
-        ({"arm": {"friction": {"viscous": [1.0]}}}, "lacks coulomb"),
+        ({"arm": {"friction": {"viscous": [1.0]}}}, "these keys are missing: coulomb"),
         ({"arm": {"friction": {"viscous": ["x"], "coulomb": [1.0]}}}, "must be an array of numbers"),
         ({"arm": {"effects": "rotor"}}, "must be a list"),
-        ({"faults": [{"kind": "magic"}]}, "no kind 'magic'"),
-        ({"faults": [{"share": 0.1}]}, "has no kind"),
+        ({"faults": [{"kind": "magic"}]}, "unknown kind of fault 'magic'"),
+        ({"faults": [{"share": 0.1}]}, "unknown kind of fault"),
         ({"faults": [{"kind": "gap", "share": 0.1}]}, "has no key 'share'"),
     ],
 )
@@ -224,7 +224,7 @@ def test_what_the_real_arm_could_not_do_is_said():
     assert not simulation_findings(simulate(at_limit, plan, lab(mode="inverse-dynamics")))
     loose = simulation_findings(simulate(at_limit, plan, lab(controller=Controller("pid"))))
     overshot = [f for f in loose if f.code == "limit-overshot"]
-    assert overshot and all("The plan asks for" in f.evidence and ".velocity=" in f.remedy for f in overshot)
+    assert overshot and all("The plan has" in f.evidence and ".velocity=" in f.remedy for f in overshot)
     assert "plan-too-fast" not in {f.code for f in loose}
     assert "drive-saturated" in {f.code for f in simulation_findings(weak)}
     assert not simulation_findings(simulate(small_arm(), short_plan(), lab(mode="inverse-dynamics")))

@@ -43,7 +43,7 @@ def told(robot, friction=None, effects=()):
 def test_limits_far_above_what_links_need_are_told(tmp_path, efforts, effects):
     (found,) = told(arm(tmp_path, *efforts), effects=effects)
     assert "4 % of the effort limits" in found.evidence and "look like placeholders" in found.evidence
-    assert "lab.toml for --options" in found.remedy and "coulomb = [" in found.remedy
+    assert "lab.toml with --options" in found.remedy and "coulomb = [" in found.remedy
 
 
 def test_what_is_proposed_is_of_the_size_of_the_arm(tmp_path):
@@ -62,7 +62,7 @@ def test_limits_that_are_not_given_are_said_to_be_so(tmp_path):
     robot = arm(tmp_path)
     robot = replace(robot, joints=tuple(replace(joint, effort_limit=np.inf) for joint in robot.joints))
     (found,) = told(robot)
-    assert "100, which is taken where the description gives no limit" in found.evidence
+    assert "the limit 100, which is assumed because the description has none" in found.evidence
 
 
 @pytest.mark.parametrize("name", OWN)

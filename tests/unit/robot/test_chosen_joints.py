@@ -102,7 +102,7 @@ def test_what_was_held_is_said(two):
     found = {finding.code: finding for finding in load_robot(two, only=["left_[12]"]).findings}
     assert found["joints-held"].severity == "info"
     assert "torso at 0.1" in found["joints-held"].evidence and "right_2 at 0.5" in found["joints-held"].evidence
-    assert "are locked, 2 of them because they mimic others; at 0" in found["joints-held"].evidence
+    assert "are locked, 2 of them because they mimic others; the position is 0" in found["joints-held"].evidence
     assert not found["joints-held"].remedy
     assert "left_other at 0.02" in found["joint-follows"].evidence
     by_tip = {finding.code: finding for finding in load_robot(two, tip="left_fore").findings}
@@ -196,7 +196,7 @@ def test_all_joints_to_lock_are_named_at_once(tmp_path):
 def test_a_part_of_an_mjcf_says_that_it_is_one(tmp_path):
     path = tmp_path / "part.xml"
     path.write_text("<mujocoinclude><body/></mujocoinclude>")
-    with pytest.raises(RobotError, match="give the file that includes this one"):
+    with pytest.raises(RobotError, match="give the file that includes it"):
         load_robot(path)
 
 
@@ -241,8 +241,8 @@ def test_a_tendon_couples_only_joints_that_move(tmp_path):
         ({"lock": ["root", "lefty_*"]}, r"no joint that fits 'lefty_\*' to lock(.|\n)*Possible: root"),
         ({"lock": ["root", "tosro"]}, r"no joint 'tosro' to lock(.|\n)*did you mean 'torso'"),
         ({"tip": "left_for"}, r"no frame 'left_for' for the tip(.|\n)*did you mean 'left_fore'"),
-        ({"tip": "base"}, r"none of its .* joints moves"),
-        ({"lock": ["*"]}, r"none of its .* joints moves"),
+        ({"tip": "base"}, r"all of its .* joints are locked"),
+        ({"lock": ["*"]}, r"all of its .* joints are locked"),
         ({"lock": ["torso=low"]}, r"'low' is not a number"),
     ],
     ids=str,

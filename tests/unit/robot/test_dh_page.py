@@ -67,8 +67,8 @@ ROW = 'convention = "modified"\n[[joint]]\nd = 0.1\n'
 @pytest.mark.parametrize(
     ("text", "problem", "said"),
     [
-        (ROW.replace("modified", "modifed"), "convention is 'modifed'", "did you mean 'modified'"),
-        ("[[joint]]\nd = 1\n", "convention is missing", "standard, modified, thesis"),
+        (ROW.replace("modified", "modifed"), "convention has the unknown value 'modifed'", "did you mean 'modified'"),
+        ("[[joint]]\nd = 1\n", "the key 'convention' is missing", "standard, modified, thesis"),
         (ROW + "[joint.inertial]\nmas = 2\n", "unknown key 'mas'", "write 'mass'"),
         (ROW + "[joint.inertial]\n", "inertial: mass, com are missing", "write mass = …, com = …"),
         (ROW + "capsule = [{ radius = 1 }]\n", "from, to are missing", "write from = …, to = …"),

@@ -1,1 +1,1 @@
-"""Languages of generated code, one module for each; `armid.codegen.catalogue` lists them."""
+"""Languages of generated code, each in its own module; `armid.codegen.catalogue` lists them."""

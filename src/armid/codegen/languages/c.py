@@ -1,4 +1,4 @@
-"""C99: a header and a source file without allocation, recursion and global state; loops only write zeros."""
+"""C99: a header and a source file without allocation, recursion and global state; the only loops write zeros."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ HELPERS = {
 
 
 def write(source: FunctionSource) -> dict[str, str]:
-    """`NAME.h` and `NAME.c`."""
+    """Writes the files `NAME.h` and `NAME.c`."""
     return {f"{source.name}.h": _header(source), f"{source.name}.c": _code(source)}
 
 
@@ -97,7 +97,7 @@ def _argument(source: FunctionSource, argument: Argument, program: Program) -> s
 
 
 def _note(source: FunctionSource, program: Program) -> list[str]:
-    """Lines that describe the result of a function."""
+    """Comment lines that describe the result of a function."""
     lines = [f"{program.summary}."]
     if len(program.shape) == 2:
         rows, columns = program.shape
@@ -110,7 +110,7 @@ def _note(source: FunctionSource, program: Program) -> list[str]:
 
 
 def _wrapped(start: str, names: tuple[str, ...] | list[str]) -> list[str]:
-    """Names in lines of twelve."""
+    """Names as lines with twelve names each."""
     return [f"{start if k == 0 else '  '}{' '.join(names[k : k + 12])}" for k in range(0, len(names), 12)]
 
 

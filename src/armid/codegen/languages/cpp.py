@@ -1,4 +1,4 @@
-"""C++17: a header with a class on arrays of fixed size, which calls the generated C code."""
+"""C++17: a header with a class that calls the generated C code with arrays of fixed size."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from armid.codegen.program import STATE_FUNCTIONS, Program
 
 
 def write(source: FunctionSource) -> dict[str, str]:
-    """Files `NAME.hpp`, `NAME.h` and `NAME.c`."""
+    """Writes the files `NAME.hpp`, `NAME.h` and `NAME.c`."""
     return {**c.write(source), f"{source.name}.hpp": _header(source)}
 
 
@@ -39,7 +39,7 @@ def _header(source: FunctionSource) -> str:
 
 
 def _memory(source: FunctionSource) -> list[str]:
-    """Class of the hysteresis state."""
+    """Text of the class for the hysteresis state."""
     return [
         "",
         "// What the model remembers of the motion: made where the motion begins, updated once at every sample.",
@@ -79,7 +79,7 @@ def _method(source: FunctionSource, program: Program) -> list[str]:
 
 
 def _matrix(program: Program) -> str:
-    """Name of a type, for instance `BaseRegressor` for `base_regressor`."""
+    """Name of the C++ type of a matrix, for instance `BaseRegressor` for `base_regressor`."""
     return "".join(word.capitalize() for word in program.name.split("_"))
 
 

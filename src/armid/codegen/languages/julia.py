@@ -1,4 +1,4 @@
-"""Julia: one module; each function exists in two forms, one fills a given array, the other returns a new one."""
+"""Julia: one module; each function has two forms, of which one fills a given array and one returns a new array."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ FUNCTIONS = {
 
 
 def write(source: FunctionSource) -> dict[str, str]:
-    """`NAME.jl`."""
+    """Writes the file `NAME.jl`."""
     names = [f"{name}{mark}" for name in source.programs for mark in ("", "!")]
     lines = [f"# {line}".rstrip() for line in source.about()]
     lines += [
@@ -57,7 +57,7 @@ def _function(source: FunctionSource, program: Program) -> list[str]:
 
 
 def _place(program: Program, index: int) -> str:
-    """Index from 1 into the result."""
+    """Index into the result, counted from 1."""
     if len(program.shape) == 1:
         return str(index + 1)
     row, column = divmod(index, program.shape[1])

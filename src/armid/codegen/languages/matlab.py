@@ -1,4 +1,4 @@
-"""MATLAB and GNU Octave: a package folder with one function per file, and the functions of the thesis."""
+"""MATLAB and GNU Octave: a package folder with one file for each function, and the functions of the thesis."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ FUNCTIONS = {
 
 
 def write(source: FunctionSource) -> dict[str, str]:
-    """`+NAME/FUNCTION.m` for each function and the parameters, and `func_Y.m` and others next to the folder."""
+    """Writes `+NAME/FUNCTION.m` for each function and the parameters, and `func_Y.m` and others beside the folder."""
     variables = [p.variable for p in source.parameters]
     files = {f"+{source.name}/parameters.m": _parameters(source)}
     for program in source.programs.values():
@@ -59,7 +59,7 @@ def _function(program: Program, variables: Sequence[str], notes: Sequence[str]) 
 
 
 def _columns(source: FunctionSource, program: Program) -> list[str]:
-    """Names of a regressor's columns."""
+    """Names of the columns of a regressor, as comment lines."""
     names = {"regressor": source.columns, "base_regressor": tuple(p.name for p in source.parameters)}
     columns = names.get(program.name, ())
     return [f"  {' '.join(columns[k : k + 12])}" for k in range(0, len(columns), 12)]

@@ -1,1 +1,1 @@
-"""Distances between bodies, and the pairs that a trajectory keeps apart."""
+"""Distances between bodies, and the pairs of bodies that a trajectory must keep apart."""

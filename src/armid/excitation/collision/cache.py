@@ -1,8 +1,8 @@
 """Cache of arrays in the user's cache folder, for results that depend only on the content of a file.
 
 An entry is written to a temporary file and then renamed, so that another process reads all of it or nothing. An entry
-that cannot be read is computed again. Where the folder cannot be written, nothing is stored and no error is raised.
-Where all entries together are larger than `LARGEST`, the least recently used ones are removed.
+that cannot be read is computed again. If the folder cannot be written, nothing is stored and no error is raised. If
+all entries together are larger than `LARGEST`, the least recently used ones are removed.
 """
 
 from __future__ import annotations
@@ -20,16 +20,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 LARGEST = 200_000_000
-"""Bytes of all entries together; a humanoid's hulls are some megabytes."""
+"""Largest size of all entries together [bytes]. The hulls of a humanoid robot take some megabytes."""
 
 LEFT_BEHIND = 86_400.0
-"""Age [s] from which a file that nobody has renamed was left by a process that was killed."""
+"""Age [s] from which a temporary file is removed: the process that wrote it was ended before it renamed the file."""
 
 Arrays = Mapping[str, NDArray[np.generic]]
 
 
 def cache_folder() -> Path | None:
-    """`ARMID_CACHE`, else `armid` in `XDG_CACHE_HOME`, else `~/.cache/armid`; `None` where there is no home."""
+    """Cache folder: `ARMID_CACHE`, `armid` in `XDG_CACHE_HOME`, or `~/.cache/armid`; `None` without home folder."""
     if given := os.environ.get("ARMID_CACHE"):
         return Path(given)
     if shared := os.environ.get("XDG_CACHE_HOME"):
@@ -40,7 +40,7 @@ def cache_folder() -> Path | None:
 
 
 def kept(name: str) -> dict[str, NDArray[np.generic]] | None:
-    """Reads the entry of a name; `None` where none can be read."""
+    """Reads the cache entry with a given name; `None` if there is none that can be read."""
     folder = cache_folder()
     if folder is None:
         return None
@@ -56,7 +56,7 @@ def kept(name: str) -> dict[str, NDArray[np.generic]] | None:
 
 
 def keep(name: str, arrays: Arrays) -> None:
-    """Writes an entry, where the folder can be written."""
+    """Writes an entry with a given name to the cache, if the folder can be written."""
     folder = cache_folder()
     if folder is None:
         return
@@ -74,7 +74,7 @@ def keep(name: str, arrays: Arrays) -> None:
 
 
 def _prune(folder: Path, newest: str) -> None:
-    """Removes the entries that were not used for longest until the rest are within the limit; keeps the newest."""
+    """Removes the least recently used entries until the others are within the limit; the newest entry is kept."""
     found: list[tuple[float, int, Path]] = []
     for path in folder.glob("*.npz"):
         with suppress(OSError):  # another process was faster

@@ -1,8 +1,9 @@
-"""Bounding capsules of bodies, so that bodies whose capsules are apart are apart themselves.
+"""Bounding capsules of bodies: if the capsules of two bodies do not touch, the bodies do not touch.
 
-Capsules and spheres of the description are represented exactly. Other bodies are cut into slabs across a principal
-axis, and each slab, cut edges included, is enclosed in the smallest capsule found. More slabs are used as long as
-they reduce the total volume much, because one capsule around an elbow with an offset would be far too large.
+Capsules and spheres of the description are represented exactly. Other bodies are cut into slices across a principal
+axis, and each slice, cut edges included, is enclosed in the smallest capsule found. The number of slices is increased
+as long as this clearly reduces the total volume. For an elbow with an offset, for instance, one capsule would be far
+too large.
 """
 
 from __future__ import annotations
@@ -20,17 +21,17 @@ from armid.values import Array
 Made = TypeVar("Made")
 
 SLABS = 4
-"""Largest number of slabs of a body."""
+"""Largest number of slices of a body."""
 
 WORTH = 0.8
-"""Share of the bounding volume below which a further slab must bring it to be used."""
+"""Factor by which additional slices must at least reduce the total bounding volume."""
 
 THIN = 1e-6
 """Smallest radius of a capsule [m]."""
 
 FACES = np.array([[0, 1, 3], [0, 3, 2], [4, 5, 7], [4, 7, 6], [0, 1, 5], [0, 5, 4],
                   [2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 3, 7], [1, 7, 5]])  # fmt: skip
-"""Corner indices of the triangles of a box; in the order of the corners, z changes fastest."""
+"""Indices of the corners of the triangles of a box; in the order of the corners, z changes fastest."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -39,7 +40,8 @@ class Points:
 
     Attributes:
         at: Positions, shape (v, 3) [m].
-        count: Number of triangles that use each point, its weight in the principal axes of the part, shape (v,).
+        count: Number of triangles that use each point, shape (v,): weight of the point when the principal axes are
+            computed.
     """
 
     at: Array
@@ -47,14 +49,14 @@ class Points:
 
 
 Cuts = tuple[tuple[tuple[Points, ...], ...], ...]
-"""Body as a whole, then cut into two, three and more slabs, each in several directions."""
+"""Body as a whole, then cut into two, three and more slices, each in several directions."""
 
 
 def covering(shape: Shape) -> tuple[Shape, ...]:
-    """Capsules that together enclose a body; a capsule is returned as it is.
+    """Capsules that together enclose a body; a body that is a capsule is returned unchanged.
 
     Args:
-        shape: The body; no half-space, and no mesh (see `armid.excitation.collision.mesh_hulls`).
+        shape: The body; neither a half-space nor a mesh (for a mesh see `armid.excitation.collision.mesh_hulls`).
     """
     radius, length, _ = shape.size
     name, link, placement = shape.name, shape.link, shape.placement
@@ -71,16 +73,16 @@ def covering(shape: Shape) -> tuple[Shape, ...]:
 
 
 def box_triangles(size: Array) -> Array:
-    """Triangles of a box of edges (3,) [m], shape (12, 3, 3)."""
+    """Triangles of a box with edges of lengths (3,) [m], shape (12, 3, 3)."""
     signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
     return (0.5 * signs * size)[FACES]
 
 
 def cuts_of(corners: Array, faces: NDArray[np.intp]) -> Cuts:
-    """Body cut across its principal axes into one to `SLABS` slabs.
+    """Body cut across its principal axes into one to `SLABS` slices.
 
     Args:
-        corners: Corners of its triangles, shape (v, 3) [m].
+        corners: Corners of the triangles of the body, shape (v, 3) [m].
         faces: Indices of the three corners of each triangle, shape (t, 3).
     """
     whole = Points(corners, np.bincount(faces.ravel(), minlength=len(corners)).astype(np.float64))
@@ -95,15 +97,15 @@ def cuts_of(corners: Array, faces: NDArray[np.intp]) -> Cuts:
 
 
 def smallest(cuts: Cuts, make: Callable[[Points], Made], volume: Callable[[Made], float]) -> tuple[Made, ...]:
-    """Bounding volumes of a body, with as many slabs as reduce their total volume much.
+    """Bounding volumes of a body, with as many slices as clearly reduce the total volume.
 
     Args:
-        cuts: The body, as of `cuts_of`.
-        make: Makes the bounding volume of points.
-        volume: Volume of a bounding volume.
+        cuts: The body, cut by `cuts_of`.
+        make: Function that computes the bounding volume of points.
+        volume: Function that computes the volume of a bounding volume.
 
     Returns:
-        One bounding volume for each slab.
+        One bounding volume for each slice.
     """
 
     def total(made: tuple[Made, ...]) -> float:
@@ -118,7 +120,7 @@ def smallest(cuts: Cuts, make: Callable[[Points], Made], volume: Callable[[Made]
 
 
 def _slabs(whole: Points, faces: NDArray[np.intp], direction: Array, slabs: int) -> list[Points]:
-    """Points of the parts of triangles between equally spaced parallel planes."""
+    """Points of the slices of a body between equally spaced parallel planes."""
     corners, height = whole.at, whole.at @ direction
     planes = np.linspace(height.min(), height.max(), slabs + 1)
     heights = height[faces]
@@ -143,12 +145,12 @@ def _slabs(whole: Points, faces: NDArray[np.intp], direction: Array, slabs: int)
 
 
 def around(name: str, part: Points, outer: Array) -> Shape:
-    """Smallest capsule found around points, in the base frame.
+    """Smallest capsule found around points, fixed to the frame of the points.
 
     Args:
         name: Name of the capsule.
-        part: The points; their principal axes are the directions that are tried.
-        outer: The points that determine the capsule, such as corners of their convex hull, shape (k, 3) [m].
+        part: The points. The directions of their principal axes are tried as the axis of the capsule.
+        outer: Points that the capsule must enclose, for instance the corners of their convex hull, shape (k, 3) [m].
     """
     centre = np.average(part.at, axis=0, weights=part.count)
     best: Shape | None = None
@@ -171,7 +173,7 @@ def around(name: str, part: Points, outer: Array) -> Shape:
 
 
 def _principal(part: Points) -> Array:
-    """Principal axes of points, one in each row."""
+    """Principal axes of points, one in each row, shape (3, 3)."""
     away = part.at - np.average(part.at, axis=0, weights=part.count)
     return np.linalg.eigh((away * part.count[:, None]).T @ away)[1].T
 

@@ -1,9 +1,10 @@
-"""Closest approach of bodies along a motion, computed by Coal when a plan is done.
+"""Closest approach of bodies along a motion, computed with Coal after a plan is finished.
 
 The search and its certificate use capsules and hulls on their own grids. Here the distance of every pair is computed
-again, pose by pose. Primitives are exact and meshes are the convex hulls of their slabs, which contain them. The few
-pairs whose hulls overlap although the bodies do not are measured by their triangles. Preflight pages and the exit
-code report these distances.
+again, pose by pose. Primitive shapes (sphere, box, capsule) are represented exactly. A cylinder is enclosed in a
+prism. A mesh is cut into slices; it is replaced by the convex hulls of the slices, which together contain the mesh.
+For the few pairs whose hulls overlap although the bodies do not, the triangles of the meshes are used. Preflight
+pages and the exit code report these distances.
 """
 
 from __future__ import annotations
@@ -23,25 +24,25 @@ RATE = 250.0
 """Rate of the poses in which distances are computed [Hz]."""
 
 EVERY = 5
-"""Stride of the poses that are measured first; then those next to the closest one are measured. Triangles that are
-too
-close are searched in all poses."""
+"""Stride of the poses in which distances are computed first. Then the poses next to the closest one are added. For
+pairs that are measured by their triangles, all poses in which the required distance is not kept are added."""
 
 FIRST = 8
-"""Number of poses, those with the closest capsules, that are measured before the others."""
+"""Number of poses, those with the closest capsules, in which distances are computed before the others."""
 
 NEAR = 0.05
-"""Lower bound of a distance [m] up to which a pair is tested for a constant distance: others do not head a list."""
+"""Lower bound of a distance [m] up to which a pair is tested for a constant distance. Other pairs are not among the
+closest of a list."""
 
 CONSTANT = 3e-3
-"""Largest change of a distance that counts as constant [m]. Hulls of links that turn closely past each other change
-it by up to 2.5 mm, measured on TIAGo's wrist."""
+"""Largest change of a distance that counts as constant [m]. If the real distance of two neighbouring links is
+constant, the distance of their hulls changes by up to 2.5 mm (measured at the wrist of the robot TIAGo)."""
 
 MOMENTS = 24
-"""Number of poses in which a distance is tested for being constant."""
+"""Number of poses in which a pair is tested for a constant distance."""
 
 ROUNDING = 1e-6
-"""Tolerance [m] for the difference of Coal's iterative distances from those of the certificate."""
+"""Tolerance [m] for the difference between the iterative distances of Coal and those of the certificate."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,13 +50,13 @@ class ClosestApproach:
     """Closest approach of two bodies.
 
     Attributes:
-        pair: Their names.
+        pair: Names of the two bodies.
         distance: Distance between them, negative where they overlap [m].
         time: Time of the closest approach [s].
         asked: Required distance [m].
-        measured: What the distance was measured with: `bodies`, `hulls` or `triangles`.
-        constant: Whether the distance is the same in all poses of the motion, as of neighbouring links that turn
-            closely past each other.
+        measured: Representation with which the distance was computed: `bodies`, `hulls` or `triangles`.
+        constant: Whether the distance is the same in all poses of the motion, as between neighbouring links that turn
+            against each other across a narrow gap.
     """
 
     pair: BodyPair
@@ -74,11 +75,11 @@ class ClosestApproach:
 def closest_approaches(
     collision: CollisionOptions, times: Array, poses: tuple[Array, Array]
 ) -> tuple[ClosestApproach, ...]:
-    """Closest approach of every checked pair, nearest first, and pairs of constant distance last.
+    """Closest approach of every checked pair, nearest first; pairs with a constant distance come last.
 
     Args:
-        collision: Pairs of bodies.
-        times: Shape (N,) [s].
+        collision: Pairs of bodies that must be kept apart.
+        times: Times of the poses, shape (N,) [s].
         poses: Rotations (N, n, 3, 3) and origins (N, n, 3) of the links at these times.
     """
     found: list[ClosestApproach] = []
@@ -100,17 +101,17 @@ def closest_approaches(
 def constant_distances(collision: CollisionOptions, poses: tuple[Array, Array], bound: Array) -> Array:
     """Distances of pairs of links that are built close to each other and keep the same distance in all poses.
 
-    A distance below the required one does not count, nor one to the surroundings, nor where all are constant because
-    the arm hardly moves.
+    Three cases are not counted as constant: distances below the required one, distances to the surroundings, and the
+    case that all distances are constant because the arm hardly moves.
 
     Args:
-        collision: Pairs of bodies.
+        collision: Pairs of bodies that must be kept apart.
         poses: Rotations (N, n, 3, 3) and origins (N, n, 3) of the links.
         bound: Lower bounds of the distances of `collision.pairs` in these poses, shape (N, m) [m].
 
     Returns:
-        Distances of `collision.pairs` and then `collision.measured` [m]; NaN for pairs whose distance changes, and
-        for all pairs where there is a single pose. Shape (m + r,).
+        Distances of the pairs of `collision.pairs` and then of `collision.measured`, shape (m + r,) [m]; NaN for
+        pairs whose distance changes, and for all pairs if there is only one pose.
     """
     count = len(collision.pairs)
     result = np.full(count + len(collision.measured), np.nan)
@@ -132,7 +133,7 @@ def constant_distances(collision: CollisionOptions, poses: tuple[Array, Array], 
 def _least(
     collision: CollisionOptions, pair: NDArray[np.intp], bound: Array, poses: tuple[Array, Array]
 ) -> tuple[float, int]:
-    """Smallest distance of the convex parts of two bodies and index of the pose; `bound` is a lower bound of it."""
+    """Smallest distance of the convex parts of two bodies, and index of its pose; `bound` is a lower bound."""
 
     def measured(which: NDArray[np.intp]) -> Array:
         some = poses[0][which], poses[1][which]
@@ -156,7 +157,7 @@ def _least(
 def _by_triangles(
     collision: CollisionOptions, pair: NDArray[np.intp], kept: float, poses: tuple[Array, Array]
 ) -> tuple[float, int]:
-    """Smallest distance of the bodies themselves over some poses and all in which they are too close."""
+    """Smallest distance of the bodies themselves over some of the poses and all poses in which they are too close."""
     wrong = np.flatnonzero(too_close(collision.shapes, pair, kept, poses))
     which = np.union1d(np.arange(0, len(poses[1]), EVERY * EVERY), wrong)
     some = poses[0][which], poses[1][which]

@@ -1,7 +1,8 @@
-"""Distances by Coal, which comes with Pinocchio: of the bodies themselves and of convex bodies around them.
+"""Distances computed with Coal, a library installed with Pinocchio: of bodies, and of convex bodies around them.
 
-Coal is much slower than capsules. Distances of the bodies themselves are therefore computed only when a plan is done,
-and those of convex bodies (`armid.excitation.collision.convex_hulls`) only where capsules are too wide.
+Coal is much slower than the capsules of armid. Distances of the bodies themselves are therefore computed only after a
+plan is finished, and those of convex bodies (`armid.excitation.collision.convex_hulls`) only if capsules are too
+wide.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from armid.robot.shapes import Shape
 from armid.values import Array
 
 Parts = Callable[[Shape], Sequence[Any]]
-"""Bodies for Coal that stand for a body, in its frame."""
+"""Function that gives the Coal geometries that represent a body, in the frame of the body."""
 
 
 Tell = Callable[[str], None]
@@ -45,7 +46,7 @@ def _coal() -> Any:
 
 
 def stamp(path: str) -> tuple[int, int]:
-    """Size and modification time of a file, which change when it is written again; zeros where it does not exist."""
+    """Size and modification time of a file, by which a change is noticed; zeros if the file does not exist."""
     try:
         about = os.stat(path)
     except OSError:
@@ -58,7 +59,7 @@ def _mesh(path: str, scale: tuple[float, float, float], _stamp: tuple[int, int])
     """Triangle mesh of a file.
 
     Raises:
-        ArmidError: Coal cannot read it.
+        ArmidError: Coal cannot read the file.
     """
     coal = _coal()
     _tell.get()(path)
@@ -71,15 +72,15 @@ def _mesh(path: str, scale: tuple[float, float, float], _stamp: tuple[int, int])
 
 
 def mesh_triangles(shape: Shape) -> Array:
-    """Triangles of a mesh in its own frame, shape (t, 3, 3) [m]."""
+    """Triangles of a mesh in the frame of the mesh, shape (t, 3, 3) [m]."""
     corners, faces = mesh_faces(shape)
     return corners[faces]
 
 
 def mesh_faces(shape: Shape) -> tuple[Array, NDArray[np.intp]]:
-    """Corners (v, 3) [m] of a mesh in its own frame, and the three of each triangle, shape (t, 3).
+    """Corners (v, 3) [m] of a mesh in its own frame, and indices of the three corners of each triangle, shape (t, 3).
 
-    They go counter-clockwise seen from outside, as in the file, also where the scale mirrors the mesh.
+    The corners of a triangle are ordered counter-clockwise as seen from outside, also if the scale mirrors the mesh.
     """
     a, b, c = shape.size.tolist()
     corners, index = _faces(shape.path, (a, b, c), stamp(shape.path))
@@ -88,7 +89,7 @@ def mesh_faces(shape: Shape) -> tuple[Array, NDArray[np.intp]]:
 
 @lru_cache(maxsize=64)
 def _faces(path: str, scale: tuple[float, float, float], written: tuple[int, int]) -> tuple[Array, NDArray[np.intp]]:
-    """Corners and triangles as of `mesh_faces`, cached because Coal returns one triangle at a time."""
+    """Corners and triangles as given by `mesh_faces`; cached, because Coal returns one triangle at a time."""
     mesh = _mesh(path, scale, written)
     faces = (mesh.tri_indices(k) for k in range(mesh.num_tris))
     index = np.array([(face[0], face[1], face[2]) for face in faces], dtype=np.intp).reshape(-1, 3)
@@ -97,7 +98,7 @@ def _faces(path: str, scale: tuple[float, float, float], written: tuple[int, int
 
 
 def geometry(shape: Shape) -> Any:
-    """Coal geometry of a body; its primitives have the same frames as ours."""
+    """Coal geometry of a body; primitive shapes have the same frames in Coal and in armid."""
     coal = _coal()
     a, b, c = (float(x) for x in shape.size)
     if shape.kind == "mesh":
@@ -121,9 +122,9 @@ def convex(corners: Array, faces: NDArray[np.intp], beyond: float = 0.0) -> Any:
     """Coal geometry of a convex body.
 
     Args:
-        corners: Shape (v, 3) [m].
-        faces: Three corners of each triangle, counter-clockwise from outside, shape (t, 3).
-        beyond: Distance by which the body extends beyond these, all around [m].
+        corners: Corners of the body, shape (v, 3) [m].
+        faces: Indices of the three corners of each triangle, counter-clockwise from outside, shape (t, 3).
+        beyond: Distance by which the body is enlarged in all directions [m].
     """
     coal = _coal()
     points, triangles = coal.StdVec_Vec3s(), coal.StdVec_Triangle()
@@ -138,7 +139,7 @@ def convex(corners: Array, faces: NDArray[np.intp], beyond: float = 0.0) -> Any:
 
 
 def apart(body: Any, points: Array) -> Array:
-    """Distances of points (v, 3) [m] from a body for Coal, shape (v,) [m]; negative inside."""
+    """Distances of points (v, 3) [m] from a Coal geometry, shape (v,) [m]; negative inside."""
     coal = _coal()
     request, result, here = coal.DistanceRequest(), coal.DistanceResult(), coal.Transform3s()
     ball, turn = coal.Sphere(0.0), np.eye(3)  # Coal does not keep what it is given alive
@@ -163,14 +164,14 @@ def _placed(shape: Shape, poses: tuple[Array, Array]) -> list[Any]:
 
 
 def whole(shape: Shape) -> tuple[Any, ...]:
-    """Body as its only part, for `distances`."""
+    """Coal geometry of a body as its only part, for the argument `parts` of `distances`."""
     return (geometry(shape),)
 
 
 def _measured(
     shapes: Sequence[Shape], parts: Parts, pairs: NDArray[np.intp], poses: tuple[Array, Array]
 ) -> Iterator[tuple[int, int, float, Any]]:
-    """Yields pair, pose, distance and Coal's result of each combination of parts in each pose."""
+    """Yields, for two parts of each pair in each pose, indices of pair and pose, the distance and Coal's result."""
     coal = _coal()
     used = np.unique(pairs).tolist()
     of = {k: parts(shapes[k]) for k in used}
@@ -192,12 +193,12 @@ def distances(
 
     Args:
         shapes: Bodies.
-        pairs: Indices of two bodies each, shape (m, 2).
+        pairs: Indices of the two bodies of each pair, shape (m, 2).
         poses: Rotations (N, n, 3, 3) and origins (N, n, 3) of the links.
-        parts: What is measured in the place of each body, for Coal.
+        parts: Function that gives the Coal geometries that represent each body.
 
     Returns:
-        Shape (N, m) [m]; negative where bodies overlap.
+        Distances, shape (N, m) [m]; negative where bodies overlap.
     """
     out = np.full((len(poses[1]), len(pairs)), np.inf)
     for m, k, distance, _ in _measured(shapes, parts, pairs, poses):
@@ -212,13 +213,14 @@ def nearest(
 
     Args:
         shapes: Bodies.
-        pairs: Indices of two bodies each, shape (m, 2).
+        pairs: Indices of the two bodies of each pair, shape (m, 2).
         poses: Rotations (N, n, 3, 3) and origins (N, n, 3) of the links.
-        parts: Convex parts in the place of each body, for Coal.
+        parts: Function that gives the convex Coal geometries that represent each body.
 
     Returns:
-        Distances (N, m) [m], negative where parts overlap, nearest points of both and the directions from the second
-        body to the first in which they come apart, (N, m, 3).
+        Distances, shape (N, m) [m], negative where parts overlap; then, shape (N, m, 3) each, nearest point of the
+        first body, nearest point of the second, and unit vector from the second to the first along which they
+        separate.
     """
     shape = (len(poses[1]), len(pairs))
     out = np.full(shape, np.inf)
@@ -234,16 +236,16 @@ def nearest(
 def too_close(
     shapes: Sequence[Shape], pair: NDArray[np.intp], margin: float, poses: tuple[Array, Array]
 ) -> NDArray[np.bool_]:
-    """Tests whether two bodies are closer than a margin [m] in each pose, which is faster than a distance.
+    """Tests whether two bodies are closer than a margin [m] in each pose; this is faster than `distances`.
 
     Args:
         shapes: Bodies.
-        pair: Indices of two, shape (2,).
-        margin: The distance [m].
+        pair: Indices of the two bodies, shape (2,).
+        margin: Distance to compare with [m].
         poses: Rotations (N, n, 3, 3) and origins (N, n, 3) of the links.
 
     Returns:
-        Shape (N,).
+        True for each pose in which the bodies are too close, shape (N,).
     """
     coal = _coal()
     one, other = (shapes[int(k)] for k in pair)

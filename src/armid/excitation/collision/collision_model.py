@@ -31,24 +31,26 @@ from armid.robot.shapes import Shape
 from armid.values import Array
 
 LOOKED = 3000
-"""Random poses in which distances are computed, to leave out of a search the pairs that are never close."""
+"""Number of random poses in which distances are computed, to find the pairs that are never close. The search ignores
+these."""
 
 TRIED = 300
-"""Number of these in which distances of the bodies themselves or of tighter convex hulls are computed."""
+"""Number of these poses in which distances of the bodies themselves or of tighter convex hulls are computed."""
 
 NEAR = 0.08
 """A pair takes part in the search if its distance in any of these poses is below the margin plus this [m]."""
 
 WIDE = 0.1
-"""Share of random poses that the capsules of a pair exclude above those that hulls do, if they are much too wide."""
+"""Share of random poses by which hulls must reduce the poses that are excluded by the capsules of a pair: then the
+capsules are much too wide, and hulls are used for the pair."""
 
 HALF_STEP, CERTIFICATE = 0.0005, 0.003
-"""Half a step of the certificate's grid [s], and a bound [m]. Beyond the margin a search keeps the distance by which
-bodies can approach in this time at the velocity limits, at most the bound, so that the certificate need not shrink
-the plan."""
+"""Half a step of the certificate's grid [s], and a bound [m]. The search keeps an additional distance: the distance
+by which bodies can approach each other in this time at the velocity limits, but at most the bound. The certificate
+then need not reduce the amplitudes of the plan."""
 
 SPARED = 0.9
-"""Share of the start pose's distance beyond the margin that a search may require."""
+"""Largest additional distance of the search, as a share of the distance in the start pose that exceeds the margin."""
 
 ROUNDING = 1e-9
 """Tolerance of comparisons of distances [m]."""
@@ -56,13 +58,14 @@ ROUNDING = 1e-9
 
 @dataclass(frozen=True, slots=True)
 class IgnoredPair:
-    """Two bodies that are not looked at: they touch by construction, or were left out by hand.
+    """Two bodies that are not checked: they touch by construction, or the user has excluded the pair.
 
     Attributes:
-        pair: Their names.
-        share: Of some random poses in which the bodies themselves overlap, or, of the first link above what the arm
-            is mounted on, are closer than what is asked, 0 to 1; NaN where it was not counted.
-        reason: Who asked to leave the pair out; empty where its bodies touch by construction.
+        pair: Names of the two bodies.
+        share: Share of random poses (0 to 1) in which the two bodies overlap. For the first link and the body on
+            which the arm is mounted: share in which they are closer than the required distance. NaN if it was not
+            computed.
+        reason: Option or file that excludes the pair; empty if the bodies touch by construction.
     """
 
     pair: str
@@ -71,23 +74,23 @@ class IgnoredPair:
 
     @property
     def account(self) -> str:
-        """The pair, with its share of poses or who left it out."""
+        """The pair, and in parentheses the share of poses or the option or file that excludes it."""
         return f"{self.pair} ({self.reason or f'{100.0 * self.share:.0f} %'})"
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class CollisionOptions:
-    """Pairs of bodies that a plan keeps apart.
+    """Pairs of bodies that a plan must keep apart.
 
     Attributes:
-        searched: Pairs that could come close, for the search.
-        every: All pairs that are checked by bounding volumes, for the certificate.
+        searched: Pairs that can come close to each other, for the search; `None` if there are none.
+        every: All pairs that are checked with bounding volumes, for the certificate.
         skipped: Pairs that are not checked.
         shapes: The bodies themselves, the surroundings last.
         pairs: Indices into `shapes` of the pairs of `every`, shape (m, 2).
-        own: Number of shapes of the arm.
-        measured: Indices into `shapes` of pairs that are checked with the bodies themselves, shape (r, 2).
-        kept: Required distances of these, shape (r,) [m].
+        own: Number of shapes that belong to the arm.
+        measured: Indices into `shapes` of the pairs that are checked with the bodies themselves, shape (r, 2).
+        kept: Required distances of the pairs of `measured`, shape (r,) [m].
     """
 
     searched: Clearance | None
@@ -105,7 +108,7 @@ class CollisionOptions:
         return self.shapes[self.own :]
 
     def clear(self, robot: Robot, q: Array) -> NDArray[np.bool_]:
-        """Tests whether all pairs keep their required distance in poses (N, n), shape (N,)."""
+        """Tests whether all pairs keep their required distance in poses (N, n); shape (N,)."""
         poses = forward_kinematics(robot, q)
         result = (self.every.bodies.distances(poses) > self.every.margins).all(axis=1)
         for pair, kept in zip(self.measured, self.kept, strict=True):
@@ -123,18 +126,18 @@ class CollisionOptions:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class CollisionModel:
-    """Arm and surroundings with all pairs of bodies that can collide.
+    """Arm and surroundings, with all pairs of bodies that can collide.
 
     Attributes:
         robot: The arm.
         shapes: The bodies themselves, the surroundings last.
-        bodies: Capsules, solids, their pairs, and hulls for pairs whose capsules touch in most poses.
-        pairs: Indices into `shapes` of these pairs, shape (m, 2).
-        required: Required distance of each pair and the way it is checked.
+        bodies: Capsules and solids with their pairs, and hulls for pairs whose capsules touch in most poses.
+        pairs: Indices into `shapes` of the pairs of `bodies`, shape (m, 2).
+        required: Required distance of each pair, and the way in which the pair is checked.
         nearest: Smallest distance of each pair in many random poses, shape (m,) [m].
         touching: Share of these poses in which each pair is closer than the required distance, shape (m,).
-        tried: Some of these poses, shape (k, n).
-        ignored: Pairs that were left out by hand, by number, with who asked for that.
+        tried: Some of these random poses, shape (k, n) [rad or m].
+        ignored: Pairs that the user has excluded: from the index of the pair to the option or file that excludes it.
     """
 
     robot: Robot
@@ -148,18 +151,18 @@ class CollisionModel:
     ignored: Mapping[int, str] = field(default_factory=dict[int, str])
 
     def excess_distance(self, q: Array) -> Array:
-        """Smallest excess over the required distances in poses (N, n), shape (N,) [m]; negative where too close.
+        """Smallest excess of the distance over the required one in poses (N, n), shape (N,) [m]; negative if closer.
 
-        Where it is positive, it is a lower bound.
+        A positive value is a lower bound.
         """
         return self._excess(q, self.required.margin)
 
     def search_excess_distance(self, q: Array) -> Array:
-        """Smallest excess over the distances that a search requires in poses (N, n), as of `excess_distance`."""
+        """Smallest excess of the distance over that of a search, in poses (N, n); see `excess_distance`."""
         return self._excess(q, self.required.margin + self.required.spare)
 
     def _excess(self, q: Array, required: Array) -> Array:
-        """Smallest excess over required distances (m,) of the pairs of kind `BY_CAPSULES`."""
+        """Smallest excess of the distance over the required one (m,) among the pairs of kind `BY_CAPSULES`."""
         checked = np.flatnonzero(self.required.of(BY_CAPSULES))
         poses, required = forward_kinematics(self.robot, q), required[checked]
         found = self.bodies.only(checked).distances(poses, reach=required)
@@ -173,11 +176,11 @@ class CollisionModel:
 
     @property
     def margin(self) -> float:
-        """Distance that is asked of pairs that are not close by construction [m]."""
+        """Required distance of pairs that are not close by construction [m]."""
         return float(self.required.margin.max(initial=0.0))
 
     def too_close(self, q: Array) -> NDArray[np.bool_]:
-        """Tell which pairs are closer in poses (N, n) than they should keep, shape (N, m)."""
+        """Mask of the pairs that are closer than their required distance in poses (N, n), shape (N, m)."""
         close = (self.distances(q) < self.required.margin) & self.required.of(BY_CAPSULES)
         which = np.flatnonzero(self.required.of(MEASURED))
         found = distances(self.shapes, self.pairs[which], forward_kinematics(self.robot, q))
@@ -189,12 +192,12 @@ class CollisionModel:
         return self.bodies.distances(forward_kinematics(self.robot, q))
 
     def closer(self, which: NDArray[np.intp], margin: float, gain: float = -1.0) -> CollisionModel:
-        """The same with some of the pairs, rising, measured by hulls where these lie closer around the bodies.
+        """Model in which some pairs are measured with hulls, if these enclose the bodies more tightly than capsules.
 
         Args:
-            which: The pairs.
+            which: Indices of the pairs, in ascending order.
             margin: Distance below which bodies count as touching [m].
-            gain: Share of random poses that hulls must free.
+            gain: Smallest difference of the shares of random poses in which capsules and hulls touch.
         """
         hulls, poses = Hulls(self.shapes, self.pairs[which], which), forward_kinematics(self.robot, self.tried)
         apart, before = hulls.distances(poses), self.bodies.distances(poses)[:, which]
@@ -208,13 +211,13 @@ class CollisionModel:
         return replace(self, bodies=bodies, nearest=nearest, touching=touching)
 
     def without_dispensable(self) -> CollisionModel:
-        """The same without pairs of neighbours that overlap in most poses."""
+        """Model that does not check pairs of neighbouring links that overlap in most poses."""
         required = self.required
         kind = np.where(required.dispensable, LEFT_OUT, required.kind)
         return replace(self, required=replace(required, kind=kind))
 
     def tightened(self) -> CollisionModel:
-        """The same with hulls for all pairs whose capsules are so wide that they exclude many poses."""
+        """Model with hulls for all pairs whose capsules are so wide that they exclude many poses."""
         wide = np.flatnonzero(self.required.of(BY_CAPSULES) & (self.touching > WIDE))
         return self.closer(np.setdiff1d(wide, self.bodies.hulls.at), self.margin, WIDE)
 
@@ -227,13 +230,13 @@ def make_collision_model(
     margin: float = 0.02,
     ignored: Sequence[IgnoredBodies] = (),
 ) -> CollisionModel:
-    """Collision model of an arm and its surroundings, with required distances from random poses.
+    """Collision model of an arm and its surroundings, with required distances determined from random poses.
 
     Args:
         robot: The arm.
         limits: Limits of its joints.
         surroundings: Bodies that do not move.
-        margin: Distance that bodies keep [m].
+        margin: Required distance between bodies [m].
         ignored: Pairs that are not checked.
 
     Raises:
@@ -243,16 +246,20 @@ def make_collision_model(
     if missing:
         raise ArmidError(
             f"Collisions of {robot.name} cannot be checked: {missing[0].evidence}.",
-            remedy="say where its package is with --package NAME=DIR (or ROS_PACKAGE_PATH, AMENT_PREFIX_PATH), put "
-            "the meshes beside the description, or leave the check out with --no-collision.",
+            remedy="name the folder of the package with --package NAME=DIR (or ROS_PACKAGE_PATH, AMENT_PREFIX_PATH), "
+            "put the meshes beside the description, or switch the check off with --no-collision.",
         )
     if not robot.shapes:
         raise ArmidError(
-            f"The description of {robot.name} does not say what space its links take; collisions cannot be checked.",
-            remedy="give a URDF with <collision> bodies, or a DH table with capsules; or --no-collision.",
+            f"The description of {robot.name} has no shapes of its links, so collisions cannot be checked.",
+            remedy="give a URDF with <collision> elements, or a DH table with capsules; or switch the check off with "
+            "--no-collision.",
         )
     if not margin >= 0.0:
-        raise ArmidError(f"The distance that stays between bodies cannot be negative; found {margin} m.")
+        raise ArmidError(
+            f"The required distance between bodies cannot be negative; found {margin} m.",
+            remedy="give a --clearance of zero or more.",
+        )
     shapes = (*robot.shapes, *surroundings)
     bodies, pairs = pairs_of_bodies(robot, shapes)
     low = np.where(np.isfinite(limits.lower), limits.lower, -np.pi)
@@ -289,16 +296,16 @@ def empty_collision_model(robot: Robot) -> CollisionModel:
 def collision_of(
     robot: Robot, limits: Limits, start: Array, surroundings: Sequence[Shape] = (), *, margin: float = 0.02
 ) -> CollisionOptions:
-    """Pairs of bodies that a plan from a start pose must keep apart; see `kept_apart`."""
+    """Pairs of bodies that a plan must keep apart if it begins in a given start pose; see `kept_apart`."""
     return kept_apart(make_collision_model(robot, limits, surroundings, margin=margin), start)
 
 
 def kept_apart(cell: CollisionModel, start: Array) -> CollisionOptions:
-    """Pairs of bodies that a plan from a start pose must keep apart.
+    """Pairs of bodies that a plan must keep apart if it begins in a given start pose.
 
-    Adjacent links are no pair. Links two joints apart that are closer than the margin in most poses keep half of
-    their usual distance. Pairs that overlap in nearly all poses are listed as skipped
-    (`armid.excitation.collision.required_distances`).
+    Adjacent links are not checked. For links two joints apart that are closer than the margin in most poses, the
+    required distance is half of their usual distance. Pairs that overlap in nearly all poses are not checked and are
+    listed as skipped (`armid.excitation.collision.required_distances`).
 
     Args:
         cell: Arm and surroundings.
@@ -323,9 +330,9 @@ def kept_apart(cell: CollisionModel, start: Array) -> CollisionOptions:
     if len(wrong):
         k = int(wrong[(distance - required.margin)[wrong].argmin()])
         raise ArmidError(
-            f"In the start pose {labels[k]} are {1000 * max(distance[k], 0.0):.0f} mm apart, less than the "
-            f"{1000 * required.margin[k]:.0f} mm that are asked.",
-            remedy="choose another start pose with --start, a smaller --clearance, or move what is around.",
+            f"In the start pose, the distance of {labels[k]} is {1000 * max(distance[k], 0.0):.0f} mm; at least "
+            f"{1000 * required.margin[k]:.0f} mm are required.",
+            remedy="choose another start pose with --start, a smaller --clearance, or move the surroundings.",
         )
     made, kept = looked_at(cell), np.flatnonzero(looked)
     margin = required.margin[kept]
@@ -339,7 +346,7 @@ def kept_apart(cell: CollisionModel, start: Array) -> CollisionOptions:
 
 
 def looked_at(cell: CollisionModel) -> CollisionOptions:
-    """Pairs of bodies that must keep apart, without a start pose; see `kept_apart` for a search."""
+    """Pairs of bodies that must be kept apart, without a start pose; for a search use `kept_apart`."""
     required, labels = cell.required, cell.bodies.labels
     kept, own = np.flatnonzero(required.of(BY_CAPSULES)), required.of(MEASURED)
     return CollisionOptions(

@@ -1,10 +1,10 @@
-"""Distances between bodies of the arm and of its surroundings, with gradients by the nearest points.
+"""Distances between bodies of the arm and of its surroundings, with gradients computed from the nearest points.
 
-A search computes distances millions of times. It therefore represents bodies of the arm by capsules
-(`armid.excitation.collision.capsules`), by several where one would be too wide. Boxes and half-spaces of the
-surroundings are exact. Where capsules overlap but bodies do not, tighter convex hulls are used
-(`armid.excitation.collision.convex_hulls`). `armid.excitation.collision.coal` measures the bodies themselves when a
-plan is done.
+A search computes distances millions of times. It therefore represents the bodies of the arm by capsules
+(`armid.excitation.collision.capsules`). A body for which one capsule would be too wide is represented by several.
+Boxes and half-spaces of the surroundings are exact. If capsules overlap but bodies do not, tighter convex hulls are
+used (`armid.excitation.collision.convex_hulls`). After a plan is finished, `armid.excitation.collision.coal` computes
+the distances of the bodies themselves.
 """
 
 from __future__ import annotations
@@ -27,11 +27,11 @@ from armid.robot.shapes import Shape, rotation_with_z
 from armid.values import Array
 
 FEW, REACH = 80, 0.15
-"""With more pairs than this number, a stage of a search uses only those that come within this distance [m]: two arms
-of seven joints have seven hundred pairs."""
+"""Number of pairs above which a stage of a search uses only the pairs that come within a distance [m], and this
+distance. Two arms of seven joints, for instance, have seven hundred pairs."""
 
 TILE = 30000
-"""Pairs times poses that are computed at a time, so that the data stay in the cache."""
+"""Number of pairs times poses that are computed at a time, so that the data fit into the processor's cache."""
 
 
 Nearest = tuple[Array, Array, Array, Array]
@@ -44,11 +44,13 @@ class CollisionBodies:
     """Bounding capsules of the arm, and pairs of bodies of the arm and the surroundings.
 
     Attributes:
-        capsules: Capsules of the arm and, with link -1, of the base and the surroundings.
+        capsules: Capsules of the arm, and with link -1 the capsules of the base and the surroundings.
         solids: Boxes and half-spaces of the surroundings.
-        pairs: Indices of two capsules, or of a capsule and a solid, shape (c, 2); solids are numbered after capsules.
-        groups: Index of the pair of bodies of each pair of capsules, rising from 0 without gaps, shape (c,).
-        hulls: Pairs of bodies that are measured by tighter convex hulls, which lie inside the capsules.
+        pairs: Indices of two capsules, or of a capsule and a solid, shape (c, 2); the solids are numbered after the
+            capsules.
+        groups: Index of the pair of bodies to which each pair of capsules belongs, rising from 0 without gaps, shape
+            (c,).
+        hulls: Pairs of bodies whose distances are computed with tighter convex hulls, which lie inside the capsules.
     """
 
     capsules: tuple[Shape, ...]
@@ -83,8 +85,8 @@ class CollisionBodies:
 
         Args:
             poses: Rotations (N, n, 3, 3) and origins (N, n, 3) of the links.
-            hulls: Result of the hulls where it is known already.
-            reach: Distances of capsules above which those of hulls are not needed, shape (m,) [m].
+            hulls: Result of `Hulls.nearest`, if it is known already.
+            reach: Distances of capsules above which distances of hulls are not computed, shape (m,) [m].
         """
         result = self._places(*self.axes(poses))[0]
         if len(self.first) < len(self.pairs):
@@ -99,13 +101,13 @@ class CollisionBodies:
         return result
 
     def nearest(self, poses: tuple[Array, Array], hulls: Nearest | None = None) -> Nearest:
-        """Distances (N, m) [m], nearest points of both bodies, and unit vectors from the second, each (N, m, 3).
+        """Distances (N, m) [m], nearest points of both bodies and unit vectors from the second body, each (N, m, 3).
 
-        The nearest points of capsules are those of their axes.
+        For capsules, the nearest points on their axes are returned.
 
         Args:
             poses: Rotations (N, n, 3, 3) and origins (N, n, 3) of the links.
-            hulls: Result of the hulls where it is known already.
+            hulls: Result of `Hulls.nearest`, if it is known already.
         """
         begin, along = self.axes(poses)
         distance, places, slopes = self._places(begin, along)
@@ -133,8 +135,9 @@ class CollisionBodies:
         """Distances and nearest points of each single pair of capsules, from their axes (N, c, 3).
 
         Returns:
-            Distances (N, p) [m], positions (N, p) along both axes, 0 to 1, and by pair the gradient (N, 3) of the
-            distance to a solid; the position on a solid is that on the capsule.
+            Distances (N, p) [m]; positions (N, p) of the nearest points along both axes, from 0 to 1; and for each
+            pair with a solid the gradient (N, 3) of the distance. For a solid, the position on the axis of the
+            capsule is given twice.
         """
         count, samples = len(self.capsules), len(begin)
         radius, length, _ = np.array([capsule.size for capsule in self.capsules]).reshape(-1, 3).T
@@ -169,7 +172,10 @@ class CollisionBodies:
         return distance, (s, t), slopes
 
     def axes(self, poses: tuple[Array, Array]) -> tuple[Array, Array]:
-        """Beginnings of the capsules' axes and vectors to their ends in the base frame, (N, c, 3) each."""
+        """Start points of the axes of the capsules and vectors from start to end points, (N, c, 3) each [m].
+
+        Both are in the base frame, for N poses and c capsules.
+        """
         R, p = poses
         begin, along = (np.empty((len(p), len(self.capsules), 3)) for _ in range(2))
         for k, capsule in enumerate(self.capsules):
@@ -197,16 +203,16 @@ class CollisionBodies:
         return result + np.array([capsule.size[0] for capsule in self.capsules])[:, None]
 
     def approach(self, poses: tuple[Array, Array], tree: Tree, speed: Array, extra: float = 0.0) -> Array:
-        """Bound (N, m) [m/s] of the speed at which the bodies of each pair approach each other.
+        """Upper bound (N, m) [m/s] of the speed at which the two bodies of each pair approach each other.
 
-        Only the joints between two bodies change their distance. A revolute joint moves a point at most at its speed
-        times the distance of the point from its axis.
+        Only the joints between two bodies change their distance. A revolute joint moves a point with at most the
+        speed of the joint times the distance of the point from the joint axis.
 
         Args:
             poses: Rotations (N, n, 3, 3) and origins (N, n, 3) of the links.
             tree: The arm's geometry.
             speed: Joint speeds, shape (n,) or (N, n) [rad/s or m/s].
-            extra: Distance that is added to every distance from an axis [m].
+            extra: Distance [m] that is added to the distance of every point from a joint axis.
         """
         reach = np.where(tree.prismatic.astype(np.bool_), 1.0, self.lengths(poses, tree) + extra)
         one, other = (carried_by(tree, self.links(side)) for side in (0, 1))
@@ -219,7 +225,7 @@ class CollisionBodies:
         return np.maximum.reduceat(fastest, self.first, axis=1)
 
     def only(self, which: Sequence[int] | NDArray[np.intp]) -> CollisionBodies:
-        """Selection of some pairs of bodies, by rising indices."""
+        """Selection of some pairs of bodies, by indices in ascending order."""
         chosen = np.isin(self.groups, np.asarray(which, dtype=np.intp))
         kept, groups = np.unique(self.groups[chosen], return_inverse=True)
         return CollisionBodies(self.capsules, self.solids, self.pairs[chosen], groups, self.hulls.only(kept))
@@ -227,13 +233,13 @@ class CollisionBodies:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Clearance:
-    """Constraint channel of the distances between bodies.
+    """Constraint channel for the distances between bodies.
 
     Attributes:
         name: Name of the quantity.
         bodies: The bodies and their pairs.
-        margin: Smallest allowed distance of each pair, shape (m,) or one for all [m].
-        spare: Additional distance that a search keeps, shape (m,) or one for all [m].
+        margin: Smallest allowed distance of each pair, shape (m,), or one number for all pairs [m].
+        spare: Additional distance that a search keeps, shape (m,), or one number for all pairs [m].
     """
 
     name: str
@@ -252,22 +258,22 @@ class Clearance:
         return np.broadcast_to(self.margin, len(self.labels))
 
     def near(self, states: States) -> Clearance:
-        """Channel for motions near the given one: all pairs where they are few, else those that come close."""
+        """Channel for motions near the given one: all pairs if they are few, otherwise the pairs that come close."""
         if len(self.labels) <= FEW:
             return self
         return self.only(np.flatnonzero(self._distances(states).min(axis=0) < self.margin + REACH))
 
     def only(self, which: NDArray[np.intp]) -> Clearance:
-        """Selection of some pairs, by rising indices."""
+        """Selection of some pairs, by indices in ascending order."""
         spare = np.broadcast_to(self.spare, len(self.labels))[which]
         return replace(self, bodies=self.bodies.only(which), margin=self.margins[which], spare=spare)
 
     def values(self, states: States) -> Array:
-        """One minus the excess of the distance over its limit, relative to `SCALE`, shape (N, m)."""
+        """One minus the excess of the distance over the required one, divided by `SCALE`; shape (N, m)."""
         return 1.0 - (self._distances(states) - self.margin - self.spare) / SCALE
 
     def pullback(self, states: States, weights: Array) -> Array:
-        """Gradients (m, n k), from the motion of the nearest points with their links."""
+        """Gradients (m, n k), computed from the motion of the nearest points with their links."""
         _, first, second, normal = self._nearest(states)
         forces = -weights[:, :, None] * normal / SCALE
         by_q = np.zeros((*weights.shape, states.tree.n))
@@ -279,9 +285,9 @@ class Clearance:
     def between(self, states: States, step: float) -> Array:
         """Bound of the rise of the utilisation of each pair between points of a grid, shape (m,).
 
-        Two bodies approach each other at most at the speed at which the joints between them move their points, over
-        half a step from the nearest point of the grid. For pairs that are far apart a rougher bound is sufficient,
-        in which the extent of all points bounds the distance of a point from an axis.
+        Two bodies approach each other at most at the speed at which the joints between them move their points. The
+        time is at most half a step from the nearest point of the grid. For pairs that are far apart a rougher bound
+        is sufficient: it uses the size of the whole arm in the place of the distances of points from the joint axes.
         """
         distance, speed = self._distances(states), states.speed_bound
         begin, along = self.bodies.axes(states.poses)
@@ -297,12 +303,12 @@ class Clearance:
         return total / SCALE
 
     def _approach(self, states: States, step: float, bodies: CollisionBodies, fastest: float) -> Array:
-        """Bound (N, m) [m] of the approach of pairs within half a step of each point of a grid.
+        """Upper bound (N, m) [m] of the approach of each pair of bodies within half a step from each point of a grid.
 
         Args:
-            states: The motion.
+            states: States of the motion on the grid.
             step: Step of the grid [s].
-            bodies: The pairs.
+            bodies: Pairs of bodies.
             fastest: Bound of the speed of any point of the arm [m/s].
         """
         half = 0.5 * step
@@ -310,7 +316,7 @@ class Clearance:
         return half * bodies.approach(states.poses, states.tree, speed, half * fastest)
 
     def _hulls(self, states: States) -> Nearest | None:
-        """Distances, nearest points and directions of the hulls, computed once for each point of a search."""
+        """Distances, nearest points and directions of hulls, computed once for each point of a search."""
         if not len(self.bodies.hulls):
             return None
         if id(self) not in states.hulls:
@@ -324,7 +330,7 @@ class Clearance:
         return states.nearest[id(self)]
 
     def _distances(self, states: States) -> Array:
-        """Distances without nearest points, which take a third of the time."""
+        """Distances without nearest points; this takes a third of the time."""
         if id(self) in states.nearest:
             return states.nearest[id(self)][0]
         if id(self) not in states.distances:
@@ -340,8 +346,8 @@ def floor(height: float = 0.0, gravity: ArrayLike = (0.0, 0.0, -1.0)) -> Shape:
     """Floor: the half-space below a height.
 
     Args:
-        height: Height of the floor above the base [m]; negative below the base.
-        gravity: Direction of gravity in the base frame, shape (3,); -z where it is zero.
+        height: Height of the floor above the origin of the base frame [m]; negative below it.
+        gravity: Direction of gravity in the base frame, shape (3,); if it is zero, -z is used.
     """
     up = -np.asarray(gravity, dtype=np.float64)
     up = up / np.linalg.norm(up) if up.any() else np.array([0.0, 0.0, 1.0])

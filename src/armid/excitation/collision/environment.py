@@ -1,4 +1,4 @@
-"""Surroundings of an arm from a TOML file: boxes, spheres, half-spaces, and tools on links."""
+"""Surroundings of an arm, read from a TOML file: boxes, spheres and half-spaces, and tools on links."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from armid.errors import ArmidError
+from armid.errors import ArmidError, did_you_mean
 from armid.maths.spatial import homogeneous, rpy_rotation
 from armid.robot.robot import Robot
 from armid.robot.shapes import Shape, rotation_with_z
@@ -19,57 +19,67 @@ ENVIRONMENT = {
     "sphere": ("name", "link", "radius", "xyz"),
     "half-space": ("name", "normal", "offset"),
 }
-"""Tables of an environment, and their keys."""
+"""Tables of an environment file, and the keys of each."""
 
 
 def load_environment(path: Path | str, robot: Robot) -> tuple[Shape, ...]:
-    """Reads bodies of the surroundings and bodies that links carry from a TOML file.
+    """Reads bodies of the surroundings, and bodies that links of the arm carry, from a TOML file.
 
-    `[[box]]` has `size` [m], `xyz` of its middle and `rpy`; `[[sphere]]` has `radius` and `xyz`; `[[half-space]]`
-    has a `normal` that points out of it and an `offset`, all in the base frame of the arm. Each has a `name`. A box
-    or sphere with a `link`, for instance a tool, is carried by that link and stands in its frame.
+    `[[box]]` has the keys `size` [m], `xyz` (its centre [m]) and `rpy` (its orientation [rad]). `[[sphere]]` has
+    `radius` [m] and `xyz`. `[[half-space]]` has `offset` [m] and `normal`, which points out of the half-space. All
+    are in the base frame of the arm. Each body can have a `name`. A box or sphere with the key `link`, for instance a
+    tool, is carried by this link, and its position and orientation are in the frame of the link.
 
     Args:
         path: The file.
-        robot: The arm, for its links.
+        robot: The arm; its links can carry bodies.
 
     Raises:
-        ArmidError: The file is missing or says something else.
+        ArmidError: The file is missing or not a valid environment file.
     """
     path = Path(path)
     try:
         document = tomllib.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
-        raise ArmidError(f"{path} is no environment: {error}.", remedy="give a TOML file.") from error
+        raise ArmidError(f"{path} is not an environment file: {error}.", remedy="give a TOML file.") from error
     shapes: list[Shape] = []
     for kind, tables in document.items():
         if kind not in ENVIRONMENT or not isinstance(tables, list):
-            raise ArmidError(f"{path}: unknown entry {kind!r}.", possible=", ".join(f"[[{k}]]" for k in ENVIRONMENT))
+            raise ArmidError(
+                f"{path}: unknown entry {kind!r}.",
+                possible=", ".join(f"[[{k}]]" for k in ENVIRONMENT),
+                remedy="write one of these, with double brackets.",
+            )
         for number, table in enumerate(tables, 1):
             unknown = set(table) - set(ENVIRONMENT[kind])
             if unknown:
                 raise ArmidError(
                     f"{path}: {kind} {number} has an unknown key {sorted(unknown)[0]!r}.",
                     possible=", ".join(ENVIRONMENT[kind]),
+                    remedy="correct or remove the key.",
                 )
             try:
                 link = _carrier(robot, f"{path}: {kind} {number}", table.get("link"))
                 shapes.append(replace(_surrounding(kind, number, table), link=link))
             except (TypeError, ValueError, KeyError) as error:
                 raise ArmidError(
-                    f"{path}: {kind} {number} lacks or garbles {error}.", possible=", ".join(ENVIRONMENT[kind])
+                    f"{path}: in {kind} {number} a key is missing or its value is invalid: {error}.",
+                    possible=", ".join(ENVIRONMENT[kind]),
+                    remedy="add the key or correct its value; lengths are in metres, angles in radians.",
                 ) from error
     return tuple(shapes)
 
 
 def _carrier(robot: Robot, where: str, name: str | None) -> int:
-    """Index of the link with a name; -1 for the base, also where no link is given."""
+    """Index of the link with a given name; -1 for the base, which is used if no link is given."""
     names = [link.name for link in robot.links]
     if name is None:
         return -1
     if name not in names:
         raise ArmidError(
-            f"{where} is carried by {name!r}, which {robot.name} does not have.", possible=", ".join(names)
+            f"{where}: {robot.name} has no link {name!r} to carry it.",
+            possible=", ".join(names),
+            remedy=did_you_mean(name, names) or "name one of these links, or leave out `link`.",
         )
     return names.index(name)
 

@@ -1,4 +1,4 @@
-"""Pairs of bodies that a user leaves out: by name or pattern, or as an SRDF of MoveIt disables them."""
+"""Pairs of bodies that the user excludes from the collision check: by name or pattern, or with an SRDF of MoveIt."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from armid.robot.joint_selection import matching
 
 @dataclass(frozen=True, slots=True)
 class IgnoredBodies:
-    """Two links or bodies that are not kept apart.
+    """Two links or bodies that need not be kept apart.
 
     Attributes:
-        first: Name or pattern (`*`, `?`, `[…]`).
-        second: The same of the other.
-        reason: Who asks for it, an option or a file.
-        strict: Whether names that no body has are an error.
+        first: Name of the first, or a pattern (`*`, `?`, `[…]`).
+        second: Name of the second, or a pattern.
+        reason: Option or file that excludes the pair.
+        strict: Whether it is an error if no body has such a name.
     """
 
     first: str
@@ -30,51 +30,54 @@ class IgnoredBodies:
 
 
 def parse_ignored(text: str) -> IgnoredBodies:
-    """`A,B` of `--ignore-pair`.
+    """Reads the value `A,B` of the option `--ignore-pair`.
 
     Raises:
-        ArmidError: These are not two names.
+        ArmidError: The text does not consist of two names.
     """
     names = [name.strip() for name in text.split(",")]
     if len(names) != 2 or not all(names):
-        raise ArmidError(f"--ignore-pair {text}: this is no pair.", remedy="write two names or patterns: A,B.")
+        raise ArmidError(
+            f"--ignore-pair {text}: these are not two names.",
+            remedy="write two names or patterns, separated by a comma: A,B.",
+        )
     return IgnoredBodies(names[0], names[1], "--ignore-pair")
 
 
 def ignored_of_srdf(path: Path | str) -> tuple[IgnoredBodies, ...]:
-    """Pairs of links whose collisions an SRDF disables.
+    """Reads the pairs of links whose collisions an SRDF disables.
 
     Raises:
-        ArmidError: The file is missing, no XML, or disables nothing.
+        ArmidError: The file is missing, is not XML, or disables no collisions.
     """
     path = Path(path)
     try:
         root = ET.fromstring(path.read_text(encoding="utf-8"))
     except (OSError, ValueError, ET.ParseError) as error:
         raise ArmidError(
-            f"{path} is no SRDF: {error}.", remedy="give the SRDF of the arm's MoveIt package."
+            f"{path} is not an SRDF file: {error}.", remedy="give the SRDF file of the arm's MoveIt package."
         ) from error
     found = tuple(
         IgnoredBodies(each.get("link1", ""), each.get("link2", ""), path.name, strict=False)
         for each in root.iter("disable_collisions")
     )
     if not found:
-        raise ArmidError(f"{path} disables no collisions.", remedy="give one with <disable_collisions>.")
+        raise ArmidError(f"{path} disables no collisions.", remedy="give an SRDF file with <disable_collisions>.")
     return found
 
 
 def ignored_pairs(
     ignored: Sequence[IgnoredBodies], pairs: Sequence[BodyPair], bodies: Sequence[str]
 ) -> dict[int, str]:
-    """Numbers of the pairs that are left out, with who asked for it.
+    """Indices of the pairs that are excluded, each with the option or file that excludes the pair.
 
     Args:
-        ignored: What is left out.
-        pairs: Names of the pairs of bodies.
+        ignored: Pairs of names that are excluded.
+        pairs: Names of all pairs of bodies.
         bodies: Names of the bodies.
 
     Raises:
-        ArmidError: No body has a name.
+        ArmidError: A name fits no body.
     """
     links = dict.fromkeys(link_of(name) for name in bodies)
     found: dict[int, str] = {}
@@ -88,7 +91,7 @@ def ignored_pairs(
 
 
 def _bodies_of(name: str, bodies: Sequence[str], links: tuple[str, ...], each: IgnoredBodies) -> set[str]:
-    """Bodies of a link, or with a name, or that a pattern fits."""
+    """Bodies of a link, or bodies whose names are equal to a name or fit a pattern."""
     fitting = set(matching(name, links))
     found = {body for body in bodies if link_of(body) in fitting} or set(matching(name, bodies)) & set(bodies)
     if not found and each.strict:

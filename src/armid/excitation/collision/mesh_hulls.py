@@ -1,9 +1,9 @@
-"""Bounding volumes of a mesh: capsules, and simplified convex hulls of its slabs.
+"""Bounding volumes of a mesh: capsules, and simplified convex hulls of its slices.
 
-They are computed once for the content of a file and a scale, and stored in the user's cache folder
+They are computed once for each content of a file and each scale, and stored in the user's cache folder
 (`armid.excitation.collision.cache`). A hull with many corners is simplified: it is replaced by the hull of some of
-its corners, enlarged all around by the largest distance of any other corner, at most half a millimetre, so that the
-mesh lies inside.
+its corners, which is then enlarged in all directions by the largest distance of any other corner, at most half a
+millimetre. The mesh therefore lies inside.
 """
 
 from __future__ import annotations
@@ -25,31 +25,32 @@ from armid.robot.shapes import Shape
 from armid.values import Array
 
 FORMAT = 1
-"""Of entries in the cache folder; raised where what is made of a mesh changes."""
+"""Version of the entries in the cache folder; it is increased if the computation of the bounding volumes changes."""
 
 ENOUGH = 64
-"""Corners of a hull that is left as it is."""
+"""Number of corners up to which a hull is not simplified."""
 
 LIGHT = 5e-4
-"""Distance that a hull of fewer corners may reach beyond the mesh [m]."""
+"""Largest distance by which a simplified hull may extend beyond the mesh [m]."""
 
 CLOSE = 0.8
-"""Share of that which corners may be outside a face; where faces meet they are further from the hull."""
+"""Share of `LIGHT` that is allowed for the distance of a corner from the plane of a face. Where faces meet, the
+distance of a corner from the hull is larger than from the planes."""
 
 FURTHEST = 0.6
-"""Corners are taken together that are outside by no less than this share of what the furthest one is."""
+"""In one step, a corner is added if its distance outside is at least this share of the largest distance outside."""
 
 SOLVER = 1e-6
-"""Error of Coal's measurement of that distance [m]."""
+"""Error with which Coal computes the distance of a corner from a hull [m]."""
 
 THIN = 1e-5
-"""Half the thickness [m] given to a part that has none."""
+"""Half the thickness [m] that is given to a flat part."""
 
 WHOLE = (".stl", ".obj", ".dae", ".ply", ".glb", ".off")
-"""Endings of files that refer to no other file for their triangles, so that their content tells them apart."""
+"""Endings of files that contain all their triangles themselves, so that the content identifies the mesh."""
 
 FIRST = np.array([[x, y, z] for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1) if x or y or z], dtype=float)
-"""Directions in which a light hull reaches as far as the mesh."""
+"""Directions in which a simplified hull always extends as far as the mesh."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -57,9 +58,9 @@ class Part:
     """Convex body that encloses a part of a mesh.
 
     Attributes:
-        corners: Shape (v, 3) [m].
-        faces: Three corners of each triangle, counter-clockwise from outside, shape (t, 3).
-        beyond: Distance by which it extends beyond these, all around [m].
+        corners: Corners of the body, shape (v, 3) [m].
+        faces: Indices of the three corners of each triangle, counter-clockwise from outside, shape (t, 3).
+        beyond: Distance by which the body is enlarged in all directions [m].
     """
 
     corners: Array
@@ -73,11 +74,11 @@ class Part:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class MeshOutline:
-    """Bounding volumes of a mesh, in its frame.
+    """Bounding volumes of a mesh, in the frame of the mesh.
 
     Attributes:
-        capsules: Capsules that it lies in.
-        parts: Convex bodies that it lies in, closer than these.
+        capsules: Capsules that together contain the mesh.
+        parts: Convex bodies that together contain the mesh, more tightly than the capsules.
     """
 
     capsules: tuple[Shape, ...]
@@ -85,7 +86,7 @@ class MeshOutline:
 
 
 def capsules_of(shape: Shape) -> tuple[Shape, ...]:
-    """Capsules that together enclose a body, with its name and link; a capsule is returned as it is."""
+    """Capsules that together enclose a body, with its name and link; a capsule is returned unchanged."""
     if shape.kind != "mesh":
         return covering(shape)
     return tuple(
@@ -95,7 +96,7 @@ def capsules_of(shape: Shape) -> tuple[Shape, ...]:
 
 
 def outline_of(shape: Shape) -> MeshOutline:
-    """Bounding volumes of a mesh, from the cache folder where they are there.
+    """Bounding volumes of a mesh; they are read from the cache folder if they are stored there.
 
     Raises:
         ArmidError: The file cannot be read.
@@ -116,7 +117,7 @@ def _outline(path: str, scale: tuple[float, float, float], _stamp: tuple[int, in
 
 
 def _name(path: str, scale: tuple[float, float, float]) -> str:
-    """Name of the cache entry; empty where the mesh depends on other files or cannot be read."""
+    """Name of the entry in the cache; empty if the mesh depends on other files or cannot be read."""
     if Path(path).suffix.lower() not in WHOLE:
         return ""
     try:
@@ -128,7 +129,7 @@ def _name(path: str, scale: tuple[float, float, float]) -> str:
 
 
 def _written(outline: MeshOutline) -> Arrays:
-    """Arrays of an outline for the cache."""
+    """Converts bounding volumes to arrays for the cache."""
     arrays = {
         "sizes": np.array([each.size for each in outline.capsules]),
         "placements": np.array([each.placement for each in outline.capsules]),
@@ -140,7 +141,7 @@ def _written(outline: MeshOutline) -> Arrays:
 
 
 def _read(arrays: Arrays | None) -> MeshOutline | None:
-    """Outline from arrays of the cache; `None` where they are invalid."""
+    """Converts arrays of the cache to bounding volumes; `None` if they are invalid."""
     if arrays is None:
         return None
     try:
@@ -161,7 +162,7 @@ def _read(arrays: Arrays | None) -> MeshOutline | None:
 
 
 def _made(corners: Array, faces: NDArray[np.intp]) -> MeshOutline:
-    """Outline of triangles; the hulls of the slabs are computed once for capsules and parts."""
+    """Bounding volumes of triangles; the hulls of the slices are computed once and used for capsules and parts."""
     cuts = cuts_of(corners, faces)
     hulls: dict[int, ConvexHull] = {}
 
@@ -178,7 +179,7 @@ def _made(corners: Array, faces: NDArray[np.intp]) -> MeshOutline:
 
 
 def hull_points(points: Array) -> ConvexHull:
-    """Convex hull of points (v, 3); flat ones are given a small thickness."""
+    """Convex hull of points (v, 3); if they lie in a plane, it is given a small thickness."""
     try:
         return ConvexHull(points)
     except QhullError:
@@ -189,8 +190,8 @@ def hull_points(points: Array) -> ConvexHull:
 def lightened(hull: ConvexHull) -> Part:
     """Simplified convex body that encloses a hull.
 
-    The corner that is furthest outside the hull of the selected corners is added until none is outside by more than
-    `LIGHT`. The body is then enlarged all around by the largest remaining distance.
+    The corner that is furthest outside the hull of the selected corners is added, until no corner is outside by more
+    than `LIGHT`. The body is then enlarged in all directions by the largest remaining distance.
     """
     points = hull.points[hull.vertices]
     if len(points) <= ENOUGH:
@@ -213,7 +214,7 @@ def lightened(hull: ConvexHull) -> Part:
 
 
 def part_of(hull: ConvexHull) -> Part:
-    """Hull as a `Part` with all of its corners."""
+    """Converts a hull to a `Part` with all of its corners."""
     place = np.full(len(hull.points), -1)
     place[hull.vertices] = np.arange(len(hull.vertices))
     corners = hull.points[hull.simplices]

@@ -1,4 +1,4 @@
-"""Pairs of bodies that a motion can bring together: links with each other and with the surroundings."""
+"""Pairs of bodies that can collide: links of the arm with each other and with the surroundings."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from armid.robot.shapes import Shape
 
 
 def pairs_of_bodies(robot: Robot, shapes: Sequence[Shape]) -> tuple[CollisionBodies, NDArray[np.intp]]:
-    """Capsules and solids with their pairs, and the pairs as indices into the shapes."""
+    """Capsules and solids with their pairs, and for each pair of bodies the indices into `shapes`."""
     solid = [shape.kind in ("box", "half-space") and shape.link < 0 for shape in shapes]
     capsules: list[Shape] = []
     solids = [shape for shape, apart in zip(shapes, solid, strict=True) if apart]

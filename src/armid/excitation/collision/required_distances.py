@@ -1,11 +1,11 @@
-"""Required distance of each pair of bodies: the margin, less for bodies that are close by construction, or none.
+"""Required distance of each pair of bodies: the margin; less, if the bodies are close by construction; or none.
 
 Bodies two joints apart may be only a few millimetres apart by construction, in all or most poses. They cannot keep
-the margin, but they can collide; they have to keep half of their usual distance. Pairs that overlap in nearly all
-poses are not checked, as in MoveIt's setup assistant. The pair of the first link and the mount is not checked either.
-Pairs two joints apart that overlap in more than two thirds of the poses are kept apart only where that leaves a start
-pose with room and a search sees them: no joint is built to be free in less than a third of its range, so the bodies
-are wider than the links.
+the margin, but they can collide. Their required distance is therefore half of their usual distance. Pairs that
+overlap in nearly all poses are not checked, as in MoveIt's setup assistant. The pair of the first link and the mount
+is not checked either. Pairs two joints apart that overlap in more than two thirds of the poses are checked only if a
+search can compute their distance and a start pose with enough free range remains. The reason is that no real joint is
+free in less than a third of its range, so the bodies of such a pair are wider than the real links.
 """
 
 from __future__ import annotations
@@ -24,39 +24,41 @@ from armid.robot.shapes import Shape
 from armid.values import Array
 
 BY_CAPSULES, MEASURED, LEFT_OUT = 0, 1, 2
-"""Ways to check a pair: by bounding volumes, with the bodies themselves at the end only, or not at all."""
+"""Ways to check a pair: with bounding volumes; with the bodies themselves, after the search; or not at all."""
 
 NEIGHBOURS = 2
-"""Largest number of joints between links that may be close by construction."""
+"""Largest number of joints between two links that may be close by construction."""
 
 CONSTRUCTION = 0.5
-"""Share of random poses below the margin above which a pair may be close by construction."""
+"""Share of random poses with a distance below the margin, above which a pair may be close by construction."""
 
 MOSTLY, ALWAYS, FAR = 2.0 / 3.0, 0.95, 0.99
-"""Neighbours that overlap in more than the first share of random poses may be left out; those that overlap in the
-second, that of MoveIt's setup assistant, count as touching always; links further apart are left out where they
-overlap in the last, as a description with an elbow of two pieces has it."""
+"""Shares of random poses in which bodies overlap. Above the first share, a pair of neighbours may be excluded. Above
+the second share, which is that of MoveIt's setup assistant, neighbours count as always touching. From the third share
+on, links further apart are excluded: this happens if a description has, for instance, an elbow of two pieces."""
 
 LEAST = 1e-3
-"""Usual distance [m] below which bodies count as touching."""
+"""Usual distance [m] up to which two bodies count as touching."""
 
 HALF, QUARTER = 0.5, 0.25
-"""Shares of the usual distance of a close pair: that it must keep, and that a search keeps in addition."""
+"""Shares of the usual distance of a close pair: the required distance, and the additional distance that a search
+keeps."""
 
 OFTEN = 0.25
-"""Share of poses that hulls of neighbours may exclude; where their triangles exclude less than half of that, the pair
-is measured by these."""
+"""Share of poses that the hulls of neighbours may exclude. If they exclude more, and the triangles exclude less than
+half of that, the distance of the pair is computed with its triangles."""
 
 FREE = 0.75
-"""Quantile of the distances at which a pair that keeps the margin is not close by construction."""
+"""Quantile of the distances: if it is above the margin, a pair is not close by construction."""
 
 FEW = 100
-"""Poses in which distances of the triangles of bodies are computed."""
+"""Number of poses in which distances are computed with the triangles of bodies."""
 
 USUAL, RARE = 0.9, 0.05
-"""Quantiles of the distance of bodies whose hulls overlap in most poses: the usual one, and where that is below what
-is asked, the usual one over the poses in which they are apart. Such bodies turn about each other across a gap. A
-search does not see this gap, so what they keep must exclude few poses beyond those in which they meet."""
+"""Quantiles of the distance of bodies whose hulls overlap in most poses. The first gives the usual distance. If this
+is not above the margin, the second is used, over the poses in which the bodies do not touch. Such bodies turn against
+each other across a narrow gap, which a search cannot represent. The required distance must therefore exclude few
+poses in addition to those in which the bodies touch."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -67,8 +69,8 @@ class RequiredDistances:
         margin: Smallest allowed distance, shape (m,) [m].
         spare: Additional distance that a search keeps, shape (m,) [m].
         kind: `BY_CAPSULES`, `MEASURED` or `LEFT_OUT`, shape (m,).
-        touching: Share of random poses in which bodies that are or may be left out overlap, or are closer than the
-            margin to the mount, shape (m,); zero for others.
+        touching: Share of random poses in which bodies overlap, or for the pair of first link and mount are closer
+            than the margin, shape (m,); only for pairs that are or may be excluded, zero for others.
         close: Mask of the pairs that are close by construction, shape (m,).
     """
 
@@ -79,7 +81,7 @@ class RequiredDistances:
     close: NDArray[np.bool_]
 
     def of(self, kind: int) -> NDArray[np.bool_]:
-        """Mask of the pairs of a kind, shape (m,)."""
+        """Mask of the pairs that are checked in a given way (`kind`), shape (m,)."""
         return self.kind == kind
 
     @property
@@ -88,13 +90,13 @@ class RequiredDistances:
         return (self.touching > MOSTLY) & ~self.of(LEFT_OUT)
 
     def lowered(self, distance: Array) -> RequiredDistances:
-        """Required distances, halved for close pairs that are closer still in the start pose, at distances (m,)."""
+        """Required distances for a start pose with distances (m,) [m]; those of close pairs may be lowered."""
         lower = self.close & (distance > LEAST) & (distance < self.margin)
         return replace(self, margin=np.where(lower, HALF * distance, self.margin))
 
 
 def uniform_distances(margin: float, spare: Array) -> RequiredDistances:
-    """Required distances with the same margin [m] for all pairs and spare distances (m,) [m] for a search."""
+    """Required distances with the same margin [m] for all pairs, and additional distances (m,) [m] for a search."""
     count = len(spare)
     far = np.zeros(count, dtype=np.bool_)
     return RequiredDistances(np.full(count, margin), spare, np.full(count, BY_CAPSULES), np.zeros(count), far)
@@ -115,10 +117,10 @@ def adjusted_distances(
         required: Required distances before.
         robot: The arm.
         shapes: The bodies, the surroundings last.
-        pairs: Indices of two bodies each, shape (m, 2).
+        pairs: Indices of the two bodies of each pair, shape (m, 2).
         tried: Random poses, shape (k, n) [rad or m].
         around: Distances of the bounding volumes in these poses, shape (k, m) [m].
-        touching: Share of random poses in which these are below the margin, shape (m,).
+        touching: Share of random poses in which the distance of the bounding volumes is below the margin, shape (m,).
     """
     margin, spare, share = required.margin.copy(), required.spare.copy(), required.touching.copy()
     kind, close = required.kind.copy(), required.close.copy()
@@ -156,7 +158,7 @@ def adjusted_distances(
 
 
 def _usual_gap(actual: Array, margin: float) -> float:
-    """Usual distance [m] of bodies with distances (k,) in random poses; a small one where few are above a margin."""
+    """Usual distance [m] of bodies with distances (k,) in random poses; a small one if few are above a margin."""
     usual = max(float(np.quantile(actual, USUAL)), 0.0)
     if usual > margin or not (actual > 0.0).any():
         return usual
@@ -170,14 +172,14 @@ def _of_neighbours(
     around: Array,
     kept: tuple[float, float],
 ) -> tuple[float, int]:
-    """Usual distance of two neighbours [m] and how they are looked at.
+    """Usual distance of two neighbours [m], and the way in which the pair is checked.
 
     Args:
         shapes: The bodies.
-        pair: Indices of the two, shape (1, 2).
-        poses: Some of the random poses.
-        around: Distances of what is around the bodies in random poses, shape (k,) [m].
-        kept: The usual distance of what is around them, and the margin that is asked [m].
+        pair: Indices of the two bodies, shape (1, 2).
+        poses: Rotations and origins of the links in some of the random poses.
+        around: Distances of the bounding volumes of the two bodies in random poses, shape (k,) [m].
+        kept: Usual distance of the bounding volumes, and margin [m].
     """
     usual, margin = kept
     excluded = float((around < min(margin, HALF * usual)).mean())

@@ -1,4 +1,4 @@
-"""Nearest points of two segments, and of segments and boxes."""
+"""Nearest points of two segments, and of a segment and a box."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ import numpy as np
 from armid.values import Array
 
 TINY = 1e-12
-"""Squared length [m²] below which a segment counts as a point."""
+"""Squared length [m²] below which a segment is treated as a point."""
 
 ROUNDING = 1e-9
-"""Distance [m] up to which a segment counts as meeting a box."""
+"""Distance [m] up to which a segment is treated as one that intersects a box."""
 
 
 def nearest_on_segments(uu: Array, vv: Array, uv: Array, ur: Array, vr: Array) -> tuple[Array, Array]:
@@ -36,18 +36,20 @@ def nearest_on_segments(uu: Array, vv: Array, uv: Array, ur: Array, vr: Array) -
 
 
 def nearest_on_box(a: Array, u: Array, half: Array) -> tuple[Array, Array, Array]:
-    """Nearest points of segments to a box about the origin of their frame.
+    """Nearest points of segments to a box whose centre is the origin of the frame.
 
-    The slope of the squared distance along a segment rises piecewise linearly, with kinks where a coordinate passes a
-    face, so its zero is exact. Where a segment meets the box, the deepest point of it is taken.
+    The derivative of the squared distance along a segment is piecewise linear and increasing, with kinks where a
+    coordinate passes a face, so its zero is computed exactly. If a segment intersects the box, its deepest point is
+    taken.
 
     Args:
-        a: Beginnings of the segments, shape (..., 3).
-        u: Vectors from beginning to end, shape (..., 3).
+        a: Start points of the segments, shape (..., 3).
+        u: Vectors from start point to end point, shape (..., 3).
         half: Half the edges of the box, shape (..., 3).
 
     Returns:
-        Positions (...,) along the segments, 0 to 1, signed distances (...,) there, and their gradients (..., 3).
+        Positions (...,) of the nearest points along the segments, from 0 to 1, signed distances (...,), and the
+        gradients (..., 3) of these distances.
     """
     divisor = np.where(np.abs(u) > TINY, u, np.inf)
     ends = np.zeros((*a.shape[:-1], 2))
@@ -71,9 +73,10 @@ def nearest_on_box(a: Array, u: Array, half: Array) -> tuple[Array, Array, Array
 
 
 def _deepest(a: Array, u: Array, half: Array) -> Array:
-    """Positions (k,) along segments (k, 3) of their deepest points in a box.
+    """Positions (k,) along segments (k, 3) of the points of the segments that are deepest in a box.
 
-    The signed distance is the largest of six linear functions there, so its minimum is an end or where two are equal.
+    Inside the box, the signed distance is the largest of six linear functions. Its minimum is therefore at an end of
+    the segment or at a point at which two of the functions are equal.
     """
     value, slope = np.concatenate([a - half, -a - half], axis=-1), np.concatenate([u, -u], axis=-1)
     one, other = np.triu_indices(6, 1)

@@ -1,1 +1,1 @@
-"""The search for a trajectory: criteria, gradients, descent."""
+"""Search for a trajectory: criteria, gradients, and descent."""

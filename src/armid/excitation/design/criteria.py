@@ -1,9 +1,9 @@
 """Optimality criteria of a motion: functions of the information matrix G = Σ Yᵀ Y / σ², with exact derivatives.
 
-The covariance of the base parameters is G⁻¹. Every criterion is minimised, is of the order of one, and is returned
-with its symmetric derivative by G. An extreme eigenvalue has no derivative where two eigenvalues coincide, as they
-often do at an optimum. A search therefore replaces extremes by p-norms and raises their exponent p (the sharpness);
-reported values are exact.
+The covariance of the base parameters is G⁻¹. Every criterion is minimised, has the order of magnitude of one, and is
+returned with its symmetric derivative with respect to G. An extreme eigenvalue has no derivative if two eigenvalues
+coincide, and at an optimum they often do. A search therefore replaces the largest and smallest eigenvalue by p-norms
+and increases their exponent p (the sharpness) step by step; reported values are exact.
 
 D-optimality does not depend on the units of the parameters; the other criteria do [Swevers1997].
 """
@@ -22,22 +22,23 @@ from armid.values import Array
 lapack: Any = import_module("scipy.linalg.lapack")
 
 Criterion = Callable[[Array], tuple[float, Array]]
-"""Function from G to the value of a criterion and its derivative by G."""
+"""Function from G to the value of a criterion and its derivative with respect to G."""
 
 NEGLIGIBLE = 1e-13
-"""Relative derivative by an eigenvalue below which its eigenvector is neglected: gradients need six digits."""
+"""Relative derivative with respect to an eigenvalue below which its eigenvector is neglected. Gradients need six
+digits."""
 
 FLOOR = 1e-15
-"""Smallest relative eigenvalue; smaller ones are rounding errors, without a useful derivative."""
+"""Smallest relative eigenvalue; smaller ones are rounding errors and have no useful derivative."""
 
 WELL_CONDITIONED = 1e-10
-"""Smallest squared relative pivot at which the inverse by Cholesky is accurate enough for gradients."""
+"""Smallest squared relative pivot at which the inverse by Cholesky factorisation is accurate enough for gradients."""
 
 SHARP = 30.0
 """Exponent p above which a norm usually depends on at most a third of the eigenvalues."""
 
 WORK = 64
-"""Workspace in numbers per column that LAPACK needs for products with Householder reflections."""
+"""Numbers of workspace per column that LAPACK needs for products with Householder reflections."""
 
 
 def _dense(vectors: Array, slopes: Array) -> Array:
@@ -47,15 +48,16 @@ def _dense(vectors: Array, slopes: Array) -> Array:
 
 
 def _bounded_below(values: Array) -> Array:
-    """Eigenvalues in rising order, bounded below by a small positive number."""
+    """Eigenvalues in ascending order, bounded below by a small positive number."""
     return np.maximum(values, FLOOR * values[-1] + np.finfo(float).tiny)
 
 
 def _by_extremes(G: Array, function: Callable[[Array], tuple[float, Array]], sharpness: float) -> tuple[float, Array]:
-    """Value of a function of the eigenvalues, and its derivative by G.
+    """Value of a function of the eigenvalues of G, and its derivative with respect to G.
 
-    A sharp function depends on few eigenvalues. All eigenvalues of the tridiagonal form take half the time of all
-    eigenvectors; inverse iteration then computes only the eigenvectors that matter.
+    With a large exponent, a function depends on few eigenvalues. Computing all eigenvalues of the tridiagonal form
+    takes half the time of computing all eigenvectors; inverse iteration then computes only the necessary
+    eigenvectors.
     """
     if sharpness > SHARP:
         form, diagonal, off_diagonal, tau, _ = lapack.dsytrd(G, lower=1)
@@ -76,7 +78,7 @@ def _by_extremes(G: Array, function: Callable[[Array], tuple[float, Array]], sha
 
 
 def _inverse(G: Array) -> tuple[float, Array]:
-    """Log-determinant and inverse of G; by Cholesky, in a third of the time, where G is well conditioned."""
+    """Log-determinant and inverse of G; by Cholesky, in a third of the time, if G is well conditioned."""
     factor, failed = lapack.dpotrf(G, lower=1)
     pivots = np.diag(factor)
     if failed == 0 and pivots.min() ** 2 > WELL_CONDITIONED * pivots.max() ** 2:
@@ -89,13 +91,13 @@ def _inverse(G: Array) -> tuple[float, Array]:
 
 
 def d_optimal(G: Array) -> tuple[float, Array]:
-    """D-optimality: minus the mean logarithm of the eigenvalues, from the volume of the confidence ellipsoid."""
+    """D-optimality: minus the mean logarithm of the eigenvalues, which measures the confidence ellipsoid's volume."""
     logarithm, inverse = _inverse(G)
     return -logarithm / len(G), -inverse / len(G)
 
 
 def condition_number(G: Array, sharpness: float) -> tuple[float, Array]:
-    """Logarithm of the condition number of the stacked regressor, (3.55a)."""
+    """Logarithm of the condition number of the stacked regressor, equation (3.55a) of the thesis."""
 
     def function(values: Array) -> tuple[float, Array]:
         largest, smallest = (values / values[-1]) ** sharpness, (values[0] / values) ** sharpness
@@ -118,8 +120,8 @@ def scaled_condition_number(G: Array, sharpness: float) -> tuple[float, Array]:
 def trace_of_covariance(G: Array, weight: Array) -> tuple[float, Array]:
     """Logarithm of trace(weight · G⁻¹).
 
-    With the identity as weight this is the sum of the variances; with the information matrix of other motions it is
-    the variance of the torque predicted along them.
+    If the weight is the identity, this is the sum of the variances. If the weight is the information matrix of other
+    motions, it is the variance of the torque that is predicted along them.
     """
     inverse = _inverse(G)[1]
     product = inverse @ weight
@@ -140,7 +142,11 @@ def e_optimal(G: Array, sharpness: float) -> tuple[float, Array]:
 
 
 def worst_deviation(G: Array, scale: Array, sharpness: float) -> tuple[float, Array]:
-    """Logarithm of the largest standard deviation of a parameter relative to its size; infinite sizes are ignored."""
+    """Logarithm of the largest relative standard deviation of a parameter.
+
+    The relative standard deviation of a parameter is its standard deviation divided by its typical value in `scale`.
+    Parameters whose `scale` is infinite are ignored.
+    """
     inverse = _inverse(G)[1]
     variance = np.diag(inverse)
     relative = variance / scale**2
@@ -153,29 +159,30 @@ def worst_deviation(G: Array, scale: Array, sharpness: float) -> tuple[float, Ar
 
 CRITERIA = {
     "d-optimal": "volume of the confidence ellipsoid; does not depend on units",
-    "condition": "condition number of the stacked regressor, (3.55a)",
-    "scaled-condition": "condition number of its columns scaled to unit length",
-    "a-optimal": "sum of the base parameters' variances",
+    "condition": "condition number of the stacked regressor, (3.55a) of the thesis",
+    "scaled-condition": "condition number of the stacked regressor with columns scaled to unit length",
+    "a-optimal": "sum of the variances of the base parameters",
     "e-optimal": "largest variance of any combination of base parameters of unit length",
     "prediction": "variance of the torque predicted along given motions",
-    "worst": "largest deviation of a base parameter over its size, where sizes are known, else as it is",
+    "worst": "largest standard deviation of a base parameter, divided by its typical value where values are known",
 }
-"""Names of the criteria and the quantity that each minimises."""
+"""Names of the criteria, and the quantity that each criterion minimises."""
 
 
 def make_criterion(
     name: str, sharpness: float, prediction: Array | None = None, scale: Array | None = None
 ) -> Criterion:
-    """Criterion of a given name.
+    """Makes the criterion with a given name.
 
     Args:
         name: One of `CRITERIA`.
         sharpness: Exponent p of the norms that replace extreme eigenvalues.
-        prediction: Information matrix (b, b) of the motions whose torque is to be predicted.
-        scale: Sizes of the parameters, shape (b,), infinite for those to be ignored; one where not given.
+        prediction: Information matrix (b, b) of the motions whose torque the model must predict well.
+        scale: Typical values of the parameters, shape (b,); infinite for parameters to be ignored. If `None`, all are
+            1.
 
     Raises:
-        ArmidError: The name is unknown, or `prediction` is asked without motions.
+        ArmidError: The name is unknown, or the criterion is `prediction` and no motions are given.
     """
     if name not in CRITERIA:
         raise ArmidError(
@@ -183,7 +190,8 @@ def make_criterion(
         )
     if name == "prediction" and prediction is None:
         raise ArmidError(
-            "The criterion 'prediction' needs motions to predict.", remedy="give plans whose torque matters."
+            "The criterion 'prediction' needs at least one motion whose torque the model must predict well.",
+            remedy="give the plans of these motions with --predict.",
         )
     made: dict[str, Criterion] = {
         "d-optimal": d_optimal,

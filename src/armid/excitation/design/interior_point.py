@@ -1,13 +1,13 @@
-"""Interior-point descent that stays feasible, for problems with collision constraints.
+"""Interior-point descent that does not leave the limits, for problems with collision constraints.
 
-Inside an obstacle the gradient of the distance may point further in, and a sequential quadratic method that steps
-into a body does not come out again. The first stage of a short descent therefore minimises
+Inside an obstacle the gradient of the distance may point further into it, so that a sequential quadratic method that
+steps into a body does not leave it again. The first stage of a short descent therefore minimises
 
     f(x) - μ Σ log(1 - u_k(x)),
 
-with u the soft maxima of all channels and a decreasing weight μ. The quasi-Newton method shortens every step that
-would leave the limits [Nocedal2006, chapters 7 and 19]. It ends near the limits with the final shape of the motion,
-which is a good start for the stages of `armid.excitation.design.sqp`.
+where u are the soft maxima of all constraint channels and μ is a decreasing weight. The quasi-Newton method shortens
+every step that would leave the limits [Nocedal2006, chapters 7 and 19]. It ends near the limits with the final shape
+of the motion, which is a good start for the stages of `armid.excitation.design.sqp`.
 """
 
 from __future__ import annotations
@@ -26,22 +26,22 @@ WEIGHTS = ((0.1, 60), (0.01, 60), (0.004, 50))
 """Weights μ of the barrier and the number of iterations with each."""
 
 ROOM = 0.9
-"""Utilisation of the limits at the start: at a limit the barrier is infinite."""
+"""Utilisation of the limits at the start. At a limit (utilisation 1) the barrier would be infinite."""
 
 REMEMBERED = 20
-"""Steps from which the quasi-Newton method estimates the curvature."""
+"""Number of steps from which the quasi-Newton method estimates the curvature."""
 
 SHORTENED = (0.5, 0.3)
-"""Factors by which a step is shortened that decreases the value too little, and one that leaves the limits."""
+"""Factors that shorten a step: if it decreases the value too little, and if it leaves the limits."""
 
 TRIALS = 14
 """Largest number of times that one step is shortened."""
 
 DECREASE = 1e-4
-"""Required decrease of the value, relative to that predicted by the slope (Armijo condition)."""
+"""Required decrease of the value, divided by the decrease that the slope predicts (Armijo condition)."""
 
 SETTLED = 1e-6
-"""Relative decrease of the value by a step below which the iteration ends."""
+"""Relative decrease of the value in one step, below which the iteration ends."""
 
 FIRST = 0.1
 """Euclidean length of the first step in the unknowns [rad/s or m/s]."""
@@ -54,12 +54,12 @@ def descend_inside(problem: DescentProblem, x: Array, stage: Stage, deadline: fl
 
     Args:
         problem: Criterion, unknowns and limits.
-        x: Starting point, shape (n k,); it is shrunk into the limits.
-        stage: Smoothing.
-        deadline: Time as of `time.time` [s]; the point reached by then is returned.
+        x: Starting point, shape (n k,). Its amplitudes are reduced until it keeps the limits.
+        stage: Smoothing of criterion and limits.
+        deadline: Time on the clock of `time.time` [s]; the point that is reached by then is returned.
 
     Returns:
-        Unknowns (n k,); `x` itself where the start pose violates a limit.
+        Unknowns (n k,); `x` itself if the start pose violates a limit.
     """
     interior = shrink_to_feasible(problem, problem.fine, x, ROOM)
     if interior is None:  # the start pose itself is closer to a limit
@@ -109,15 +109,15 @@ def descend_inside(problem: DescentProblem, x: Array, stage: Stage, deadline: fl
 
 
 def quasi_newton(function: Function, x: Array, iterations: int) -> Array:
-    """Minimises a function that is infinite outside its domain, by limited-memory BFGS with backtracking.
+    """Minimises a function that is infinite outside its domain, with limited-memory BFGS and backtracking.
 
     Args:
-        function: Value and gradient (d,); the gradient is ignored where the value is infinite.
+        function: Function that returns value and gradient (d,); the gradient is ignored if the value is infinite.
         x: Starting point, shape (d,).
         iterations: Largest number of iterations.
 
     Returns:
-        The point reached, shape (d,).
+        Point that is reached, shape (d,).
     """
     value, gradient = function(x)
     steps: list[Array] = []
@@ -148,7 +148,7 @@ def quasi_newton(function: Function, x: Array, iterations: int) -> Array:
 
 
 def _direction(gradient: Array, steps: list[Array], changes: list[Array]) -> Array:
-    """Quasi-Newton direction by the two-loop recursion over past steps and the changes of the gradient along them."""
+    """Quasi-Newton direction by the two-loop recursion over past steps and the changes of the gradient in them."""
     result = -gradient
     if not steps:
         return result * (FIRST / max(float(np.linalg.norm(gradient)), FIRST))

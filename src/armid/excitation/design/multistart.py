@@ -1,10 +1,10 @@
-"""Multi-start search for the best excitation, parallel over processes and reproducible for a seed.
+"""Multi-start search for the best excitation, parallel in several processes and reproducible for a given seed.
 
-The search works in rounds. Each round first runs short descents from a few starting points. Some of these are uniform
-random coefficients, as in the thesis; from the second round on, others are random perturbations of the best plan so
-far. The best two results are then refined. A round depends only on the seed and on the rounds before it. The number
-and the speed of the processes therefore decide only how many rounds fit into the time. A search can be stopped at any
-time.
+The search works in rounds. Each round first runs short descents from a few starting points. Some starting points are
+uniform random coefficients, as in the thesis. From the second round on, others are random perturbations of the best
+plan so far. The best two results are then refined. A round depends only on the seed and on the rounds before it. The
+number and the speed of the processes therefore only determine the number of rounds that can be done in a given time.
+A search can be stopped at any time.
 """
 
 from __future__ import annotations
@@ -43,14 +43,14 @@ from armid.threads import ONE_THREAD
 from armid.values import Array
 
 SCOUTS, REFINED = 6, 2
-"""Starts of a round, and how many of them are refined by the sharp stages: the value after the smooth stages is a
-good predictor of the final value."""
+"""Number of starting points of a round, and number of results that are refined in the sharp stages. The value after
+the smooth stages predicts the final value well."""
 
 SMOOTH = 2
 """Number of stages of the short descents."""
 
 AMPLITUDE = 1.5
-"""Bound of the uniform random coefficients, as in the thesis; they are scaled into the limits afterwards."""
+"""Bound of the uniform random coefficients, as in the thesis. The series is then scaled to keep the limits."""
 
 PERTURBATIONS = (0.1, 0.3, 0.8)
 """RMS of the perturbations of the best plan, relative to the RMS of the plan."""
@@ -59,7 +59,7 @@ START_UTILISATION = 0.95
 """Utilisation of the limits to which random starts are scaled."""
 
 Progress = Callable[["SearchCandidate", float, int], None]
-"""Callback with the best plan so far, the elapsed time [s] and the number of descents done."""
+"""Callback. Its arguments are the best plan so far, the elapsed time [s] and the number of finished descents."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -69,8 +69,8 @@ class SearchCandidate:
     Attributes:
         x: Unknowns, shape (n k,).
         value: The criterion, without smoothing.
-        round: Number of the round that found it.
-        kind: Kind of its start: `start`, `random`, `shaken` (a perturbed plan) or `given`.
+        round: Number of the round in which it was found.
+        kind: Kind of its starting point: `start`, `random`, `shaken` (a perturbed plan) or `given`.
     """
 
     x: Array
@@ -85,8 +85,8 @@ class Search:
 
     Attributes:
         best: The best plan.
-        rounds: Whole rounds done.
-        descents: Descents done.
+        rounds: Number of completed rounds.
+        descents: Number of descents done.
         seconds: Wall time [s].
         interrupted: Whether the user stopped it.
         history: Elapsed time [s] and value of the best plan so far, at the start and after each descent.
@@ -118,11 +118,11 @@ class _Outcome:
     """Result of one descent.
 
     Attributes:
-        task: Its input.
-        reached: Unknowns at its end; `None` where they cannot be scaled into the limits.
-        inside: These scaled about the start pose into the limits.
-        value: The criterion there.
-        begun: Whether it began before the deadline.
+        task: Input of the descent.
+        reached: Unknowns at the end of the descent; `None` if they cannot be scaled to keep the limits.
+        inside: Unknowns scaled about the start pose to keep the limits.
+        value: Criterion at `inside`.
+        begun: Whether the descent began before the deadline.
     """
 
     task: _Task
@@ -140,7 +140,7 @@ def _problem(pickled: bytes) -> tuple[DescentProblem, Objective]:
 
 
 def random_start(problem: DescentProblem, grid: Objective, rng: np.random.Generator) -> Array:
-    """Random series at rest at the start pose, each joint scaled to its own limits."""
+    """Random series that is at rest in the start pose, with each joint scaled to its own limits."""
     basis = problem.basis
     c = rng.uniform(-AMPLITUDE, AMPLITUDE, (basis.n, 2 * basis.harmonics + 1))
     c[:, -1] = basis.start
@@ -162,7 +162,7 @@ def random_start(problem: DescentProblem, grid: Objective, rng: np.random.Genera
 
 
 def _run(pickled: bytes, task: _Task) -> _Outcome:
-    """Runs one descent; the result is empty where it does not reach the limits or would begin after the deadline."""
+    """Runs one descent; the result is empty if it cannot keep the limits or would begin after the deadline."""
     if time.time() > task.deadline:
         return _Outcome(task, begun=False)
     problem, grid = _problem(pickled)
@@ -191,7 +191,7 @@ def _ignore_interrupts() -> None:
 
 
 def _context() -> BaseContext:
-    """Start method of processes: fork, which takes milliseconds, where this process has one thread; else spawn."""
+    """Start method of processes: `fork`, which takes milliseconds, if this process has one thread, else `spawn`."""
     tasks = Path("/proc/self/task")
     one_thread = tasks.is_dir() and len(list(tasks.iterdir())) == 1
     return multiprocessing.get_context("fork" if one_thread else "spawn")
@@ -201,7 +201,7 @@ def _context() -> BaseContext:
 def single_threaded_pool(workers: int) -> Generator[Executor]:
     """Pool of processes whose BLAS uses one thread each, which is faster for small matrices.
 
-    A process that was itself started with `OPENBLAS_NUM_THREADS=1` forks its workers, which takes less time.
+    If this process was started with `OPENBLAS_NUM_THREADS=1`, the workers are forked, which takes less time.
 
     Args:
         workers: Number of processes.
@@ -248,7 +248,7 @@ class _Round:
         self._seed, self._deadline = seed, deadline
 
     def refinements(self, outcomes: Sequence[_Outcome]) -> list[_Task]:
-        """Refinements of the best short descents; equal values in the order of their numbers."""
+        """Refinements of the best short descents; results with equal values are sorted by their numbers."""
         feasible = [(o.value, o.task.number, o.reached, o.task.kind) for o in outcomes if o.reached is not None]
         feasible.sort(key=lambda each: each[:2])
         return [
@@ -258,7 +258,7 @@ class _Round:
 
 
 class _Incumbent:
-    """Best plan so far, with the history of its value and the callback that reports it."""
+    """Best plan so far, with the history of its value and the callback to which it is reported."""
 
     def __init__(self, problem: DescentProblem, progress: Progress | None, began: float) -> None:
         self.pickled = pickle.dumps(problem)
@@ -269,7 +269,7 @@ class _Incumbent:
         self._progress, self._began = progress, began
 
     def update(self, x: Array, value: float, number: int, kind: str) -> None:
-        """Replaces the best plan where a feasible plan has a smaller criterion."""
+        """Replaces the best plan by a given feasible plan if the criterion of the given plan is smaller."""
         if self.best is None or value < self.best.value:
             self.best = SearchCandidate(x, value, number, kind)
         if self._progress is not None:
@@ -304,18 +304,19 @@ def search(
     Args:
         problem: Criterion, unknowns and limits.
         seed: Seed of the random starts and perturbations.
-        budget: Wall time [s]; `None` for no end other than `rounds`.
-        rounds: Largest number of whole rounds; a search that ends by it gives the same plan on any machine of a kind.
-        executor: Runs the descents; this process runs them where left out.
-        given: Plans to begin with, each of shape (n k,).
-        progress: Called after each plan that is compared with the best one.
+        budget: Wall time [s]; if `None`, the search ends after `rounds` only.
+        rounds: Largest number of rounds. If the search ends because of it, machines of the same kind give the same
+            plan.
+        executor: Runs the descents; without it, they are run in this process.
+        given: Plans that are compared first, each with unknowns of shape (n k,).
+        progress: Function that is called after each plan that was compared with the best one.
 
     Raises:
-        ArmidError: The budget is not positive, or standing still at the start pose violates a limit.
+        ArmidError: The budget or the number of rounds is not positive, or the start pose itself violates a limit.
     """
     if (budget is not None and not budget > 0.0) or (rounds is not None and rounds < 1):
         raise ArmidError(
-            f"A search needs time: found a budget of {budget} s and {rounds} rounds.",
+            f"A search needs a positive time and at least one round; found {budget} s and {rounds} rounds.",
             remedy="give some seconds; ten are enough for a good plan of a seven-joint arm.",
         )
     began = time.time()
@@ -324,7 +325,7 @@ def search(
     first = random_start(incumbent.problem, incumbent.grid, np.random.default_rng((seed, 0, 0)))
     if max_utilisation(incumbent.problem, incumbent.grid, first) > 1.0 + 1e-6:
         raise ArmidError(
-            "Not even standing still at the start pose keeps the limits.", remedy=_most_violated(incumbent, first)
+            "The start pose itself violates a limit, even without motion.", remedy=_most_violated(incumbent, first)
         )
     incumbent.update(first, incumbent.grid.value(first), 0, "start")
     for x in given:
@@ -348,7 +349,7 @@ def search(
 
 
 def _run_tasks(incumbent: _Incumbent, tasks: Sequence[_Task], executor: Executor | None) -> list[_Outcome]:
-    """Runs tasks and adds each outcome as it ends; those that end together in the order of their numbers."""
+    """Runs tasks and adds each outcome when it is ready; outcomes that are ready together are sorted by number."""
     results: list[_Outcome] = []
     if executor is None:
         for task in tasks:
@@ -369,7 +370,7 @@ def _run_tasks(incumbent: _Incumbent, tasks: Sequence[_Task], executor: Executor
 
 
 def _most_violated(incumbent: _Incumbent, x: Array) -> str:
-    """Remedy that names the most violated limit and its joint."""
+    """Remedy that names the limit that is violated most, and its joint."""
     worst = max(
         (
             (float(u[:, k].max()), channel.name, label)

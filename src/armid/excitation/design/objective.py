@@ -1,8 +1,8 @@
-"""Objective function of a design, with its exact gradient by the unknowns of the series.
+"""Objective function of a design, with its exact gradient with respect to the unknowns of the series.
 
-The gradient is computed in reverse mode. The criterion's derivative by G gives the derivative by each column of the
-regressor; the adjoint of the kernel turns that into derivatives by positions, velocities and accelerations; these are
-linear in the unknowns.
+The gradient is computed in reverse mode. The derivative of the criterion with respect to G gives its derivative with
+respect to each column of the regressor. The adjoint of the kernel converts this to derivatives with respect to
+positions, velocities and accelerations, which are linear functions of the unknowns.
 """
 
 from __future__ import annotations
@@ -24,25 +24,25 @@ from armid.model.motion import Motion
 from armid.values import Array, array
 
 SIGNIFICANT = 3.0
-"""Standard deviations from zero from which a parameter counts as significant; by chance three in a thousand
-parameters that are zero exceed it."""
+"""Ratio of estimate and standard deviation from which a parameter counts as significant. By chance, three of a
+thousand parameters whose true value is zero exceed it."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class CriterionGoal:
-    """Criterion of a motion, with the model and the noise that its information depends on.
+    """Criterion of a motion, with the model and the noise that determine its information.
 
     Attributes:
         model: Arm and torque terms.
-        base: Its base parameters; their columns make the information.
-        criterion: Name, see `criteria.CRITERIA`.
-        noise: Standard deviation of each joint's torque, shape (n,) [N·m or N]; one where not given.
-        rate: Independent samples per second [Hz].
-        repetitions: Periods that will be recorded.
-        prior: Information from earlier data, shape (b, b), with the same noise; none where not given.
-        prediction: Information matrix (b, b) of the motions whose torque is to be predicted.
-        scale: Sizes of the base parameters, to which the criterion `worst` compares their standard deviations, shape
-            (b,); infinite for those to be ignored.
+        base: Base parameters of the model; the information is that of their columns.
+        criterion: Name of the criterion, one of `criteria.CRITERIA`.
+        noise: Standard deviation of the torque of each joint, shape (n,) [N·m or N]; 1 if it is not given.
+        rate: Number of independent samples per second [Hz].
+        repetitions: Number of periods that will be recorded.
+        prior: Information from earlier data with the same noise, shape (b, b); `None` if there are none.
+        prediction: Information matrix (b, b) of the motions whose torque the model must predict well.
+        scale: Typical values of the base parameters, shape (b,), by which the criterion `worst` divides their
+            standard deviations; infinite for parameters to be ignored.
     """
 
     model: DynamicsModel
@@ -58,9 +58,14 @@ class CriterionGoal:
     def __post_init__(self) -> None:
         noise = array(self.noise if np.size(self.noise) else np.ones(self.model.n), (self.model.n,), "noise")
         if (noise <= 0.0).any():
-            raise ArmidError("The noise of every joint must be positive.", remedy="give standard deviations.")
+            raise ArmidError(
+                "The noise of every joint must be positive.", remedy="give positive standard deviations of torque."
+            )
         if not self.rate > 0.0 or self.repetitions < 1:
-            raise ArmidError(f"rate and repetitions must be positive; found {self.rate} and {self.repetitions}.")
+            raise ArmidError(
+                f"The arguments `rate` and `repetitions` must be positive; found {self.rate} and {self.repetitions}.",
+                remedy="give positive numbers.",
+            )
         object.__setattr__(self, "noise", noise)
         shape = (self.base.count, self.base.count)
         for name in ("prior", "prediction"):
@@ -73,11 +78,11 @@ class CriterionGoal:
 
     @property
     def source(self) -> ColumnSource:
-        """Model and layout of the base parameters' columns."""
+        """Model and layout of the columns of the base parameters."""
         return column_source(self.model, self.base)
 
     def value(self, G: Array) -> float:
-        """Criterion of an information matrix, without smoothing."""
+        """Criterion of an information matrix, with exact eigenvalues."""
         return make_criterion(self.criterion, np.inf, self.prediction, self.scale)(G)[0]
 
 
@@ -86,11 +91,11 @@ class Objective:
 
     Args:
         goal: Criterion, model and noise.
-        basis: The unknowns.
-        samples: Points of the grid; sums over them are scaled to the goal's rate.
-        width: Width of the tanh that replaces signs [rad/s or m/s]; 0 keeps the laws as they are.
+        basis: Basis of the series; its coordinates are the unknowns.
+        samples: Number of points of the grid; sums are scaled to the rate of the goal.
+        width: Width of the tanh that replaces signs [rad/s or m/s]; if 0, the laws are not smoothed.
         sharpness: Exponent p of the norms that replace extreme eigenvalues.
-        times: Points of the grid where it is not uniform over a period, shape (samples,) [s].
+        times: Points of the grid if it is not uniform over a period, shape (samples,) [s].
     """
 
     def __init__(
@@ -120,35 +125,35 @@ class Objective:
         return Columns(self.goal.source, len(self.times), self._width)
 
     def states(self, x: ArrayLike) -> tuple[Array, Array, Array]:
-        """Positions, velocities and accelerations (N, n) at unknowns (n k,)."""
+        """Positions, velocities and accelerations (N, n) for unknowns (n k,)."""
         unknowns = np.asarray(x).reshape(self._shape).T
         q, dq, ddq = (matrix @ unknowns for matrix in self.matrices[:3])
         q += self.basis.start
         return q, dq, ddq
 
     def information(self, x: ArrayLike) -> Array:
-        """Information matrix G (b, b) of a series, prior included."""
+        """Information matrix G (b, b) of a series; it includes the prior."""
         self.columns.fill(*self.states(x))
         G = self.columns.information(self._weights)
         return G if self.goal.prior is None else G + self.goal.prior
 
     def value(self, x: ArrayLike) -> float:
-        """Criterion at unknowns (n k,)."""
+        """Criterion for unknowns (n k,)."""
         return self._criterion(self.information(x))[0]
 
     def __call__(self, x: ArrayLike) -> tuple[float, Array]:
-        """Criterion and its gradient (n k,) at unknowns (n k,)."""
+        """Criterion for unknowns (n k,), and its gradient (n k,)."""
         value, slopes = self._criterion(self.information(x))
         return value, self.pullback(self.columns.information_gradient(slopes, self._weights))
 
     def pullback(self, gradient: tuple[Array, ...]) -> Array:
-        """Gradient (n k,) by the unknowns from gradients by positions and their derivatives in order, each (N, n)."""
+        """Gradient (n k,) by the unknowns, from gradients (N, n) by positions, velocities and further derivatives."""
         total = sum(matrix.T @ part for matrix, part in zip(self.matrices, gradient, strict=False))
         return np.asarray(total).T.ravel()
 
 
 def information_along(goal: CriterionGoal, motion: Motion) -> Array:
-    """Information matrix G (b, b) of one pass of a motion that is sampled at the goal's rate, without smoothing."""
+    """Information matrix G (b, b) of a motion that is sampled at the goal's rate, without repetitions and prior."""
     columns = Columns(goal.source, motion.samples)
     columns.fill(motion.q, motion.dq, motion.ddq)
     return columns.information(1.0 / goal.noise**2)
@@ -161,18 +166,18 @@ def along(goal: CriterionGoal, motion: Motion) -> Array:
 
 
 def known_sizes(values: Array, deviations: Array) -> Array | None:
-    """Sizes of parameters to which the criterion `worst` compares standard deviations.
+    """Typical values of parameters, by which the criterion `worst` divides standard deviations.
 
-    A parameter has a size if its estimate is at least `SIGNIFICANT` standard deviations from zero. The others vanish
-    by symmetry of the arm or are hidden by noise, so that a relative deviation has no meaning for them; their size is
-    infinite.
+    The typical value of a parameter is its estimate if this is at least `SIGNIFICANT` standard deviations from zero.
+    The other parameters are zero because of a symmetry of the arm, or cannot be distinguished from noise. A relative
+    deviation has no meaning for them, so their typical value is infinite.
 
     Args:
         values: Estimates, shape (b,).
-        deviations: Their standard deviations, shape (b,).
+        deviations: Standard deviations of the estimates, shape (b,).
 
     Returns:
-        Shape (b,), or `None` where no parameter differs significantly from zero.
+        Typical values, shape (b,); `None` if no parameter differs significantly from zero.
     """
     significant = np.abs(values) > SIGNIFICANT * deviations
     return np.where(significant, np.abs(values), np.inf) if significant.any() else None

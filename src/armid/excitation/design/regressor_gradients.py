@@ -1,7 +1,7 @@
-"""Regressor columns of the base parameters along a series, with exact gradients by the states.
+"""Regressor columns of the base parameters along a series, with exact gradients with respect to the states.
 
-Columns of rigid bodies and their adjoints come from the kernel; those of the other terms come from their laws and the
-derivatives of these.
+The columns of rigid bodies and their adjoints come from the kernel. The columns of the other terms come from their
+laws and the derivatives of the laws.
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ from armid.values import Array
 
 
 class Columns:
-    """Columns along N samples, their information matrix, and gradients by the states.
+    """Regressor columns at N samples, their information matrix, and gradients with respect to the states.
 
     Args:
         source: Model and layout of the columns.
-        samples: N.
-        width: Width over which laws with corners are smoothed [rad/s or m/s]; 0 keeps them as they are.
+        samples: Number N of samples.
+        width: Width over which laws with corners are smoothed [rad/s or m/s]; if 0, they are not smoothed.
     """
 
     def __init__(self, source: ColumnSource, samples: int, width: float = 0.0) -> None:
@@ -43,7 +43,7 @@ class Columns:
         return kernel.information(self.source.tree, self._layout, *self._states, self._terms, weights, count)
 
     def information_gradient(self, slopes: Array, weights: Array) -> tuple[Array, Array, Array]:
-        """Gradient by q, dq, ddq (N, n) of a function of G whose derivative is `slopes`, symmetric, shape (b, b)."""
+        """Gradient by q, dq, ddq (N, n) of a function of G whose symmetric derivative by G is `slopes` (b, b)."""
         *gradient, adjoint = kernel.information_adjoint(
             self.source.tree, self._layout, *self._states, self._terms, weights, slopes
         )
@@ -51,7 +51,7 @@ class Columns:
         return gradient[0], gradient[1], gradient[2]
 
     def torque(self, values: Array) -> Array:
-        """Torque (N, n) of base parameters (b,)."""
+        """Torque (N, n) for base parameters (b,)."""
         x = kernel.columns(self.source.tree, self._layout, *self._states, self._none, self._terms)
         offset = self._layout.offset
         return np.stack(
@@ -59,7 +59,7 @@ class Columns:
         )
 
     def torque_gradient(self, values: Array, joint: int, slopes: Array) -> tuple[Array, Array, Array]:
-        """Gradient by q, dq, ddq (N, n) of Σ slopes · torque of one joint, slopes (N,)."""
+        """Gradient by q, dq, ddq (N, n) of the sum over samples of slopes (N,) times the torque of one joint."""
         cotangent = np.zeros((self._layout.columns, self.samples))
         p, start = self._layout.parameters[joint], self._layout.offset[joint]
         np.multiply(values[p][:, None], slopes, out=cotangent[start : start + len(p)])

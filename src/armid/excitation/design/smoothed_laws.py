@@ -1,9 +1,9 @@
-"""Smooth approximations of friction laws with corners, for a search by gradients.
+"""Smooth approximations of friction laws with corners, for a gradient-based search.
 
-The derivative of sign(q̇) is zero wherever it exists. Without smoothing, friction columns would therefore not
-influence where the joints reverse. A search replaces every sign by a tanh of some width [rad/s or m/s] and reduces
-the width from stage to stage; a tanh of the law that is narrower is widened to the same width. Reported values are
-computed with the laws as they are.
+The derivative of sign(q̇) is zero wherever it exists. Without smoothing, the friction columns would therefore not
+influence the times at which the joints reverse. A search replaces every sign by a tanh with a width [rad/s or m/s]
+that is reduced from stage to stage. If a law contains a narrower tanh, this is widened to the same width. Reported
+values are computed with the laws that are not smoothed.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from armid.model.expression import Expression, derivative, number, tanh
 
 @lru_cache(maxsize=256)
 def smoothed(expression: Expression, width: float) -> Expression:
-    """Law with every sign and steep tanh smoothed over a width [rad/s or m/s]; the law itself for zero width."""
+    """Law with every sign and steep tanh smoothed over a width [rad/s or m/s]; unchanged if the width is zero."""
     if width == 0.0 or not expression.arguments:
         return expression
     arguments = tuple(smoothed(argument, width) for argument in expression.arguments)

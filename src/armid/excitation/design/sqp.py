@@ -1,10 +1,10 @@
-"""Local optimisation of a series by sequential quadratic programming, in stages of decreasing smoothness.
+"""Local optimisation of a series by sequential quadratic programming (SQP), in stages of decreasing smoothness.
 
 Criterion and limits are not smooth, so each stage smooths them: signs in friction laws become tanh, extreme
 eigenvalues and maxima along a constraint channel become soft maxima. From stage to stage the tanh becomes narrower
 and the maxima become sharper. SLSQP, a sequential quadratic method with exact gradients, solves each stage. The
-result is then shrunk about its start pose until every limit holds on a grid. Feasibility therefore does not depend on
-where the solver stops.
+result is then scaled about its start pose until every limit holds on a grid. The limits are therefore kept wherever
+the solver stops.
 """
 
 from __future__ import annotations
@@ -24,32 +24,32 @@ from armid.excitation.rest_to_rest_basis import SeriesBasis
 from armid.values import Array
 
 CHECKED = 80.0
-"""Points per period of the highest harmonic of the grid on which candidates are compared: the grid misses less than a
-thousandth of a peak."""
+"""Points per period of the highest harmonic, for the grid on which candidates are compared. With this grid, the
+maximum is too small by less than a thousandth of the peak."""
 
 FEASIBLE = 1.0 + 1e-9
-"""Utilisation up to which a limit counts as kept; the excess allows for rounding."""
+"""Utilisation up to which a limit counts as kept; the excess over 1 allows for rounding errors."""
 
 DIVERGED = 2.0
-"""Utilisation from which a stage counts as diverged: where bodies overlap, steps far outside lead further out."""
+"""Utilisation from which a stage counts as diverged. If bodies overlap deeply, further steps increase the overlap."""
 
 HALVINGS, FURTHER = 14, 11
-"""Number of bisections of the interval of amplitude factors, which leave 6e-5 of it, and of those that follow on the
-whole grid where a part of it was tried first."""
+"""Number of bisections for the amplitude factor, which reduce its interval to 6e-5; and number of additional
+bisections on the whole grid if a part of the grid was used before."""
 
 SPARSE = 8
-"""Stride of the points at which factors are tried first where distances of bodies are limited."""
+"""Stride of the grid points that are used first if distances of bodies are limited."""
 
 
 @dataclass(frozen=True, slots=True)
 class Stage:
-    """Smoothing and iterations of one stage.
+    """Smoothing and number of iterations of one stage.
 
     Attributes:
         density: Points of the grid per period of the highest harmonic.
-        width: Width of the tanh that replaces signs, relative to the problem's `scale`.
-        sharpness: Exponent p of the norms of eigenvalues.
-        limit_sharpness: Exponent p of the soft maxima of channels.
+        width: Width of the tanh that replaces signs, divided by `scale` of the problem.
+        sharpness: Exponent p of the p-norms that replace extreme eigenvalues.
+        limit_sharpness: Exponent p of the soft maxima of the constraint channels.
         iterations: Largest number of iterations.
     """
 
@@ -68,8 +68,8 @@ STAGES = (
     Stage(20.0, 0.02, 200.0, 3000.0, 60),
     Stage(20.0, 0.02, 200.0, 3000.0, 40),
 )
-"""Stages from smooth to sharp. Two widths more or fewer change the result by a few percent of the spread over random
-starts."""
+"""Stages in order of decreasing smoothness. With two widths more or fewer, the result changes by a few percent of its
+spread over random starts."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,9 +78,9 @@ class DescentProblem:
 
     Attributes:
         goal: Criterion of the motion.
-        basis: The unknowns.
-        channels: The limits.
-        scale: Speed [rad/s or m/s] to which the widths of the smoothed signs are relative.
+        basis: Basis of the series; its coordinates are the unknowns.
+        channels: Constraint channels of the limits.
+        scale: Velocity [rad/s or m/s] by which the widths of the smoothed signs are multiplied.
     """
 
     goal: CriterionGoal
@@ -94,21 +94,21 @@ class DescentProblem:
         return Objective(self.goal, self.basis, samples, width=stage.width * self.scale, sharpness=stage.sharpness)
 
     def near(self, states: States) -> list[ConstraintChannel]:
-        """Limits of motions near the given one; of many pairs of bodies only those that come near each other."""
+        """Constraint channels for motions near the given one; of many pairs of bodies only those that come close."""
         return [channel.near(states) if isinstance(channel, Clearance) else channel for channel in self.channels]
 
     @cached_property
     def fine(self) -> Objective:
-        """Grid on which plans are compared and shrunk into the limits."""
+        """Grid on which plans are compared and scaled to keep the limits."""
         return self.grid(max(200, round(CHECKED * self.basis.harmonics)))
 
     def grid(self, samples: int) -> Objective:
-        """Grid of one period with the laws not smoothed."""
+        """Grid of one period, with laws that are not smoothed."""
         return Objective(self.goal, self.basis, samples)
 
 
 class _DeadlineError(Exception):
-    """End of the time that a descent has."""
+    """Signal that the time of a descent has ended."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -119,7 +119,7 @@ class _Point:
         x: The point, shape (n k,).
         criterion: Criterion and its gradient.
         utilisations: Utilisations of the limits, channel by channel.
-        slopes: Their gradients.
+        slopes: Gradients of the utilisations.
     """
 
     x: Array
@@ -129,7 +129,7 @@ class _Point:
 
 
 class _Evaluation:
-    """Criterion, limits and their gradients in a stage, computed once for each point that SLSQP evaluates."""
+    """Criterion, limits and their gradients in one stage, computed once for each point that SLSQP evaluates."""
 
     def __init__(self, problem: DescentProblem, stage: Stage, x: Array, deadline: float) -> None:
         self._objective = problem.objective(stage)
@@ -151,7 +151,7 @@ class _Evaluation:
         return self._at(x).criterion
 
     def limits(self, x: Array) -> Array:
-        """Margins to the limits, one minus the utilisation."""
+        """Margins to the limits: one minus the utilisation."""
         return 1.0 - np.concatenate(self._at(x).utilisations)
 
     def limit_slopes(self, x: Array) -> Array:
@@ -174,14 +174,14 @@ class _Evaluation:
 
 
 def descend(problem: DescentProblem, x: Array, stages: tuple[Stage, ...], deadline: float = np.inf) -> Array:
-    """Runs stages in order, each from the result of the stage before.
+    """Runs stages in order; each begins with the result of the stage before.
 
     Args:
         problem: Criterion, unknowns and limits.
         x: Starting point, shape (n k,).
         stages: Stages from smooth to sharp.
-        deadline: Time as of `time.time` [s], which is the same in every process; the point reached by then is
-            returned.
+        deadline: Time on the clock of `time.time` [s], which is the same in every process. The point that is reached
+            by then is returned.
 
     Returns:
         Unknowns, shape (n k,).
@@ -213,7 +213,7 @@ def descend(problem: DescentProblem, x: Array, stages: tuple[Stage, ...], deadli
 
 
 def _safeguarded(problem: DescentProblem, reached: Array, before: Array) -> Array:
-    """Result of a stage; where it has diverged, the result shrunk into the limits or the stage's starting point."""
+    """Result of a stage; if the stage has diverged, the result scaled to keep the limits, or the starting point."""
     if not np.isfinite(reached).all():
         return before
     if max_utilisation(problem, problem.fine, reached) < DIVERGED:
@@ -225,35 +225,39 @@ def _safeguarded(problem: DescentProblem, reached: Array, before: Array) -> Arra
 
 
 def utilisation(problem: DescentProblem, grid: Objective, x: Array) -> list[Array]:
-    """Utilisation of the limits along a grid, one array (N, m) for each channel."""
+    """Values divided by their limits at the N points of a grid; 1 means that the limit is reached.
+
+    There is one array (N, m) for each kind of limit (channel), where m is its number of limited quantities.
+    """
     states = States(grid, np.asarray(x), rough=True)
     return [channel.values(states) for channel in problem.channels]
 
 
 def max_utilisation(problem: DescentProblem, grid: Objective, x: Array) -> float:
-    """Largest utilisation of any limit along a grid."""
+    """Largest ratio of value and limit over all limits and all points of a grid."""
     return max((float(u.max()) for u in utilisation(problem, grid, x)), default=0.0)
 
 
 def _inside(problem: DescentProblem, grid: Objective, x: Array, limit: float) -> bool:
-    """Test of every limit along a grid; collisions, which take longest, are tested last."""
+    """Tests whether every limit is kept on a grid; collisions are tested last, because they take longest."""
     states = States(grid, np.asarray(x), rough=True)
     return all(float(channel.values(states).max()) <= limit for channel in problem.channels)
 
 
 def shrink_to_feasible(problem: DescentProblem, grid: Objective, x: Array, limit: float = FEASIBLE) -> Array | None:
-    """Scales a series about its start pose by the largest factor, at most one, that keeps every limit on a grid.
+    """Scales a series about its start pose by the largest factor, at most 1, that keeps every limit on a grid.
 
-    Distances of bodies take long: with these, one point of the grid in `SPARSE` is tried first.
+    Distances of bodies take long to compute. If they are limited, the points of the grid with the stride `SPARSE` are
+    tested first.
 
     Args:
-        problem: The limits.
-        grid: Points at which they are evaluated.
-        x: The series, shape (n k,).
+        problem: Optimisation problem with the limits.
+        grid: Points at which the limits are evaluated.
+        x: Unknowns of the series, shape (n k,).
         limit: Largest utilisation that counts as kept.
 
     Returns:
-        Unknowns (n k,), or `None` where standing still at the start pose violates a limit.
+        Unknowns (n k,), or `None` if the start pose itself violates a limit.
     """
     slow = any(isinstance(channel, Clearance) for channel in problem.channels)
     times = grid.times[::SPARSE]
@@ -282,7 +286,7 @@ def shrink_to_feasible(problem: DescentProblem, grid: Objective, x: Array, limit
 
 
 def about_start(basis: SeriesBasis, x: Array, factor: float) -> Array:
-    """Unknowns (n k,) of the series with its amplitudes scaled and the same start pose."""
+    """Unknowns (n k,) of the series whose amplitudes are scaled by a factor and whose start pose is unchanged."""
     c, L = basis.coefficients(x), basis.harmonics
     begin = c[:, -1] - c[:, L : 2 * L] @ (1.0 / (basis.base_frequency * np.arange(1, L + 1)))
     scaled = factor * c
@@ -291,7 +295,7 @@ def about_start(basis: SeriesBasis, x: Array, factor: float) -> Array:
 
 
 def from_pose(basis: SeriesBasis, x: Array) -> Array:
-    """Unknowns (n k,) of the same motion shifted so that it begins in the start pose of its basis."""
+    """Unknowns (n k,) of the same motion, shifted so that it begins in the start pose of the basis."""
     c, L = basis.coefficients(x), basis.harmonics
     c[:, -1] = basis.start + c[:, L : 2 * L] @ (1.0 / (basis.base_frequency * np.arange(1, L + 1)))
     return basis.project(c)

@@ -1,4 +1,4 @@
-"""Regressor columns of the torque terms other than rigid bodies along a motion, and their gradients by its states.
+"""Regressor columns of all torque terms except rigid bodies along a motion, and their gradients by its states.
 
 Columns with the same law are evaluated together. A law and its derivatives share common subexpressions: tanh(x/w) and
 its derivative need only one tanh.
@@ -42,8 +42,8 @@ class _ExpressionProgram:
         number = isinstance(expression.head, float)
         if not number and not inputs and expression.head not in STATES:
             raise ModelError(
-                f"A law depends on {expression.head!r}, which a motion alone does not determine.",
-                remedy="design with terms of position, velocity and acceleration.",
+                f"A torque law of the model depends on {expression.head!r}; a design knows only the motion.",
+                remedy="leave this term out of the model, or use laws of position, velocity and acceleration only.",
             )
         self._steps.append(("" if number else str(expression.head), inputs))
         self._constants.append(np.asarray(expression.head) if number else None)
@@ -68,12 +68,12 @@ class _Group:
     """Columns with the same law.
 
     Attributes:
-        rows: Indices of their rows among the terms' rows, shape (e,).
-        coordinate: Weights of the joints in the coordinate of each, shape (e, n).
-        joints: Joint of each where no coordinate couples several joints, shape (e,).
+        rows: Indices of the group's rows among the rows of all terms, shape (e,).
+        coordinate: Weights of the joint positions in the coordinate of each row, shape (e, n).
+        joints: Joint of each row, shape (e,); `None` if a coordinate combines several joints.
         weight: Factor of each row, shape (e, 1).
-        slopes: Indices of the states that the law depends on.
-        steps: Smoothed law and its derivatives by these states.
+        slopes: Indices in `STATES` of the states that the law depends on.
+        steps: Program that evaluates the smoothed law and its derivatives by these states.
     """
 
     rows: NDArray[np.intp]
@@ -85,7 +85,7 @@ class _Group:
 
 
 def _groups(source: ColumnSource, width: float) -> tuple[_Group, ...]:
-    """Rows of the terms that are kept in the layout, grouped by law."""
+    """Rows of the terms that the layout keeps, grouped by law."""
     by_law: dict[Expression, list[int]] = {}
     entries = [source.model.entries[e] for e in source.layout.kept]
     for row, (_, _, law, _) in enumerate(entries):
@@ -114,11 +114,11 @@ def _groups(source: ColumnSource, width: float) -> tuple[_Group, ...]:
 
 
 class TermRows:
-    """Rows (e, N) of a model's torque terms at the states of the last `fill`.
+    """Rows (e, N) of the torque terms of a model, evaluated at the states of the last call of `fill`.
 
     Args:
         source: Model and layout of the columns.
-        width: Width over which laws with corners are smoothed [rad/s or m/s]; 0 keeps them as they are.
+        width: Width over which laws with corners are smoothed [rad/s or m/s]; if 0, they are not smoothed.
     """
 
     def __init__(self, source: ColumnSource, width: float) -> None:

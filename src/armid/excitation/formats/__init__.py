@@ -1,4 +1,4 @@
-"""Catalogue of motion formats of controllers, with one module for each."""
+"""Catalogue of the motion formats of controllers; each format has its own module."""
 
 from __future__ import annotations
 

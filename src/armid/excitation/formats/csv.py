@@ -15,7 +15,7 @@ RATE = 250.0
 
 
 def problem(track: SampledMotion) -> str:
-    """Reason why a motion cannot be written; always empty."""
+    """Reason why a motion cannot be written in this format; always empty."""
     del track
     return ""
 
@@ -31,17 +31,17 @@ def write(track: SampledMotion) -> bytes:
 
 
 def read(content: bytes) -> SampledMotion:
-    """Reads the motion; a table does not contain the plan.
+    """Reads the motion; the table does not contain the plan.
 
     Raises:
-        ArmidError: Another table.
+        ArmidError: The table is not one that `write` has written.
     """
     header, _, rows = content.decode(errors="replace").partition("\n")
     names = [name.strip().removeprefix("q_") for name in header.split(",") if name.startswith("q_")]
     if not names:
         raise ArmidError(
-            "This is no table of a motion: its header names no q_JOINT.",
-            remedy="give a file that armid excite wrote.",
+            "This is not a motion table: its header has no column q_JOINT.",
+            remedy="give a file that armid excite has written.",
         )
     values = number_rows(rows, 1 + 3 * len(names))
     states = np.split(values[:, 1:], 3, axis=1)

@@ -1,6 +1,6 @@
-"""Table for KUKA's Fast Robot Interface: one row of seven joint positions [rad] for each cycle, no header.
+"""Table for KUKA's Fast Robot Interface (FRI): one row of seven joint positions [rad] for each cycle, without header.
 
-A client reads a row in each cycle and sends it as the commanded position; the rate is that of the FRI session.
+A client reads one row in each cycle and sends it as the commanded position. The cycle time is set in the FRI session.
 """
 
 from __future__ import annotations
@@ -18,21 +18,21 @@ JOINTS = 7
 
 
 def problem(track: SampledMotion) -> str:
-    """Reason why a motion cannot be written: arms with FRI have seven revolute joints."""
+    """Reason why a motion cannot be written in this format: FRI needs seven revolute joints; empty if it can."""
     if len(track.joints) != JOINTS or any(track.prismatic):
-        return f"FRI moves {JOINTS} joints that turn"
+        return f"FRI needs {JOINTS} revolute joints"
     return ""
 
 
 def write(track: SampledMotion) -> bytes:
-    """Writes one row for each cycle; the cycle time is not in the file."""
+    """Writes one row for each cycle; the file does not contain the cycle time."""
     text = io.StringIO()
     np.savetxt(text, track.motion.q, delimiter=",", fmt="%.9f")
     return text.getvalue().encode()
 
 
 def read(content: bytes) -> SampledMotion:
-    """Reads the positions, with the usual cycle of 5 ms."""
+    """Reads the positions; the cycle time is assumed to be 5 ms, the usual one."""
     q = number_rows(content.decode(errors="replace"), JOINTS)
     motion = states_of_positions(np.arange(len(q)) / RATE, q)
     return SampledMotion("", tuple(f"A{k + 1}" for k in range(JOINTS)), (False,) * JOINTS, motion)

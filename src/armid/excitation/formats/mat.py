@@ -1,4 +1,4 @@
-"""MATLAB file with arrays t, q, dq, ddq, names and the coefficients of the series."""
+"""MATLAB file with the arrays t, q, dq, ddq, the names of the joints and the coefficients of the series."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ COEFFICIENTS = ("base_frequency", "a", "b", "offset")
 
 
 def problem(track: SampledMotion) -> str:
-    """Reason why a motion cannot be written; always empty."""
+    """Reason why a motion cannot be written in this format; always empty."""
     del track
     return ""
 
 
 def write(track: SampledMotion) -> bytes:
-    """Writes a file of version 5, which every MATLAB reads."""
+    """Writes a MATLAB file of version 5, which all versions of MATLAB can read."""
     from scipy.io import savemat  # slow to import
 
     motion = track.motion
@@ -41,10 +41,10 @@ def write(track: SampledMotion) -> bytes:
 
 
 def read(content: bytes) -> SampledMotion:
-    """Reads motion and plan.
+    """Reads the motion and the plan.
 
     Raises:
-        ArmidError: Another file.
+        ArmidError: The file is not one that `write` has written.
     """
     from scipy.io import loadmat  # slow to import
     from scipy.io.matlab import MatReadError
@@ -56,7 +56,7 @@ def read(content: bytes) -> SampledMotion:
         joints = tuple(str(name) for name in np.atleast_1d(values["joints"]))
     except (MatReadError, ValueError, KeyError, TypeError, OSError, RuntimeError) as error:
         raise ArmidError(
-            f"This is no file of a plan: {error}.", remedy="give a file that armid excite wrote."
+            f"This is not a motion file of armid: {error}.", remedy="give a file that armid excite has written."
         ) from error
     plan = str(values["plan"]) if "plan" in values else ""
     return SampledMotion("", joints, (False,) * len(joints), Motion(time, *states), plan)

@@ -22,7 +22,7 @@ POINT = re.compile(
 
 
 def problem(track: SampledMotion) -> str:
-    """Reason why a motion cannot be written; always empty."""
+    """Reason why a motion cannot be written in this format; always empty."""
     del track
     return ""
 
@@ -32,7 +32,7 @@ def _list(values: Array) -> str:
 
 
 def write(track: SampledMotion) -> bytes:
-    """Writes positions, velocities and accelerations of every point, and the plan in a comment."""
+    """Writes the positions, velocities and accelerations of every point, and the plan as a comment."""
     lines = [f"# {PLAN_MARK}{track.plan}"] if track.plan else []
     lines += ["joint_names:", *(f"- {json.dumps(name)}" for name in track.joints), "points:"]
     motion = track.motion
@@ -48,10 +48,10 @@ def write(track: SampledMotion) -> bytes:
 
 
 def read(content: bytes) -> SampledMotion:
-    """Reads points and plan.
+    """Reads the points and the plan.
 
     Raises:
-        ArmidError: No trajectory that `write` has written.
+        ArmidError: The text is not a trajectory that `write` has written.
     """
     text = content.decode(errors="replace")
     names, _, points = text.partition("points:")
@@ -59,7 +59,8 @@ def read(content: bytes) -> SampledMotion:
     found = POINT.findall(points)
     if not joints or not found:
         raise ArmidError(
-            "This is no trajectory: it lacks joint_names or points.", remedy="give a file that armid excite wrote."
+            "This is not a trajectory: it has no joint_names or no points.",
+            remedy="give a file that armid excite has written.",
         )
     states = (np.array([json.loads(point[k]) for point in found], dtype=np.float64) for k in range(3))
     time = np.array([int(point[3]) + 1e-9 * int(point[4]) for point in found])

@@ -1,4 +1,4 @@
-"""Motion sampled at the rate of a controller, with its plan as text, and the interface of formats."""
+"""Motion that is sampled at the rate of a controller, with its plan as text; and the interface of all formats."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from armid.model.motion import Motion
 from armid.values import Array
 
 PLAN_MARK = "armid-plan "
-"""Before the plan, as one line of JSON in a comment, where a format has comments."""
+"""Text before the plan in formats that have comments; the plan is one line of JSON in a comment."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -22,9 +22,9 @@ class SampledMotion:
     Attributes:
         name: Name of the arm.
         joints: Names of the joints.
-        prismatic: Which of them are prismatic.
+        prismatic: Whether each of the joints is prismatic.
         motion: Samples at the controller's rate.
-        plan: The plan as one line of JSON; empty where it is not known.
+        plan: The plan as one line of JSON; empty if it is not known.
     """
 
     name: str
@@ -51,7 +51,7 @@ class Format(Protocol):
     RATE: float
 
     def problem(self, track: SampledMotion) -> str:
-        """Reason why the format cannot hold a motion; empty where it can."""
+        """Reason why a motion cannot be written in this format; empty if it can."""
         ...
 
     def write(self, track: SampledMotion) -> bytes:
@@ -59,12 +59,12 @@ class Format(Protocol):
         ...
 
     def read(self, content: bytes) -> SampledMotion:
-        """Reads a motion that `write` has written, as far as the format contains it."""
+        """Reads a motion that `write` has written. The format may not contain all of its data."""
         ...
 
 
 def plan_in_comments(text: str, comment: str) -> str:
-    """Plan in the comments of a file; empty where there is none."""
+    """Plan in the comments of a file; empty if there is none."""
     mark = f"{comment} {PLAN_MARK}"
     return next((line[len(mark) :] for line in text.splitlines() if line.startswith(mark)), "")
 
@@ -73,20 +73,24 @@ def number_rows(text: str, columns: int | None = None) -> Array:
     """Comma-separated rows of numbers as an array, shape (N, columns).
 
     Raises:
-        ArmidError: Something else.
+        ArmidError: The text contains something else, or the number of columns is wrong.
     """
     try:
         rows = np.array([[float(x) for x in line.split(",")] for line in text.splitlines() if line.strip()])
     except ValueError as error:
         raise ArmidError(
-            f"These are no rows of numbers: {error}.", remedy="give a file that armid excite wrote."
+            f"These are not rows of numbers: {error}.", remedy="give a file that armid excite has written."
         ) from error
     if rows.ndim != 2 or not len(rows) or (columns is not None and rows.shape[1] != columns):
-        raise ArmidError(f"Expected rows of {columns or 'several'} numbers; found {rows.shape}.")
+        found = f"{len(rows)} rows of {rows.shape[1]}" if rows.ndim == 2 else "none"
+        raise ArmidError(
+            f"The file must contain rows of {columns or 'several'} numbers; found {found}.",
+            remedy="give a file that armid excite has written.",
+        )
     return rows
 
 
 def states_of_positions(time: Array, q: Array) -> Motion:
-    """Motion from positions alone, with velocities and accelerations by differences."""
+    """Motion from positions alone; velocities and accelerations are computed as differences."""
     dq = np.gradient(q, time, axis=0)
     return Motion(time, q, dq, np.gradient(dq, time, axis=0))

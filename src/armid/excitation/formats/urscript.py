@@ -1,4 +1,4 @@
-"""URScript program for Universal Robots that moves to the first pose and streams the others by `servoj`."""
+"""URScript program for Universal Robots that moves to the first pose by `movej` and sends the others by `servoj`."""
 
 from __future__ import annotations
 
@@ -17,24 +17,24 @@ from armid.excitation.formats.sampled_motion import (
 
 SUFFIX = ".script"
 RATE = 125.0
-"""A whole fraction of the controller's 500 Hz, and the 125 Hz of older ones."""
+"""Default rate [Hz]: that of older controllers, and a fourth of the 500 Hz of newer ones."""
 
 JOINTS = 6
 LOOKAHEAD, GAIN = 0.1, 300
-"""Of `servoj`: its defaults, which smooth a little and follow closely."""
+"""Parameters of `servoj`: its default values, with which it smooths little and follows closely."""
 
 SERVO = re.compile(r"servoj\(\[(.*?)\], t=([\d.]+)")
 
 
 def problem(track: SampledMotion) -> str:
-    """Reason why a motion cannot be written: these arms have six revolute joints."""
+    """Reason why a motion cannot be written in this format: these arms have six revolute joints; empty if it can."""
     if len(track.joints) != JOINTS or any(track.prismatic):
-        return f"URScript moves {JOINTS} joints that turn"
+        return f"URScript needs {JOINTS} revolute joints"
     return ""
 
 
 def write(track: SampledMotion) -> bytes:
-    """Writes one slow `movej`, then one `servoj` for each sample, then a stop."""
+    """Writes one slow `movej`, then one `servoj` for each sample, and a stop at the end."""
     rows = [", ".join(f"{x:.9f}" for x in q) for q in track.motion.q]
     lines = [f"# {PLAN_MARK}{track.plan}"] if track.plan else []
     lines += ["def armid_excitation():", f"  movej([{rows[0]}], a=0.5, v=0.3)", "  sleep(0.5)"]
@@ -44,15 +44,17 @@ def write(track: SampledMotion) -> bytes:
 
 
 def read(content: bytes) -> SampledMotion:
-    """Reads positions and plan.
+    """Reads the positions and the plan.
 
     Raises:
-        ArmidError: No program of `servoj`.
+        ArmidError: The text is not a program with `servoj`.
     """
     text = content.decode(errors="replace")
     found = SERVO.findall(text)
     if not found:
-        raise ArmidError("This is no program of servoj.", remedy="give a file that armid excite wrote.")
+        raise ArmidError(
+            "This is not a URScript program with servoj.", remedy="give a file that armid excite has written."
+        )
     q = number_rows("\n".join(row for row, _ in found), JOINTS)
     motion = states_of_positions(np.arange(float(len(q))) * float(found[0][1]), q)
     joints = tuple(f"joint_{k + 1}" for k in range(JOINTS))

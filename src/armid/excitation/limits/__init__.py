@@ -1,1 +1,1 @@
-"""Constraints of a motion with gradients: positions, velocities, torques, workspace."""
+"""Constraints of a motion, with gradients: positions and their derivatives, torques, and workspace."""

@@ -1,12 +1,12 @@
-"""Constraint channels: utilisations of limits along a series, with exact gradients.
+"""Constraint channels: utilisations of limits (value divided by limit) along a series, with exact gradients.
 
-A channel has m values u along N samples of a series. Each is a utilisation, the value over its limit, and must be at
-most one. A search needs a smooth maximum over the samples, which is
+A channel has m values u at each of the N samples of a series. Each is a utilisation: the value divided by its limit,
+which must be at most one. A search needs a smooth maximum over the samples, which is
 
     max + log(Σ exp(p (u - max))) / p.
 
-Its gradient is the mean of the gradients at the samples, weighted by exp(p (u - max)). It exceeds the maximum by at
-most log(N) / p; the search subtracts the excess at the starting point of each stage.
+The gradient of this maximum is the mean of the gradients at the samples, weighted by exp(p (u - max)). The smooth
+maximum is larger than the maximum by at most log(N) / p; the search subtracts its excess at the start of each stage.
 """
 
 from __future__ import annotations
@@ -22,17 +22,19 @@ from armid.robot.kinematics import forward_kinematics
 from armid.values import Array
 
 ROUND = 1e-8
-"""Number added under the root of an amplitude, so that it is differentiable where a harmonic vanishes [(rad/s)²]."""
+"""Number that is added under the square root of an amplitude [(rad/s)²], so that the amplitude has a derivative where
+a harmonic vanishes."""
 
 
 class States:
-    """Motion of a series on the grid of an objective, with cached values that several channels share.
+    """Motion of a series on the grid of an objective, with cached values that several channels use.
 
     Args:
         objective: Grid, matrices and columns.
-        x: Unknowns (n k,).
-        filled: Whether the objective's columns have been evaluated at x.
-        rough: Whether distances of bodies that are far apart may be lower bounds; without gradients.
+        x: Unknowns of the series, shape (n k,).
+        filled: Whether the columns of the objective have been evaluated at `x`.
+        rough: Whether distances of bodies that are far apart may be replaced by lower bounds; these have no
+            gradients.
     """
 
     def __init__(self, objective: Objective, x: Array, *, filled: bool = False, rough: bool = False) -> None:
@@ -73,17 +75,17 @@ class States:
         )
 
     def _rise(self, order: int) -> Array:
-        """Bound of the rise of a derivative of the positions between points of the grid, shape (n,)."""
+        """Bound of the rise of the derivative of a given order between points of the grid, shape (n,)."""
         step = self.basis.period / len(self.derivatives[0])
         return step**2 / 8.0 * self.basis.peaks_between(self.x, order + 2)
 
     def pullback_positions(self, by_q: Array) -> Array:
-        """Gradients (m, n k) of m sums whose gradients by the positions are (N, m, n)."""
+        """Gradients (m, n k) by the unknowns of m sums whose gradients by the positions are (N, m, n)."""
         matrix = self.objective.matrices[0]
         return np.tensordot(by_q, matrix, axes=(0, 0)).reshape(by_q.shape[1], -1)
 
     def torque(self, values: Array) -> Array:
-        """Torque (N, n) of base parameters (b,)."""
+        """Torque (N, n) for base parameters (b,)."""
         if not self._filled:
             self.objective.columns.fill(*self.derivatives[:3])
             self._filled = True
@@ -91,7 +93,7 @@ class States:
 
 
 class ConstraintChannel(Protocol):
-    """Quantity along a series that has a limit.
+    """Quantity along a series that has a limit (constraint channel).
 
     Attributes:
         name: Name of the quantity, for instance `velocity`.
@@ -113,11 +115,11 @@ class ConstraintChannel(Protocol):
         ...
 
     def pullback(self, states: States, weights: Array) -> Array:
-        """Gradients (m, n k) of the sums of the values over the samples with weights (N, m)."""
+        """Gradients (m, n k) of the sums over the samples of values times weights (N, m)."""
         ...
 
     def between(self, states: States, step: float) -> Array:
-        """Bound of the rise of each value between points of a grid with the given step [s], shape (m,)."""
+        """Bound of the rise of each value between points of a grid with a given step [s], shape (m,)."""
         ...
 
 
@@ -131,13 +133,13 @@ def soft_maximum(values: Array, sharpness: float) -> tuple[Array, Array]:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class RangeLimit:
-    """Range of the joints' positions or of a derivative of them.
+    """Limit of the range of the joint positions or of one of their derivatives.
 
     Attributes:
         name: Name of the quantity.
-        order: 0 position, 1 velocity, 2 acceleration, 3 jerk.
+        order: Order of the derivative: 0 position, 1 velocity, 2 acceleration, 3 jerk.
         joints: Indices of the joints with a limit.
-        labels: Their names.
+        labels: Names of these joints.
         middle: Middle of the range, shape (m,).
         half: Half the width of the range, shape (m,), positive.
     """
@@ -153,11 +155,11 @@ class RangeLimit:
         return (states.derivatives[self.order][:, self.joints] - self.middle) / self.half
 
     def values(self, states: States) -> Array:
-        """Distance from the middle over half the width, shape (N, m)."""
+        """Distance from the middle of the range divided by half its width, shape (N, m)."""
         return np.abs(self._relative(states))
 
     def pullback(self, states: States, weights: Array) -> Array:
-        """Gradients (m, n k); each joint depends on its own unknowns only."""
+        """Gradients (m, n k); each joint depends only on its own unknowns."""
         slopes = weights * np.sign(self._relative(states)) / self.half
         blocks = slopes.T @ states.objective.matrices[self.order]
         gradient = np.zeros((len(self.joints), states.basis.n, states.basis.size))
@@ -165,21 +167,24 @@ class RangeLimit:
         return gradient.reshape(len(self.joints), -1)
 
     def between(self, states: States, step: float) -> Array:
-        """Bound of the rise between points, step²/8 times the bound of the second derivative, shape (m,)."""
+        """Bound of the rise between points: step²/8 times the bound of the second derivative, shape (m,)."""
         rise = step**2 / 8.0 * states.basis.peaks_between(states.x, self.order + 2)
         return rise[list(self.joints)] / self.half
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class AmplitudeLimit:
-    """Sum of the amplitudes of the harmonics, which bounds a motion for all phases: (3.55d) and (3.55e).
+    """Limit of the sum of the amplitudes of the harmonics, equations (3.55d) and (3.55e) of the thesis.
+
+    The sum bounds the motion for all phases of the harmonics.
 
     Attributes:
         name: Name of the quantity.
-        order: 0 for Σ √(a²+b²) / (ω l), a bound of the distance from the offset; 1 for Σ √(a²+b²), one of velocity.
+        order: 0 for Σ √(a²+b²) / (ω l), a bound of the distance from the offset; 1 for Σ √(a²+b²), a bound of the
+            velocity.
         joints: Indices of the joints with a limit.
-        labels: Their names.
-        limit: Shape (m,).
+        labels: Names of these joints.
+        limit: Limits of the sums, shape (m,) [rad or m for order 0, rad/s or m/s for order 1].
     """
 
     name: str
@@ -197,7 +202,7 @@ class AmplitudeLimit:
         return c, amplitude, factors
 
     def values(self, states: States) -> Array:
-        """Sums over limits, shape (1, m)."""
+        """Sums of amplitudes divided by their limits, shape (1, m)."""
         _, amplitude, factors = self._parts(states)
         return (amplitude @ factors / self.limit)[None]
 
@@ -213,20 +218,20 @@ class AmplitudeLimit:
         return gradient.reshape(len(self.joints), -1)
 
     def between(self, states: States, step: float) -> Array:
-        """Nothing: what is limited does not depend on time."""
+        """Zeros, shape (m,): the values do not depend on time, so they do not rise between points of a grid."""
         del states, step
         return np.zeros(len(self.labels))
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class CoefficientLimit:
-    """Limit of every single coefficient: (3.55f).
+    """Limit of every single coefficient of the series, equation (3.55f) of the thesis.
 
     Attributes:
         name: Name of the quantity.
-        joints: Indices of the joints with limits.
-        labels: Joint of each coefficient, 2 L a joint.
-        limit: Limit of both a and b, shape (joints, L).
+        joints: Indices of the joints with a limit.
+        labels: Joint of each coefficient; 2 L coefficients for each joint.
+        limit: Limits of the coefficients a and b, shape (joints, L) [rad/s or m/s].
     """
 
     name: str
@@ -239,7 +244,7 @@ class CoefficientLimit:
         return (states.coefficients[list(self.joints), : 2 * L] / np.tile(self.limit, 2)).ravel()
 
     def values(self, states: States) -> Array:
-        """Coefficients over limits, shape (1, m)."""
+        """Absolute values of the coefficients divided by their limits, shape (1, m)."""
         return np.abs(self._relative(states))[None]
 
     def pullback(self, states: States, weights: Array) -> Array:
@@ -253,6 +258,6 @@ class CoefficientLimit:
         return gradient.reshape(len(self.labels), -1)
 
     def between(self, states: States, step: float) -> Array:
-        """Nothing: what is limited does not depend on time."""
+        """Zeros, shape (m,): the values do not depend on time, so they do not rise between points of a grid."""
         del states, step
         return np.zeros(len(self.labels))

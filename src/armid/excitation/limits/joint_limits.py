@@ -1,4 +1,4 @@
-"""Limits of the joints, and the constraint channels that a search makes from them."""
+"""Limits of the joints, and the constraint channels that a search derives from them."""
 
 from __future__ import annotations
 
@@ -24,15 +24,15 @@ KINDS = ("position", "velocity", "acceleration", "jerk", "effort")
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Limits:
-    """Limits of all joints; infinite where there is none.
+    """Limits of all joints; infinite if a joint has no such limit.
 
     Attributes:
         joints: Names of the joints.
         lower: Lower position limits, shape (n,) [rad or m].
         upper: Upper position limits, shape (n,) [rad or m].
-        velocity: Shape (n,) [rad/s or m/s].
-        acceleration: Shape (n,) [rad/s² or m/s²].
-        jerk: Shape (n,) [rad/s³ or m/s³].
+        velocity: Velocity limits, shape (n,) [rad/s or m/s].
+        acceleration: Acceleration limits, shape (n,) [rad/s² or m/s²].
+        jerk: Jerk limits, shape (n,) [rad/s³ or m/s³].
         effort: Limits of torque or force, shape (n,) [N·m or N].
     """
 
@@ -50,22 +50,27 @@ class Limits:
             object.__setattr__(self, name, value)
             if name not in ("lower", "upper") and not (value > 0.0).all():
                 joint = self.joints[int(np.flatnonzero(~(value > 0.0))[0])]
-                raise ArmidError(f"The {name} limit of {joint} must be positive.")
+                raise ArmidError(
+                    f"The {name} limit of {joint} must be positive; found {value[self.joints.index(joint)]:g}.",
+                    remedy=f"give a positive {name} limit for {joint}.",
+                )
         empty = np.flatnonzero(~(self.lower < self.upper))
         if len(empty):
             j = int(empty[0])
             raise ArmidError(
-                f"The position limits of {self.joints[j]} leave no room: {self.lower[j]:g} to {self.upper[j]:g}.",
-                remedy="give a lower limit below the upper one.",
+                f"The position limits of {self.joints[j]} are reversed or equal: {self.lower[j]:g} to "
+                f"{self.upper[j]:g}.",
+                remedy="give a lower limit that is smaller than the upper one.",
             )
 
     def narrowed(self, motion: Motion, *, by_joint: bool = True) -> Limits:
-        """Limits with velocity and acceleration reduced to the peaks of a motion.
+        """Limits in which velocity and acceleration are reduced to the peak values of a motion.
 
         Args:
-            motion: The motion.
-            by_joint: Whether each joint is limited to its own peaks. Otherwise all joints may use the highest share
-                of a velocity limit and the highest acceleration that any joint has reached.
+            motion: Motion whose peak values are used.
+            by_joint: Whether each joint is limited to its own peak values. Otherwise, all joints are limited to the
+                largest ratio of velocity and velocity limit, and to the largest acceleration, that any joint has
+                reached.
         """
         tiny = np.finfo(float).tiny
         velocity, acceleration = (np.maximum(np.abs(x).max(axis=0), tiny) for x in (motion.dq, motion.ddq))
@@ -81,7 +86,7 @@ class Limits:
 
 
 def described_limits(robot: Robot) -> Limits:
-    """Limits of the robot description, which has none of acceleration and jerk."""
+    """Limits of the robot description, which contains no limits of acceleration and jerk."""
     lower, upper = np.array([joint.position_limits for joint in robot.joints]).T
     velocity = np.array([joint.velocity_limit for joint in robot.joints])
     effort = np.array([joint.effort_limit for joint in robot.joints])
@@ -90,14 +95,14 @@ def described_limits(robot: Robot) -> Limits:
 
 
 def planned_limits(robot: Robot) -> Limits:
-    """Limits of the robot description for a motion, whose positions stay within the soft limits as well."""
+    """Limits of the robot description for a planned motion; positions must stay within the soft limits, too."""
     limits = described_limits(robot)
     soft = np.array([joint.soft_limits for joint in robot.joints])
     return replace(limits, lower=np.maximum(limits.lower, soft[:, 0]), upper=np.minimum(limits.upper, soft[:, 1]))
 
 
 def soft_limits_used(robot: Robot, limits: Limits) -> Finding | None:
-    """Finding that names the joints which soft limits bound in a motion; `None` where there are none."""
+    """Finding that names the joints whose positions are bounded by soft limits; `None` if there are none."""
     planned, described = planned_limits(robot), described_limits(robot)
     bounded = [
         j for j in range(robot.n)
@@ -115,7 +120,7 @@ def soft_limits_used(robot: Robot, limits: Limits) -> Finding | None:
         "the robot's controller stops a joint at its soft limits (safety_controller in the description), so the plan "
         f"keeps within them: {ranges}"
     )
-    remedy = "set other limits with --limit JOINT.position=LOW:HIGH."
+    remedy = "if other limits apply, set them with --limit JOINT.position=LOW:HIGH."
     return Finding("soft-limits", "info", "", evidence, remedy)
 
 
@@ -126,18 +131,18 @@ def limits_of(
     acceleration: float | None = None,
     jerk: float | None = None,
 ) -> Limits:
-    """Limits of a motion: those of the robot description, positions within its soft limits, unless others are given.
+    """Limits of a motion: given limits, otherwise those of the robot description including its soft limits.
 
     Args:
         robot: The arm.
-        given: Limits by joint and kind; of positions a lower and an upper one. Joints are names or patterns such as
-            `*`; a name takes precedence over a pattern, a later pattern over an earlier one.
-        acceleration: Limit of every joint [rad/s² or m/s²]; none where left out.
-        jerk: Limit of every joint [rad/s³ or m/s³]; none where left out.
+        given: Limits by joint and kind; a limit of position is a pair of lower and upper limit. Joints are names or
+            patterns such as `*`. A name takes precedence over a pattern, and a later pattern over an earlier one.
+        acceleration: Acceleration limit of every joint [rad/s² or m/s²]; `None` for no limit.
+        jerk: Jerk limit of every joint [rad/s³ or m/s³]; `None` for no limit.
 
     Raises:
-        ArmidError: A joint or kind does not exist, or a joint has no limit of position or velocity; a continuous
-            joint needs none of position.
+        ArmidError: A joint or kind does not exist, or a joint has no limit of position or velocity. Continuous joints
+            need no limit of position.
     """
     values = _given(planned_limits(robot), robot, given or {}, acceleration, jerk)
     limits = Limits(robot.joint_names, **values)
@@ -149,7 +154,7 @@ def limits_of(
     without += [(name, "velocity") for name, v in zip(limits.joints, limits.velocity, strict=True) if v == np.inf]
     if without:
         raise ArmidError(
-            f"{robot.name} does not say how far or how fast these may move: {', '.join(map('.'.join, without))}.",
+            f"{robot.name} lacks limits of position or velocity: {', '.join(map('.'.join, without))}.",
             remedy=_examples(without, robot.n),
         )
     return limits
@@ -162,7 +167,7 @@ def _given(
     acceleration: float | None = None,
     jerk: float | None = None,
 ) -> dict[str, Array]:
-    """Limits by kind, each (n,), with given ones in the place of those of the description."""
+    """Limits by kind, each (n,): those of the description, replaced by the given ones."""
     values = {
         "lower": described.lower.copy(),
         "upper": described.upper.copy(),
@@ -176,11 +181,14 @@ def _given(
         which = [names.index(each) for each in matching(name, names)] or [robot.joint_index(name)]
         if kind not in KINDS:
             raise ArmidError(
-                f"There is no limit of {kind!r}.", possible=", ".join(KINDS), remedy=did_you_mean(kind, KINDS)
+                f"There is no kind of limit {kind!r}.", possible=", ".join(KINDS), remedy=did_you_mean(kind, KINDS)
             )
         if kind == "position":
             if not isinstance(value, tuple):
-                raise ArmidError(f"The position limit of {name} needs a lower and an upper number; found {value}.")
+                raise ArmidError(
+                    f"The position limit of {name} needs a lower and an upper number; found {value}.",
+                    remedy=f"write {name}.position=LOW:HIGH.",
+                )
             values["lower"][which], values["upper"][which] = value
         else:
             values[kind][which] = value
@@ -188,7 +196,7 @@ def _given(
 
 
 def with_limits(robot: Robot, given: Mapping[tuple[str, str], float | tuple[float, float]]) -> Robot:
-    """Robot with given limits in the place of its own; the arguments are those of `limits_of`.
+    """Robot whose limits are replaced by given ones; the arguments are those of `limits_of`.
 
     Raises:
         ArmidError: A joint or kind does not exist.
@@ -207,7 +215,7 @@ def with_limits(robot: Robot, given: Mapping[tuple[str, str], float | tuple[floa
 
 
 def _examples(without: Sequence[tuple[str, str]], joints: int) -> str:
-    """Command options that give the missing limits; with a pattern only where all joints lack a limit."""
+    """Command options that give the missing limits; a pattern is used only if all joints lack the same limit."""
     options: list[str] = []
     for kind, value in (("position", "-1.5:1.5"), ("velocity", "1.0")):
         missing = [name for name, lacking in without if lacking == kind]
@@ -218,7 +226,7 @@ def _examples(without: Sequence[tuple[str, str]], joints: int) -> str:
                 else [f"{name}.{kind}={value}" for name in missing]
             )
             options.append(f"--limit {','.join(each)}")
-    return f"give them, for instance {' '.join(options)}, in radians, metres and seconds."
+    return f"give these limits, for instance {' '.join(options)}, in radians, metres and seconds."
 
 
 def _finite(values: Array) -> NDArray[np.intp]:
@@ -247,15 +255,15 @@ def motion_channels(limits: Limits) -> tuple[ConstraintChannel, ...]:
 def thesis_channels(
     limits: Limits, basis: SeriesBasis, *, form: Literal["thesis", "thesis-literal"] = "thesis"
 ) -> tuple[ConstraintChannel, ...]:
-    """Constraint channels (3.55d-f) of the thesis: bounds by the amplitudes of the harmonics for all phases.
+    """Constraint channels (3.55d) to (3.55f) of the thesis: sums of the amplitudes bound the motion for all phases.
 
-    (3.55f) is printed with a factor 1/L, which the tables of the thesis violate. Without the factor it follows from
-    (3.55d) and (3.55e) and is not needed; `thesis-literal` enforces it as printed.
+    The thesis prints (3.55f) with a factor 1/L, but its tables violate this condition. Without the factor, (3.55f)
+    follows from (3.55d) and (3.55e) and is not needed; `thesis-literal` enforces it as printed.
 
     Args:
         limits: Limits of the joints.
-        basis: Unknowns of the series, with its start pose.
-        form: `thesis` for (3.55d) and (3.55e), `thesis-literal` for (3.55f) as printed, too.
+        basis: Basis of the series, with its start pose.
+        form: `thesis` for (3.55d) and (3.55e); `thesis-literal` for (3.55f) as printed in addition.
     """
     reach = np.minimum(limits.upper - basis.start, basis.start - limits.lower)
     bounded, moving = _finite(reach), _finite(limits.velocity)
@@ -278,18 +286,21 @@ def thesis_channels(
 
 
 def torque_channel(limits: Limits, base: Array, margin: float) -> Torque | None:
-    """Constraint channel of the torque, with a margin to the limits; `None` where no limit is known.
+    """Constraint channel of the torque, with a margin to the limits; `None` if no torque limit is known.
 
     Args:
         limits: Limits of the joints.
-        base: Base parameters, nominal or identified, shape (b,).
-        margin: Share of the limit that is kept free, 0 to 1.
+        base: Base parameters (of the description or identified), shape (b,).
+        margin: Share of the limit that is not used, from 0 to below 1.
 
     Raises:
-        ArmidError: The margin is not at least 0 and below 1.
+        ArmidError: The margin is negative, or is 1 or larger.
     """
     if not 0.0 <= margin < 1.0:
-        raise ArmidError(f"The torque margin is a share of the limit, 0 to 1; found {margin}.")
+        raise ArmidError(
+            f"The torque margin is a share of the limit, at least 0 and below 1; found {margin}.",
+            remedy="give for instance 0.1, with which the plan uses at most 90 % of each torque limit.",
+        )
     known = _finite(limits.effort)
     if not len(known):
         return None

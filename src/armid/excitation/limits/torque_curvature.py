@@ -1,9 +1,10 @@
-"""Bound of the second derivative of the torque of rigid links along a series.
+"""Bound of the second derivative in time of the torque of rigid links along a series.
 
-Sums of amplitudes bound every derivative of a joint's position along a series. Along the kinematic chain they give
-bounds of norms. A vector fixed in a link turns with it, u' = ω x u. The norms of its derivatives therefore follow
-from those of ω by Leibniz's rule and the triangle inequality. The same holds for a tensor with twice the factor. A
-jet is the list of such bounds for a quantity and its derivatives in order, all in the inertial frame.
+Sums of amplitudes bound every time derivative of a joint position along a series. Along the kinematic chain they give
+bounds of norms. A vector that is fixed in a link turns with it, u' = ω x u. Bounds of the norms of its derivatives
+therefore follow from those of ω, with Leibniz's rule and the triangle inequality. For a tensor, the bound of the
+first derivative is twice as large. A jet is the list of such bounds for a quantity and its derivatives in ascending
+order, all in the inertial frame.
 """
 
 from __future__ import annotations
@@ -19,16 +20,16 @@ from armid.values import Array
 Jet = Sequence[float]
 
 ORDERS = 4
-"""Number of derivatives of the positions that the second derivative of the torque depends on."""
+"""Number of time derivatives of the positions on which the second derivative of the torque depends."""
 
 
 def torque_curvature(tree: Tree, inertial: Array, derivatives: Array) -> Array:
-    """Bound of the second derivative of every joint's torque, shape (n,) [N·m/s² or N/s²].
+    """Bound of the second time derivative of the torque of every joint, shape (n,) [N·m/s² or N/s²].
 
     Args:
         tree: The arm.
-        inertial: Inertial parameters of its links, shape (n, 10); they need not be those of a body.
-        derivatives: Bounds of the joints' positions and their first four derivatives, shape (5, n).
+        inertial: Inertial parameters of the links, shape (n, 10); they need not be physically consistent.
+        derivatives: Bounds of the joint positions and of their first four time derivatives, shape (5, n).
     """
     turning, fixed, levers = _chain(tree, derivatives)
     gravity = float(np.linalg.norm(tree.gravity))
@@ -60,7 +61,7 @@ def torque_curvature(tree: Tree, inertial: Array, derivatives: Array) -> Array:
 
 
 def _chain(tree: Tree, derivatives: Array) -> tuple[list[Jet], list[Jet], list[Jet]]:
-    """Jets of angular velocities, of unit vectors fixed in the links, and of each origin relative to its parent's."""
+    """Jets of the angular velocities, of unit vectors fixed in the links, and of origins relative to parent links."""
     turning: list[Jet] = []
     fixed: list[Jet] = []
     levers: list[Jet] = []
@@ -89,12 +90,12 @@ def _sum(a: Jet, b: Jet) -> Jet:
 
 
 def _product(a: Jet, b: Jet) -> Jet:
-    """Jet of a product by Leibniz's rule."""
+    """Jet of a product of two quantities, by Leibniz's rule."""
     return [sum(comb(k, i) * a[i] * b[k - i] for i in range(k + 1)) for k in range(len(a))]
 
 
 def _turned(turning: Jet, factor: float) -> Jet:
-    """Jet of a quantity of norm one that turns with a link, with |x'| at most factor · |ω| |x|."""
+    """Jet of a quantity with norm one that turns with a link, for which |x'| is at most factor · |ω| · |x|."""
     result = [1.0]
     for k in range(len(turning)):
         result.append(factor * sum(comb(k, i) * turning[i] * result[k - i] for i in range(k + 1)))
@@ -102,7 +103,7 @@ def _turned(turning: Jet, factor: float) -> Jet:
 
 
 def _tensor(turning: Jet) -> Jet:
-    """Jet of a tensor fixed in a link, T' = ω x T - T x ω."""
+    """Jet of a tensor of norm one that is fixed in a link, T' = ω x T - T x ω."""
     return _turned(turning, 2.0)[: len(turning)]
 
 

@@ -1,4 +1,4 @@
-"""Torque limits of the joints as a constraint channel, for nominal or identified base parameters."""
+"""Torque limits of the joints as a constraint channel, for given base parameters."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from armid.values import Array
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Torque:
-    """Joint torques of given base parameters, relative to their limits.
+    """Joint torques for given base parameters, divided by their limits.
 
     Attributes:
         name: Name of the quantity.
         joints: Indices of the joints with a limit.
-        labels: Their names.
-        base: Base parameters, nominal or identified, shape (b,).
-        limit: Torque limit without its margin, shape (m,) [N·m or N].
+        labels: Names of these joints.
+        base: Base parameters (of the description or identified), shape (b,).
+        limit: Torque limits, reduced by the margin, shape (m,) [N·m or N].
     """
 
     name: str
@@ -30,11 +30,11 @@ class Torque:
     limit: Array
 
     def values(self, states: States) -> Array:
-        """Torques over limits, shape (N, m)."""
+        """Absolute values of the torques divided by their limits, shape (N, m)."""
         return np.abs(states.torque(self.base)[:, self.joints]) / self.limit
 
     def pullback(self, states: States, weights: Array) -> Array:
-        """Gradients (m, n k), by one pass of the kernel's adjoint for each joint."""
+        """Gradients (m, n k), computed with one pass of the kernel's adjoint for each joint."""
         torque = states.torque(self.base)
         objective = states.objective
         rows: list[Array] = []
@@ -47,8 +47,8 @@ class Torque:
         """Bound of the rise of the utilisation between points of a grid, shape (m,).
 
         The torque of the rigid links rises by at most step²/8 times the bound of its second derivative. Friction may
-        jump where a joint reverses. For friction the largest difference of neighbouring points is added, which is a
-        margin and no proof.
+        jump when a joint reverses. Therefore the largest difference of friction between neighbouring points is added;
+        this is a margin, but not a proven bound.
         """
         goal, basis = states.objective.goal, states.basis
         bodies = np.isin(goal.base.kept, goal.model.inertial_columns)

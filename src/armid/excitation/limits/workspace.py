@@ -1,4 +1,4 @@
-"""Workspace limits of the tip, with gradients and speed bounds of points on the arm."""
+"""Workspace limits of the tip of the arm, with gradients and bounds of the speed of points on the arm."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from armid.kernel.tree import Tree
 from armid.values import Array
 
 SCALE = 0.1
-"""Distance [m] from a border at which the utilisation is zero; at the border it is one."""
+"""Distance [m] from the limit at which the utilisation is zero; at the limit the utilisation is one."""
 
 
 def carried_by(tree: Tree, links: Sequence[int]) -> Array:
-    """Mask (m, n) of the joints that move each of m links: one where a joint moves a link, else zero."""
+    """Mask (m, n) of the joints that move each of m links: 1 if a joint moves a link, otherwise 0."""
     mask = np.zeros((len(links), tree.n))
     for row, link in zip(mask, links, strict=True):
         row[tree.ancestors(link)] = 1.0
@@ -24,7 +24,7 @@ def carried_by(tree: Tree, links: Sequence[int]) -> Array:
 
 
 def _axes(tree: Tree, poses: tuple[Array, Array]) -> tuple[Array, Array]:
-    """Directions of the joint axes (N, n, 3) and their moments about the origin of the base."""
+    """Directions (N, n, 3) of the joint axes, and their moments (N, n, 3) about the origin of the base frame."""
     R, p = poses
     axes: Array = np.einsum("njik,jk->nji", R, tree.axis)
     moments: Array = np.cross(p, axes)
@@ -32,17 +32,17 @@ def _axes(tree: Tree, poses: tuple[Array, Array]) -> tuple[Array, Array]:
 
 
 def point_gradient(tree: Tree, poses: tuple[Array, Array], mask: Array, points: Array, forces: Array) -> Array:
-    """Gradient by q of forces · points, which is the joint torque of the forces.
+    """Gradient by q of the scalar product of forces and points; it is equal to the joint torque of the forces.
 
     Args:
         tree: The arm's geometry.
         poses: Rotations (N, n, 3, 3) and origins (N, n, 3) of its links.
-        mask: Joints that move each point, of `carried_by`, shape (m, n).
+        mask: Mask of the joints that move each point, from `carried_by`, shape (m, n).
         points: Points in the base frame, shape (N, m, 3) [m].
-        forces: Weights of the points' coordinates, shape (N, m, 3).
+        forces: Weights of the coordinates of the points, shape (N, m, 3).
 
     Returns:
-        Shape (N, m, n).
+        Gradient, shape (N, m, n).
     """
     axes, moments = _axes(tree, poses)
     turning = np.cross(points, forces) @ axes.transpose(0, 2, 1) + forces @ moments.transpose(0, 2, 1)
@@ -52,7 +52,7 @@ def point_gradient(tree: Tree, poses: tuple[Array, Array], mask: Array, points: 
 
 
 def point_speed(tree: Tree, poses: tuple[Array, Array], mask: Array, points: Array, speed: Array) -> Array:
-    """Bound (N, m) [m/s] of the speeds of points (N, m, 3) from the joint speeds (n,) [rad/s or m/s]."""
+    """Upper bound (N, m) [m/s] of the speeds of points (N, m, 3) for joint speeds (n,) [rad/s or m/s]."""
     axes, moments = _axes(tree, poses)
     arms = np.cross(axes[:, None], points[:, :, None]) + moments[:, None]
     reach = np.where(tree.prismatic.astype(bool), 1.0, np.linalg.norm(arms, axis=-1))
@@ -61,13 +61,13 @@ def point_speed(tree: Tree, poses: tuple[Array, Array], mask: Array, points: Arr
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Workspace:
-    """Planes on whose inner side the tip must stay; a box has six of them.
+    """Planes that the tip must not cross; a box has six of them.
 
     Attributes:
         name: Name of the quantity.
         labels: Names of the planes.
-        normals: Outward unit normals in the base frame, shape (m, 3).
-        offsets: Largest allowed normal · position, shape (m,) [m].
+        normals: Unit normals that point out of the workspace, in the base frame, shape (m, 3).
+        offsets: Largest allowed scalar product of normal and position of the tip, shape (m,) [m].
     """
 
     name: str
@@ -83,7 +83,7 @@ class Workspace:
         return p[:, tip.parent] + R[:, tip.parent] @ tip.placement[:3, 3]
 
     def values(self, states: States) -> Array:
-        """One minus the distance to each plane over `SCALE`, shape (N, m)."""
+        """One minus the distance to each plane divided by `SCALE`, shape (N, m)."""
         return 1.0 - (self.offsets - self._tip(states) @ self.normals.T) / SCALE
 
     def pullback(self, states: States, weights: Array) -> Array:
@@ -101,7 +101,7 @@ class Workspace:
 
 
 def box_workspace(low: Sequence[float], high: Sequence[float]) -> Workspace:
-    """Workspace of a box in the base frame, between two opposite corners (3,) [m]."""
+    """Workspace that is a box in the base frame, given by two opposite corners (3,) [m]."""
     normals = np.vstack([-np.eye(3), np.eye(3)])
     labels = tuple(f"{side} {axis}" for side in ("low", "high") for axis in "xyz")
     return Workspace("tip", labels, normals, np.concatenate([-np.asarray(low), np.asarray(high)]))

@@ -1,8 +1,8 @@
-"""MJCF: an `<inertial>` for each body; damping, frictionloss and armature for each joint.
+"""Writer of MJCF: an `<inertial>` for each body; damping, frictionloss and armature for each joint.
 
-In a description only the attributes that change are replaced. The tensor is written in the body's axes, so that the
-orientation and the principal moments of an inertial give way to it. Files that a description includes are put in
-its place, which leaves one file.
+In a description only the attributes that change are replaced. The inertia tensor is written in the axes of the body,
+so it replaces the orientation and the principal moments of the `<inertial>`. Included files are inserted in the place
+of their includes, so that the result is one file.
 """
 
 from __future__ import annotations
@@ -48,12 +48,12 @@ PLACES: Sequence[str] = tuple(ATTRIBUTES)
 FULL = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 TURNED = ("diaginertia", "quat", "axisangle", "xyaxes", "zaxis", "euler")
 KEPT = ("compiler", "option", "default", "worldbody", "size")
-"""Sections of a document that define its rigid bodies."""
+"""Sections of a document that are needed for its rigid bodies."""
 SHAPES = ("mesh", "hfield", "sdf", "skin")
 
 
 def open_description(path: Path, data: bytes) -> OpenedDescription | None:
-    """An MJCF, with the contents of included files inserted."""
+    """MJCF text of a description, with the contents of included files inserted."""
     if not reader.recognises(data.decode()):
         return None
     text, files = whole(path, data)
@@ -65,15 +65,15 @@ def whole(path: Path, data: bytes, folder: Path | None = None) -> tuple[bytes, t
     """Description with the contents of included files inserted; all other bytes stay unchanged.
 
     Args:
-        path: Its path.
-        data: Its text.
-        folder: Folder of included files; by default that of the description.
+        path: Path of the description.
+        data: Text of the description.
+        folder: Folder of the included files; `None` for the folder of the description.
 
     Returns:
-        The text, and the files that it came from.
+        The text, and the paths of the files from which it was put together.
 
     Raises:
-        RobotError: A file cannot be read.
+        RobotError: An included file cannot be read.
     """
     folder = path.parent if folder is None else folder
     files = [str(path)]
@@ -96,7 +96,7 @@ def whole(path: Path, data: bytes, folder: Path | None = None) -> tuple[bytes, t
 
 
 def bodies(source: DescriptionSource, raw: Robot, robot: Robot) -> list[Body]:
-    """Moving bodies of an MJCF, parents before children."""
+    """Moving bodies of an MJCF; parents come before their children."""
     plain = _plain(source.data, source.locked)
     model = _model(plain)
     frames = {f.name: f for f in model.frames if f.type.name == "BODY"}
@@ -118,7 +118,7 @@ def bodies(source: DescriptionSource, raw: Robot, robot: Robot) -> list[Body]:
 
 
 def write(content: Content) -> WrittenDescription:
-    """Description with inertials and joint values replaced, or a new MJCF without shapes."""
+    """Description in which inertials and joint values are replaced, or a new MJCF without shapes."""
     if content.source is None:
         return _fresh(content)
     document = Document(content.source.data)
@@ -134,17 +134,17 @@ def write(content: Content) -> WrittenDescription:
 
 
 def missing_limits(robot: Robot) -> OutputError | None:
-    """No error, since the format needs no limits."""
+    """Returns no error, because the format needs no limits."""
     del robot
 
 
 def read(data: bytes, locked: Mapping[str, float]) -> Robot:
-    """Arm of an MJCF."""
+    """Arm that the text of an MJCF describes."""
     return reader.read(data.decode(), source="the written file", locked=locked, tip=None)
 
 
 def witnesses(data: bytes, content: Content, q: Array, dq: Array, ddq: Array) -> list[Witness]:
-    """Models that Pinocchio, from the plain form, and MuJoCo read from it."""
+    """Models of a written MJCF as read by Pinocchio (from the plain form) and by MuJoCo."""
     plain = _plain(data, content.locked)
     return [
         pinocchio_witness(lambda _: _model(plain), content, q, dq, ddq, reads=()),
@@ -153,7 +153,7 @@ def witnesses(data: bytes, content: Content, q: Array, dq: Array, ddq: Array) ->
 
 
 def _plain(data: bytes, locked: Mapping[str, float]) -> Plain:
-    """Description in plain form."""
+    """Converts a description to plain form."""
     root = flatten(parse_xml(data.decode(), "the description"), "the description")
     return plain_mjcf(root, "the description", locked)
 
@@ -167,7 +167,7 @@ def _model(plain: Plain) -> Any:
 
 
 def _nominal(element: ET.Element) -> InertialParameters | None:
-    """Inertia of a body of the plain form in its own frame, from a model of this body alone."""
+    """Inertia of a body of the plain form in its own frame, computed from a model with this body alone."""
     said = [child for child in element if child.tag in ("inertial", "geom")]
     if not said:
         return None
@@ -182,7 +182,7 @@ def _nominal(element: ET.Element) -> InertialParameters | None:
 
 
 def _names(root: XmlNode) -> dict[XmlNode, str]:
-    """Bodies and joints by element, nameless ones called as the reader calls them."""
+    """Bodies and joints by their XML elements; unnamed ones have the names that the reader gives them."""
     unnamed = count()
     result: dict[XmlNode, str] = {}
     for body in (node for node in root.walk() if node.tag == "body"):
@@ -194,14 +194,15 @@ def _names(root: XmlNode) -> dict[XmlNode, str]:
 
 
 def _refuse_computed(root: XmlNode) -> None:
-    """Refuse settings by which MuJoCo would make other inertias than those written."""
+    """Refuses settings with which MuJoCo would compute other inertias than those written."""
     for compiler in root.every("compiler"):
         found = [key for key in IGNORED_COMPILER if key in compiler.values]
         found += ["inertiafromgeom"] if compiler.values.get("inertiafromgeom") == "true" else []
         if found:
             raise OutputError(
-                f"The description's compiler settings {', '.join(found)} change the inertias that are written.",
-                remedy="remove them from the description, identify again and export.",
+                f"The compiler settings {', '.join(found)} of the description would change the inertias that are "
+                "written.",
+                remedy="remove these settings from the description, then identify and export again.",
             )
 
 
@@ -226,14 +227,14 @@ def _relative_files(document: Document) -> tuple[Finding, ...]:
     names = [n.values["file"] for n in document.root.walk() if n.tag in (*SHAPES, "texture") and "file" in n.values]
     if not names:
         return ()
-    what = f"{len(names)} files, such as {names[0]}, have paths relative to the description"
-    return (Finding("relative-meshes", "info", "", what, "put the written file into the same folder"),)
+    what = f"{len(names)} files, such as {names[0]}, have paths relative to the folder of the description"
+    return (Finding("relative-meshes", "info", "", what, "put the written file into the folder of the description"),)
 
 
 def _without_meshes(data: bytes) -> str:
-    """File without elements that need other files or act on the bodies from outside.
+    """Text of a file without elements that need other files, or that act on the bodies from outside.
 
-    A body with an inertial needs no geoms. Geoms of the others stay as far as they are no meshes, since their mass
+    A body with an `<inertial>` needs no geoms. In other bodies the geoms stay, except meshes, because their mass
     counts.
     """
     root = flatten(parse_xml(data.decode(), "the written file"), "the written file")  # gives every joint a name
@@ -255,7 +256,7 @@ def _without_meshes(data: bytes) -> str:
 
 
 def _fresh(content: Content) -> WrittenDescription:
-    """New MJCF of bodies with inertia and without shapes."""
+    """New MJCF of bodies with inertia but without shapes."""
     robot = content.robot
     names = unique_names([link.name for link in robot.links])
 

@@ -1,7 +1,7 @@
-"""SDF 1.8: new files of links, joints and their dynamics, without shapes.
+"""Writer of SDF 1.8: new files with links, joints and their dynamics, without shapes.
 
-Every pose is relative to what carries it. There is no place for rotor inertia. Gravity belongs to the world, not to
-the model. The arm stands on the world by a fixed joint.
+Every pose is relative to the link or joint that carries the element. The format has no element for rotor inertia.
+Gravity belongs to the world and not to the model. A fixed joint connects the arm to the world.
 """
 
 from __future__ import annotations
@@ -40,18 +40,18 @@ NOT_READ = "no installed program reads SDF; only armid read the file back"
 
 
 def open_description(path: Path, data: bytes) -> OpenedDescription | None:
-    """`None`, because SDF is only written."""
+    """Returns `None`, because SDF is only written."""
     del path, data
 
 
 def bodies(source: DescriptionSource, raw: Robot, robot: Robot) -> list[Body]:
-    """Empty, because descriptions in SDF are not read."""
+    """Returns an empty list, because descriptions in SDF are not read."""
     del source, raw, robot
     return []
 
 
 def write(content: Content) -> WrittenDescription:
-    """New SDF model."""
+    """New SDF model of the content."""
     robot = content.robot
     # Links, joints and frames share one namespace.
     base, tip, *links = unique_names(
@@ -83,20 +83,20 @@ def write(content: Content) -> WrittenDescription:
 
 
 def missing_limits(robot: Robot) -> OutputError | None:
-    """No error, since the format needs no limits."""
+    """Returns no error, because the format needs no limits."""
     del robot
 
 
 def read(data: bytes, locked: Mapping[str, float]) -> Robot:
-    """Arm of a file written by `write`.
+    """Arm of a file that `write` has written.
 
     Raises:
-        OutputError: Something else stands in it.
+        OutputError: The file contains no model.
     """
     del locked
     model = ET.fromstring(data).find("model")
     if model is None:
-        raise OutputError("The written SDF holds no model.", remedy="report this: it is a fault of armid.")
+        raise OutputError("The written SDF contains no model.", remedy="this is a fault of armid: report it.")
     moving = [joint for joint in model.findall("joint") if joint.get("type") != "fixed"]
     carried = [joint.findtext("child", "") for joint in moving]
     links = {link.get("name", ""): link for link in model.findall("link")}
@@ -111,7 +111,7 @@ def read(data: bytes, locked: Mapping[str, float]) -> Robot:
 
 
 def witnesses(data: bytes, content: Content, q: Array, dq: Array, ddq: Array) -> list[Witness]:
-    """Joint parameters parsed from the text, because Pinocchio and MuJoCo do not read SDF."""
+    """Joint parameters, parsed from the text because Pinocchio and MuJoCo do not read SDF."""
     del content, q, dq, ddq
     parsed: dict[str, dict[str, float]] = {}
     for joint in ET.fromstring(data).iter("joint"):
@@ -174,7 +174,7 @@ def _transform(numbers: list[float]) -> Array:
 
 
 def _index(element: ET.Element | None, attribute: str, carried: list[str]) -> int:
-    """Index of the link that something is relative to; -1 for the base."""
+    """Index of the link to which an element is relative; -1 for the base."""
     name = "" if element is None else element.get(attribute, "")
     return carried.index(name) if name in carried else -1
 

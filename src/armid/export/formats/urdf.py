@@ -1,9 +1,9 @@
-"""URDF: an `<inertial>` for each link, damping and friction for each joint.
+"""Writer of URDF: an `<inertial>` for each link, damping and friction for each joint.
 
-There is no place for rotor inertia, nor for friction laws beyond these two. A joint with stops needs limits of effort
-and velocity there, and zero would hold it still, so that a file of its own is refused without them. In a description
-only the numbers that change are replaced; the orientation of an inertial stays as it is written, and the tensor is
-turned into it.
+The format cannot store rotor inertia and other friction laws. It requires limits of effort and velocity for each
+joint with position limits, and a limit of zero would block the joint. A new file is therefore refused if such a limit
+is unknown. In a description only the numbers that change are replaced: the orientation of an `<inertial>` stays, and
+the inertia tensor is rotated into it.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ LIMITS = ("effort", "velocity")
 
 
 def open_description(path: Path, data: bytes) -> OpenedDescription | None:
-    """A URDF, or the URDF that a xacro file expands to."""
+    """URDF text of a description; a xacro file is expanded to URDF."""
     if path.suffix.lower() == ".xacro":
         what = "xacro was expanded; the written file is a URDF"
         text = expand(data.decode(), str(path)).encode()
@@ -57,7 +57,7 @@ def open_description(path: Path, data: bytes) -> OpenedDescription | None:
 
 
 def bodies(source: DescriptionSource, raw: Robot, robot: Robot) -> list[Body]:
-    """Moving links of a URDF, parents before children."""
+    """Moving links of a URDF; parents come before their children."""
     root = ET.fromstring(source.data)
     links = {link.get("name", ""): link for link in root.findall("link")}
     below: dict[str, list[ET.Element]] = {}
@@ -82,7 +82,7 @@ def bodies(source: DescriptionSource, raw: Robot, robot: Robot) -> list[Body]:
 
 
 def write(content: Content) -> WrittenDescription:
-    """Description with inertials and friction replaced, or a new URDF without shapes."""
+    """Description in which inertials and friction are replaced, or a new URDF without shapes."""
     if content.source is None:
         return _fresh(content)
     document = Document(content.source.data)
@@ -99,28 +99,28 @@ def write(content: Content) -> WrittenDescription:
 
 
 def missing_limits(robot: Robot) -> OutputError | None:
-    """Error for joints with stops that lack a limit; its option to paste has the limits of other joints, too."""
+    """Error about joints with position limits that lack others; its remedy gives an option for all missing limits."""
     without = [joint for joint in robot.joints if _has_stops(joint) and _missing(joint)]
     if not without:
         return None
     option = _example([joint for joint in robot.joints if _missing(joint)])
     endless = [joint.name for joint in robot.joints if not _has_stops(joint) and not _has_limits(joint)]
     return OutputError(
-        f"A URDF needs limits of effort and velocity for each joint with position limits; the description "
-        f"lacks some of {', '.join(joint.name for joint in without)}"
-        + (f" (and of {', '.join(endless)}, where the format does not need them)." if endless else "."),
-        possible="mjcf and sdf need none",
-        remedy=f"give the missing limits of the arm: {option}",
+        f"A URDF needs limits of effort and velocity for each joint with position limits; in the description, limits "
+        f"of these joints are missing: {', '.join(joint.name for joint in without)}"
+        + (f" (and of {', '.join(endless)}, for which the format does not require them)." if endless else "."),
+        possible="the formats mjcf and sdf, which need no limits",
+        remedy=f"give the missing limits of the arm, for instance: {option}",
     )
 
 
 def read(data: bytes, locked: Mapping[str, float]) -> Robot:
-    """Arm of a URDF."""
+    """Arm that the text of a URDF describes."""
     return reader.read(data.decode(), source="the written file", locked=locked, tip=None)
 
 
 def witnesses(data: bytes, content: Content, q: Array, dq: Array, ddq: Array) -> list[Witness]:
-    """Models that Pinocchio and MuJoCo read from it."""
+    """Models of a written URDF as read by Pinocchio and by MuJoCo."""
     root = ET.fromstring(data)
     for link in root.iter("link"):
         for drawn in [*link.findall("visual"), *link.findall("collision")]:
@@ -143,12 +143,12 @@ def _named(joint: ET.Element, end: str) -> str:
 
 
 def _numbers(text: str | None) -> list[float]:
-    """Three numbers; zeros for an empty text."""
+    """Three numbers of a text; zeros if it is empty."""
     return [float(word) for word in text.split()] if text and text.strip() else [0.0, 0.0, 0.0]
 
 
 def _pose(origin: ET.Element | None) -> Array:
-    """Transform of an origin element."""
+    """Transform that is given by a tag <origin>."""
     if origin is None:
         return np.eye(4)
     return homogeneous(rpy_rotation(_numbers(origin.get("rpy"))), _numbers(origin.get("xyz")))
@@ -171,7 +171,7 @@ def _nominal(link: ET.Element) -> InertialParameters | None:
 
 
 def _edit_inertial(document: Document, link: XmlNode, body: InertialParameters) -> None:
-    """Sets the inertia of a link; existing elements of `<inertial>` keep their position."""
+    """Replaces the inertia of a link; existing elements of `<inertial>` keep their place in the text."""
     mass, com, about = com_form(body, f"link {link.values.get('name')!r}")
     inertial = link.find("inertial")
     if inertial is None:
@@ -198,7 +198,7 @@ def _edit_inertial(document: Document, link: XmlNode, body: InertialParameters) 
 
 
 def _edit_dynamics(document: Document, joint: XmlNode, friction: Mapping[str, str]) -> None:
-    """Sets damping and friction of a joint."""
+    """Replaces damping and friction of a joint."""
     dynamics = joint.find("dynamics")
     if dynamics is None:
         document.last(joint, [element_text("dynamics", friction)])
@@ -216,17 +216,17 @@ def _inertial_element(mass: float, com: Array, about: Array) -> str:
 
 
 def _relative_meshes(document: Document) -> tuple[Finding, ...]:
-    """Finding about meshes with paths relative to the file."""
+    """Finding about meshes whose paths are relative to the folder of the file."""
     names = [node.values.get("filename", "") for node in document.root.walk() if node.tag == "mesh"]
     relative = [name for name in names if name and "://" not in name and not name.startswith("/")]
     if not relative:
         return ()
-    what = f"{len(relative)} meshes, such as {relative[0]}, have paths relative to the description"
-    return (Finding("relative-meshes", "info", "", what, "put the written file into the same folder"),)
+    what = f"{len(relative)} meshes, such as {relative[0]}, have paths relative to the folder of the description"
+    return (Finding("relative-meshes", "info", "", what, "put the written file into the folder of the description"),)
 
 
 def _fresh(content: Content) -> WrittenDescription:
-    """New URDF of links with inertia and without shapes."""
+    """New URDF of links with inertia but without shapes."""
     robot = content.robot
     if (missing := missing_limits(robot)) is not None:
         raise missing
@@ -244,9 +244,9 @@ def _fresh(content: Content) -> WrittenDescription:
     endless = [j for j in robot.joints if not _has_stops(j) and not _has_limits(j)]
     half = [j.name for j in endless if math.isfinite(min(j.velocity_limit, j.effort_limit))]
     if endless:
-        what = f"written without <limit>, since no limits are known: {', '.join(j.name for j in endless)}"
-        what += f"; of {', '.join(half)} one is, which the format does not take alone" if half else ""
-        findings.append(Finding("limits-unknown", "info", "", what, f"give them: {_example(endless)}"))
+        what = f"written without <limit>, because limits are unknown: {', '.join(j.name for j in endless)}"
+        what += f"; {', '.join(half)}: one limit is known, but the format stores only both together" if half else ""
+        findings.append(Finding("limits-unknown", "info", "", what, f"give them, for instance: {_example(endless)}"))
     parent = base if robot.tip.parent < 0 else names[robot.tip.parent]
     lines += [
         f"  <link name={quoteattr(tip)}/>",
@@ -280,7 +280,7 @@ def _joint_lines(joint: Joint, parent: str, child: str, values: Mapping[str, flo
 
 
 def _has_stops(joint: Joint) -> bool:
-    """True if the format requires limits: a revolute or a prismatic joint."""
+    """Tests whether the format requires limits for a joint: it is prismatic, or it has position limits."""
     return joint.is_prismatic or bool(np.isfinite(joint.position_limits).all())
 
 
@@ -289,14 +289,14 @@ def _has_limits(joint: Joint) -> bool:
 
 
 def _missing(joint: Joint) -> list[str]:
-    """Required limits that are not known, as options that give them."""
+    """Missing limits of a joint, as values of an option that gives them."""
     known_limits = {"velocity": math.isfinite(joint.velocity_limit), "effort": math.isfinite(joint.effort_limit)}
     known_limits["position"] = not joint.is_prismatic or bool(np.isfinite(joint.position_limits).all())
     return [f"{joint.name}.{kind}={EXAMPLES[kind]}" for kind, known in known_limits.items() if not known]
 
 
 EXAMPLES = {"velocity": "2", "effort": "100", "position": "-0.5:0.5"}
-"""Example values of limits for an option."""
+"""Example values of limits, which are proposed in an option."""
 
 
 def _example(joints: Sequence[Joint]) -> str:

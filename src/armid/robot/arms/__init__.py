@@ -1,1 +1,1 @@
-"""Built-in arms, with one description for each."""
+"""Built-in arms; each has its own description."""

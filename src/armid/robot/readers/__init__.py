@@ -1,4 +1,4 @@
-"""Catalogue of the formats of robot descriptions: one module and one line for each."""
+"""Catalogue of the formats of robot descriptions; each format has one module and one line here."""
 
 from __future__ import annotations
 
@@ -16,24 +16,29 @@ class DescriptionReader(Protocol):
     """Interface of a reader module."""
 
     SUFFIXES: tuple[str, ...]
-    """Suffixes of its files, in lower case, with the dot."""
+    """Suffixes of the files of this format, in lower case, with the dot."""
 
     @staticmethod
     def recognises(text: str) -> bool:
-        """Tests whether a text looks like this format, for formats with the same suffix."""
+        """Tests whether a text looks like this format; it is used if several formats have the same suffix."""
         ...
 
     @staticmethod
     def read(text: str, *, source: str, locked: Mapping[str, float], tip: str | None) -> Robot:
         """Reads the robot that a text describes.
 
-        Joints named in `locked` that have one degree of freedom stay joints of the result; others are made fixed.
+        Joints named in `locked` that have one degree of freedom are still joints of the result; other ones are made
+        fixed.
         """
         ...
 
     @staticmethod
     def outline(text: str, *, source: str) -> JointOutline:
-        """Outline of all joints, also those of several degrees of freedom and those that follow others."""
+        """Reads the list of all joints of a description and the tree that they form.
+
+        The list includes joints with more than one degree of freedom and joints whose position depends on another
+        joint (mimic joints).
+        """
         ...
 
 

@@ -1,20 +1,20 @@
-"""Reader of tables of Denavit-Hartenberg parameters in TOML.
+"""Reader of tables of Denavit-Hartenberg (DH) parameters in TOML.
 
-A file reads so::
+Example of a file::
 
     name = "my-arm"
     convention = "modified"           # standard, modified or thesis
     units = "deg"                     # of angles written as plain numbers: rad (default) or deg
     gravity = [0.0, 0.0, -9.81]       # optional, acceleration in the base frame [m/s²]
 
-    [base]                            # optional: where row 1 starts, in the base frame
+    [base]                            # optional: frame in which row 1 starts, relative to the base frame
     xyz = [0.0, 0.0, 0.1]
     rpy = [0, 0, "pi/2"]              # Rz(yaw) Ry(pitch) Rx(roll)
 
-    [[joint]]                         # from the base outwards
-    name = "A1"                       # joint_1, joint_2, … where left out
+    [[joint]]                         # one for each joint, beginning at the base
+    name = "A1"                       # default: joint_1, joint_2, …
     kind = "revolute"                 # revolute (default), continuous or prismatic
-    alpha = 0                         # the row; what is left out is 0
+    alpha = 0                         # parameters of the row; the default is 0
     a = 0.0
     theta = 0
     d = 0.36
@@ -24,18 +24,18 @@ A file reads so::
 
     [joint.inertial]                  # optional: nominal inertia of the link
     mass = 4.0                        # [kg]
-    com = [0.0, -0.03, 0.12]          # [m], in the row's frame
+    com = [0.0, -0.03, 0.12]          # centre of mass [m], in the frame of the row
     inertia = { xx = 0.1, xy = 0.0, xz = 0.0, yy = 0.09, yz = 0.0, zz = 0.02 }   # [kg·m²] about the centre of mass
 
-    [tip]                             # optional: the flange, in the last row's frame
+    [tip]                             # optional: frame of the flange, relative to the frame of the last row
     name = "flange"
     xyz = [0.0, 0.0, 0.045]
     rpy = [0, 0, 0]
 
 Angles are numbers in `units`, or strings such as "pi/2", "-pi", "3*pi/4" for exact radians. Velocities of revolute
-joints are in `units` per second. A mass without inertia is a point mass.
+joints are in `units` per second. A link with a mass but no inertia is a point mass.
 
-The conventions, with q added to the angle of a revolute joint and to the length d of a prismatic one:
+The position q is added to the angle of a revolute joint and to the length d of a prismatic one. The conventions are:
 
 =========  ==============================================  ==============================================
 standard   T = Rz(theta) Tz(d) Tx(a) Rx(alpha)             row i ends in frame i
@@ -43,10 +43,10 @@ modified   T = Rx(alpha) Tx(a) Rz(theta) Tz(d)             alpha and a are those
 thesis     T = Ty(d_y) Tz(d_z) Rz(phi) Rx(theta) Rz(psi)   a sliding joint moves along the new z
 =========  ==============================================  ==============================================
 
-A link frame of armid has its origin on the joint's axis. For `modified` and `thesis` it is the row's own frame;
-for `standard` it is the row's frame without Tx(a) Rx(alpha), which go to the next row, so that a standard table
-becomes the modified table it equals. Centres of mass and inertias of a standard table are given in the row's own
-frame (where manufacturers publish them) and are carried over.
+The origin of a link frame of armid is on the axis of the joint. For `modified` and `thesis`, the link frame is the
+frame of the row. For `standard`, it is the frame of the row without Tx(a) Rx(alpha); this part is moved to the next
+row, so that a standard table becomes the equivalent modified table. In a standard table, centres of mass and inertias
+are given in the frame of the row, as manufacturers publish them, and are transformed to the link frame.
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ ROWS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "modified": (("a", "d"), ("alpha", "theta")),
     "thesis": (("d_y", "d_z"), ("phi", "theta", "psi")),
 }
-"""Lengths and angles of a row, by convention."""
+"""Keys of the lengths and of the angles of a row, by convention."""
 
 TOP = ("name", "convention", "units", "gravity", "base", "joint", "tip", "capsule")
 JOINT = ("name", "kind", "position", "velocity", "effort", "inertial", "capsule")
@@ -97,17 +97,19 @@ def read(text: str, *, source: str, locked: Mapping[str, float], tip: str | None
 
     Args:
         text: The TOML text.
-        source: Its path or the name of a built-in arm.
-        locked: Joints to be locked; all are still joints of the result.
-        tip: Name of the tip frame: the table's own tip, or a link (`link_1`, …); `None` is the table's own.
+        source: Path of the table, or name of a built-in arm.
+        locked: Joints to be locked; all of them are still joints of the result.
+        tip: Name of the tip frame: that of the table, or a link (`link_1`, …); `None` for that of the table.
 
     Raises:
-        RobotError: The text is not such a table; the message names the key and lists the known ones.
+        RobotError: The text is not such a table; the message names the wrong key and lists the possible ones.
     """
     try:
         document = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        raise RobotError(f"{source} is not valid TOML: {error}.", remedy="correct the line.") from error
+        raise RobotError(
+            f"{source} is not valid TOML: {error}.", remedy="correct the line that the message names."
+        ) from error
     top = _Table(document, source)
     top.only(TOP)
     convention = top.choice("convention", tuple(ROWS))
@@ -117,7 +119,9 @@ def read(text: str, *, source: str, locked: Mapping[str, float], tip: str | None
         for k, row in enumerate(_tables(document, "joint", source), 1)
     ]
     if not rows:
-        raise RobotError(f"{source} has no [[joint]].", remedy="give one for every joint, from the base outwards.")
+        raise RobotError(
+            f"{source} has no [[joint]].", remedy="write a table [[joint]] for every joint, beginning at the base."
+        )
     table = [_row(row, convention) for row in rows]
     check_locked(locked, (_name(row) for row in rows), source)
 
@@ -147,10 +151,10 @@ def read(text: str, *, source: str, locked: Mapping[str, float], tip: str | None
 
 
 def outline(text: str, *, source: str) -> JointOutline:
-    """Joints of a DH table, each carried by the one before.
+    """Joints of a DH table; each joint is carried by the one before it.
 
     Raises:
-        RobotError: The text is not such a table.
+        RobotError: The text is not a valid table.
     """
     robot = read(text, source=source, locked={}, tip=None)
     joints = (
@@ -162,16 +166,17 @@ def outline(text: str, *, source: str) -> JointOutline:
 
 
 def _tip(own: Frame, links: list[Link], name: str | None, source: str) -> Frame:
-    """Tip of the table or the frame of a link."""
+    """Frame of the table's tip or of a link, by name."""
     frames = [own, *(Frame(link.name, i, np.eye(4)) for i, link in enumerate(links))]
     for frame in frames:
         if name in (None, frame.name):
             return frame
-    raise RobotError(f"{source} has no frame {name!r} for the tip.", possible=", ".join(f.name for f in frames))
+    possible, remedy = ", ".join(f.name for f in frames), "give the name of one of these frames."
+    raise RobotError(f"{source} has no frame {name!r} for the tip.", possible=possible, remedy=remedy)
 
 
 def _row(row: _Table, convention: str) -> tuple[Array, Array]:
-    """Transforms of a row to its link frame and from the link frame to the row's end, each (4, 4)."""
+    """Transforms (4, 4) from the start of a row to its link frame, and from the link frame to the end of the row."""
     lengths, angles = ROWS[convention]
     row.only((*lengths, *angles, *JOINT))
     length = {key: row.number(key, 0.0) for key in lengths}
@@ -185,7 +190,7 @@ def _row(row: _Table, convention: str) -> tuple[Array, Array]:
 
 
 def _name(row: _Table) -> str:
-    """Name of a row's joint; its number by default."""
+    """Name of the joint of a row; by default it contains the number of the row."""
     return row.text("name", row.default_name)
 
 
@@ -196,11 +201,15 @@ def _joint(row: _Table, parent: int, placement: Array) -> Joint:
     name = _name(row)
     if position[0] >= position[1]:
         raise RobotError(
-            f"{row.where}: the limits {row.data['position']} of {name!r} are not ascending.",
-            remedy="give a lower limit below the upper one.",
+            f"{row.where}: the lower limit of {name!r} is not smaller than the upper limit; found "
+            f"{row.data['position']}.",
+            remedy="give a lower limit that is smaller than the upper one.",
         )
     if kind == "continuous" and "position" in row.data:
-        raise RobotError(f"{row.where}: {name!r} is continuous but has position limits.", remedy="make it revolute.")
+        raise RobotError(
+            f"{row.where}: {name!r} is continuous but has position limits.",
+            remedy='write kind = "revolute", or remove the limits.',
+        )
     return Joint(
         name,
         kind,
@@ -214,7 +223,7 @@ def _joint(row: _Table, parent: int, placement: Array) -> Joint:
 
 
 def _capsules(data: dict[str, Any], where: str, name: str, link: int, to_end: Array) -> list[Shape]:
-    """Capsules of a joint's link, or of the base, given in the frame where the row ends."""
+    """Capsules of the link of a joint, or of the base; they are given in the frame in which the row ends."""
     result: list[Shape] = []
     for number, given in enumerate(_tables(data, "capsule", where), 1):
         table = _Table(given, f"{where}, capsule {number}")
@@ -227,7 +236,7 @@ def _capsules(data: dict[str, Any], where: str, name: str, link: int, to_end: Ar
 
 
 def _inertial(row: _Table, to_end: Array, findings: list[Finding]) -> InertialParameters | None:
-    """Inertial parameters in the link frame; the table gives them in the frame where the row ends."""
+    """Inertial parameters in the link frame; the table gives them in the frame in which the row ends."""
     data = row.data.get("inertial")
     if data is None:
         return None
@@ -245,7 +254,12 @@ def _inertial(row: _Table, to_end: Array, findings: list[Finding]) -> InertialPa
         tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
     else:
         findings.append(
-            Finding("inertia-missing", "info", _name(row), "no inertia is given; the link is a point mass")
+            Finding(
+                "inertia-missing",
+                "info",
+                _name(row),
+                "the link has a mass but no inertia; it is treated as a point mass",
+            )
         )
     body = InertialParameters.from_com(table.number("mass"), com, tensor)
     # Unchanged where the frames agree, so that the numbers stay those of the file.
@@ -253,7 +267,7 @@ def _inertial(row: _Table, to_end: Array, findings: list[Finding]) -> InertialPa
 
 
 def _pose(document: dict[str, Any], key: str, source: str, degrees: bool) -> Array:
-    """Homogeneous transform of [base] or [tip]."""
+    """Homogeneous transform that is given by the table [base] or [tip]."""
     table = _Table(document.get(key, {}), f"{source}, [{key}]", degrees)
     table.only(("name", "xyz", "rpy") if key == "tip" else ("xyz", "rpy"))
     rpy = table.vector("rpy", 3, (0.0, 0.0, 0.0), angle=True)
@@ -263,7 +277,9 @@ def _pose(document: dict[str, Any], key: str, source: str, degrees: bool) -> Arr
 def _tables(document: dict[str, Any], key: str, source: str) -> list[Any]:
     rows = document.get(key, [])
     if not isinstance(rows, list):
-        raise RobotError(f"{source}: {key} must be an array of tables.", remedy=f"write [[{key}]] before each.")
+        raise RobotError(
+            f"{source}: {key} must be an array of tables.", remedy=f"write [[{key}]], with double brackets, for each."
+        )
     return cast("list[Any]", rows)
 
 
@@ -272,7 +288,7 @@ KINDS = ("revolute", "continuous", "prismatic")
 
 @dataclass(frozen=True, slots=True)
 class _Table:
-    """TOML table whose entries are checked when they are read."""
+    """TOML table; its entries are checked when they are read."""
 
     data: Any
     where: str
@@ -284,8 +300,9 @@ class _Table:
             raise self.wrong("the entry", self.data, "a table")
 
     def wrong(self, key: str, found: object, wanted: str) -> RobotError:
-        """Error for an entry with a wrong value."""
-        return RobotError(f"{self.where}: {key} must be {wanted}; found {found!r}.")
+        """Error for an entry that has a wrong value."""
+        problem = f"{self.where}: {key} must be {wanted}; found {found!r}."
+        return RobotError(problem, remedy=f"correct {key} in the table.")
 
     def only(self, known: tuple[str, ...]) -> None:
         """Raises an error for unknown keys."""
@@ -305,38 +322,42 @@ class _Table:
             raise RobotError(f"{self.where}: {', '.join(missing)} {verb} missing.", remedy=f"write {written}")
 
     def need(self, key: str) -> Any:
-        """Entry of a key; an error where it is missing."""
+        """Value of a key; an error is raised if the key is missing."""
         self.require((key,))
         return self.data[key]
 
     def text(self, key: str, default: str | None = None) -> str:
-        """Non-empty string."""
+        """Value that must be a non-empty string."""
         value = self.data.get(key, default) if default is not None else self.need(key)
         if not isinstance(value, str) or not value:
             raise self.wrong(key, value, "a name")
         return value
 
     def choice(self, key: str, possible: tuple[str, ...], default: str | None = None) -> str:
-        """One of several words."""
+        """Value that must be one of several words."""
         if default is None and key not in self.data:
-            remedy = f'write {key} = "{possible[0]}" or another.'
-            raise RobotError(f"{self.where}: {key} is missing.", possible=", ".join(possible), remedy=remedy)
+            remedy = f'write for instance {key} = "{possible[0]}".'
+            raise RobotError(
+                f"{self.where}: the key {key!r} is missing.", possible=", ".join(possible), remedy=remedy
+            )
         value = self.text(key, default)
         if value not in possible:
-            remedy = did_you_mean(value, possible) or f"write one of these for {key}."
-            raise RobotError(f"{self.where}: {key} is {value!r}.", possible=", ".join(possible), remedy=remedy)
+            remedy = did_you_mean(value, possible) or f"write one of these words for {key}."
+            raise RobotError(
+                f"{self.where}: {key} has the unknown value {value!r}.", possible=", ".join(possible), remedy=remedy
+            )
         return value
 
     def number(self, key: str, default: float | None = None) -> float:
-        """Finite number."""
+        """Value that must be a finite number."""
         return self._number(key, self.data.get(key, default) if default is not None else self.need(key))
 
     def angle(self, key: str) -> float:
-        """Angle [rad], 0 where left out."""
+        """Value that must be an angle, converted to radians [rad]; 0 if the key is missing."""
         return self._angle(key, self.data.get(key, 0.0))
 
     def positive(self, key: str, *, angle: bool = False) -> float:
-        """Positive limit, infinite where left out."""
+        """Limit, which must be positive; infinite if the key is missing."""
         if key not in self.data:
             return math.inf
         value = self._angle(key, self.data[key]) if angle else self.number(key)
@@ -347,7 +368,7 @@ class _Table:
     def vector(
         self, key: str, length: int, default: tuple[float, ...] | None = None, *, angle: bool = False
     ) -> tuple[float, ...]:
-        """Vector of numbers or angles."""
+        """Value that must be a list of a given number of numbers or angles."""
         if key not in self.data and default is not None:
             return default
         value = self.need(key)

@@ -1,7 +1,7 @@
-"""Reader of MJCF, by a plain form (`armid.robot.mjcf_plain`) and Pinocchio; meshes are never opened.
+"""Reader of MJCF: it converts a file to a plain form (`armid.robot.mjcf_plain`) for Pinocchio; meshes are not opened.
 
-Bodies with several hinges or slides become a chain of massless links. Effort limits come from the joint, or from its
-actuator. Gravity is that of the file.
+Bodies with several hinges or slides become a chain of massless links. Effort limits are those of the joint, or of its
+actuator if the joint has none. Gravity is that of the file.
 """
 
 from __future__ import annotations
@@ -36,11 +36,11 @@ def read(text: str, *, source: str, locked: Mapping[str, float], tip: str | None
     """Reads the robot of an MJCF text.
 
     Args:
-        text: The MJCF.
-        source: Its path; included files are searched beside it and enter the digest.
-        locked: Joints to be locked, with positions [rad or m]. Those of more than one degree of freedom are left out
-            here; the others are still joints of the result.
-        tip: Name of the body or site of the flange; `None` finds a body (see `find_tip`).
+        text: The MJCF text.
+        source: Path of the text. Included files are searched in its folder, and the digest depends on them, too.
+        locked: Joints to be locked, with positions [rad or m]. Joints with more than one degree of freedom are
+            removed here; the others are still joints of the result.
+        tip: Name of the body or site that is the flange; if `None`, a body is searched (see `find_tip`).
 
     Raises:
         RobotError: The text is not an MJCF, or not a tree of joints with one degree of freedom.
@@ -93,7 +93,7 @@ def outline(text: str, *, source: str) -> JointOutline:
 
 
 def _is_moved(model: Any, joint: int, locked: Mapping[str, float]) -> bool:
-    """Tests whether a joint of the model, or one that carries it, moves; joint 0, the base, does not."""
+    """Tests whether a joint of the model, or one that carries it, moves; joint 0 is the base, which does not move."""
     while joint > 0 and model.names[joint] in locked:
         joint = model.parents[joint]
     return joint > 0
@@ -105,6 +105,6 @@ def _root(text: str, source: str) -> ET.Element:
     if root.tag != "mujoco":
         raise RobotError(
             f"{source} is not an MJCF: its root is <{root.tag}>, not <mujoco>.",
-            remedy="give a robot description, or the file the suffix of its format.",
+            remedy="give a robot description, or give the file the suffix of its format.",
         )
     return root

@@ -1,7 +1,7 @@
-"""Reader of URDF by Pinocchio; meshes are never opened.
+"""Reader of URDF with Pinocchio; meshes are not opened.
 
-Joint kinds, mimic tags, axes and limits are checked first, because urdfdom passes over some faults and
-reports others without saying where. Fixed joints are merged into the link that carries them.
+Joint kinds, mimic tags, axes and limits are checked first, because urdfdom ignores some faults and reports others
+without the place. Fixed joints are merged into the link that carries them.
 """
 
 from __future__ import annotations
@@ -36,11 +36,11 @@ def read(text: str, *, source: str, locked: Mapping[str, float], tip: str | None
     """Reads the robot of a URDF text.
 
     Args:
-        text: The URDF.
-        source: Its path.
-        locked: Joints to be locked, with positions [rad or m]. Those of more than one degree of freedom are made
+        text: The URDF text.
+        source: Path of the text.
+        locked: Joints to be locked, with positions [rad or m]. Joints with more than one degree of freedom are made
             fixed here; the others are still joints of the result.
-        tip: Name of the link of the flange; `None` finds it (see `find_tip`).
+        tip: Name of the link that is the flange; if `None`, it is searched (see `find_tip`).
 
     Raises:
         RobotError: The text is not a URDF, or not a tree of joints with one degree of freedom.
@@ -48,7 +48,8 @@ def read(text: str, *, source: str, locked: Mapping[str, float], tip: str | None
     root = _root(text, source)
     if any("ros.org/wiki/xacro" in element.tag for element in root.iter()):
         raise RobotError(
-            f"{source} has unexpanded xacro.", remedy="give the file the suffix .xacro, or expand it with xacro."
+            f"{source} contains xacro that is not expanded.",
+            remedy="give the file the suffix .xacro, or expand it with xacro.",
         )
     moving = [joint.get("name", "") for joint in _joints(root) if joint.get("type") != "fixed"]
     check_locked(locked, moving, source)
@@ -112,9 +113,9 @@ def _root(text: str, source: str) -> ET.Element:
     if root.tag != "robot":
         raise RobotError(
             f"{source} is not a URDF: its root is <{root.tag}>, not <robot>.",
-            remedy="give the file that includes this one."
+            remedy="this is a part of a xacro file: give the file that includes it."
             if root.tag.endswith("include")
-            else "give a robot description, or the file the suffix of its format.",
+            else "give a robot description, or give the file the suffix of its format.",
         )
     return root
 
@@ -126,7 +127,7 @@ def _link_of(joint: ET.Element, role: str) -> str:
 
 
 def _named(joint: ET.Element, parent: int, source: str) -> SelectedJoint:
-    """Joint that is not fixed, with its mimic law."""
+    """Joint that is not fixed, with its mimic law if it has one."""
     name, kind = joint.get("name", ""), joint.get("type", "")
     limit, mimic = joint.find("limit"), joint.find("mimic")
     follows = None
@@ -144,18 +145,18 @@ def _named(joint: ET.Element, parent: int, source: str) -> SelectedJoint:
 
 
 MIMIC = {"offset": 0.0, "multiplier": 1.0}
-"""Attributes of <mimic> and their defaults, lowest power of the leader's position first."""
+"""Attributes of <mimic> and their default values; the lowest power of the other joint's position comes first."""
 
 
 def _joints(root: ET.Element) -> list[ET.Element]:
-    """Joints of the robot, without those mentioned by transmissions."""
+    """Joints of the robot, without the joints that are only named in transmissions."""
     return root.findall("joint")
 
 
 def _prepare(
     joint: ET.Element, locked: Mapping[str, float], source: str
 ) -> tuple[DescribedLimits, tuple[Finding, ...]]:
-    """Checks a joint, changes it so that urdfdom accepts it, and returns its limits."""
+    """Checks a joint, changes it so that urdfdom accepts it, and returns its limits and findings."""
     name, kind = joint.get("name", ""), joint.get("type", "")
     if kind in REFUSED and name in locked:
         identity_only(name, kind, locked[name])
@@ -168,28 +169,30 @@ def _prepare(
     _check_mimic(joint, locked, source)
     axis = joint.find("axis")
     if axis is not None and not any(numbers(axis, "xyz", 3, source, f"the axis of joint {name!r}") or [1.0]):
-        raise RobotError(f"{source}: joint {name!r} has an axis of zero length.", remedy="give its direction.")
+        raise RobotError(
+            f"{source}: joint {name!r} has an axis of zero length.", remedy="give the direction of the axis."
+        )
     limits, unknown = _read_limit(joint, kind, source)
     limits, unused = _with_soft_limits(joint, kind, limits, source)
     return limits, tuple(finding for finding in (unknown, unused) if finding is not None)
 
 
 def _check_mimic(joint: ET.Element, locked: Mapping[str, float], source: str) -> None:
-    """Raises an error for a mimic joint that is not locked; removes the mimic element of a locked one."""
+    """Raises an error for a mimic joint that is not locked, and removes the tag <mimic> of a locked one."""
     name, mimic = joint.get("name", ""), joint.find("mimic")
     if mimic is None:
         return
     if name not in locked:
         leader = mimic.get("joint")
         raise RobotError(
-            f"{source}: joint {name!r} is of kind mimic: it follows {leader!r} and is not independent.",
-            remedy=f"lock {name!r} (and {leader!r} if it should not move either), or remove <mimic>.",
+            f"{source}: {name!r} is a mimic joint: its position depends on that of {leader!r}.",
+            remedy=f"lock {name!r} (and also {leader!r} if it does not move), or remove <mimic>.",
         )
     joint.remove(mimic)
 
 
 def _read_limit(joint: ET.Element, kind: str, source: str) -> tuple[DescribedLimits, Finding | None]:
-    """Limits of a joint; replaces <limit> by one that urdfdom accepts."""
+    """Limits of a joint; the tag <limit> is replaced by one that urdfdom accepts."""
     name, limit = joint.get("name", ""), joint.find("limit")
     where = f"the limit of joint {name!r}"
     values = {key: numbers(limit, key, 1, source, where) if limit is not None else None for key in LIMIT_KEYS}
@@ -211,10 +214,10 @@ def _read_limit(joint: ET.Element, kind: str, source: str) -> tuple[DescribedLim
 def _with_soft_limits(
     joint: ET.Element, kind: str, limits: DescribedLimits, source: str
 ) -> tuple[DescribedLimits, Finding | None]:
-    """Limits of a joint with the soft ones of its <safety_controller>, which is removed.
+    """Limits of a joint with the soft limits of its tag <safety_controller>, which is removed.
 
-    Soft limits need both ends and a range in common with the position limits; others are reported and not used. A
-    continuous joint has none.
+    Soft limits are used only if both are given and their range overlaps with that of the position limits; otherwise a
+    finding reports the soft limits that do not overlap. A continuous joint has no soft limits.
     """
     controller = joint.find("safety_controller")
     if controller is None:
@@ -229,14 +232,14 @@ def _with_soft_limits(
     if max(lower, limits.lower) < min(upper, limits.upper):
         return replace(limits, soft=(lower, upper)), None
     evidence = (
-        f"soft limits {lower:g} to {upper:g} of its safety_controller leave no range within the position limits; "
-        "they are not used"
+        f"the range {lower:g} to {upper:g} of the soft limits (safety_controller) does not overlap with the position "
+        "limits, so the soft limits are not used"
     )
-    remedy = "correct the soft limits in the description if the robot's controller has them"
+    remedy = "correct the soft limits in the description if the robot's controller uses soft limits"
     return limits, Finding("limits-unknown", "info", name, evidence, remedy)
 
 
 SOFT_KEYS = ("soft_lower_limit", "soft_upper_limit")
-"""Attributes of <safety_controller> with the positions at which a controller stops a joint."""
+"""Attributes of <safety_controller> with the positions at which a controller stops the joint."""
 
 LIMIT_KEYS = ("lower", "upper", "velocity", "effort")

@@ -1,6 +1,6 @@
-"""Reader of xacro, which xacrodoc expands to a URDF.
+"""Reader of xacro, which the package xacrodoc expands to URDF.
 
-The digest is that of the expanded text, since included files change the robot, too.
+The digest is that of the expanded text, because included files also change the robot.
 """
 
 from __future__ import annotations
@@ -28,13 +28,13 @@ def recognises(text: str) -> bool:
 
 
 def read(text: str, *, source: str, locked: Mapping[str, float], tip: str | None) -> Robot:
-    """Reads the robot of a xacro text with default arguments.
+    """Reads the robot of a xacro text; xacro arguments have their default values.
 
     Args:
-        text: The xacro.
-        source: Its path; packages named by $(find …) are searched in the folders above it.
+        text: The xacro text.
+        source: Path of the text; packages that are named by $(find …) are searched in the folders above it.
         locked: Joints to be locked, with positions [rad or m].
-        tip: Name of the link of the flange; `None` finds it.
+        tip: Name of the link that is the flange; if `None`, it is searched.
 
     Raises:
         MissingExtraError: xacrodoc is not installed.
@@ -46,7 +46,7 @@ def read(text: str, *, source: str, locked: Mapping[str, float], tip: str | None
 
 
 def outline(text: str, *, source: str) -> JointOutline:
-    """Joints of the expanded text.
+    """Joints of the expanded text, and the joint that moves each link.
 
     Raises:
         MissingExtraError: xacrodoc is not installed.
@@ -56,7 +56,7 @@ def outline(text: str, *, source: str) -> JointOutline:
 
 
 def expand(text: str, source: str) -> str:
-    """URDF text of an expanded xacro text.
+    """Expands a xacro text to URDF text.
 
     Raises:
         MissingExtraError: xacrodoc is not installed.
@@ -97,17 +97,18 @@ def expand(text: str, source: str) -> str:
 
 
 LACKING = re.compile(r"Package not found: (\S+)")
-"""Message of xacrodoc for a package that it does not find."""
+"""Message of xacrodoc about a package that it does not find."""
 
 
 def _unexpanded(source: str, error: Exception, package: str) -> RobotError:
-    """Error for a xacro that cannot be expanded."""
+    """Error about a xacro text that cannot be expanded."""
     if package:
         return RobotError(
             f"{source} cannot be expanded by xacro: the package {package} is not found.",
-            remedy=f"{REMEDY.replace('NAME', package)}; or expand it there and give the URDF.",
+            remedy=f"{REMEDY.replace('NAME', package)}; or expand the file where the package is installed, and give "
+            "the URDF.",
         )
     return RobotError(
         f"{source} cannot be expanded by xacro: {' '.join(str(error).split())}",
-        remedy="expand it where its packages are found and give the URDF.",
+        remedy="expand the file where its packages are installed, and give the URDF.",
     )

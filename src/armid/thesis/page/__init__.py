@@ -1,4 +1,4 @@
-"""The page of the study of the thesis: its chapters in order, and the folder that they are written into."""
+"""Page of the study of the thesis: its chapters in order, and the folder into which they are written."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ CHAPTERS: Mapping[str, Callable[[Thesis], Section]] = {
 
 
 def thesis_sections(thesis: Thesis) -> dict[str, Section]:
-    """Chapters of the page by name."""
+    """Chapters of the page, by name."""
     return {name: show(thesis) for name, show in CHAPTERS.items()}
 
 
@@ -47,15 +47,15 @@ def render_thesis(sections: Mapping[str, Section]) -> str:
 
 
 def write_thesis(thesis: Thesis, folder: Path | str) -> Path:
-    """Write `thesis.html`, `thesis.json` and every table as CSV and LaTeX.
+    """Writes `thesis.html`, `thesis.json`, and every table as CSV and LaTeX.
 
     Args:
         thesis: Results of the study.
-        folder: Target folder; it is written completely or not at all.
+        folder: Target folder; either all files are written or none.
 
     Raises:
         MissingExtraError: jinja2 or plotly is not installed.
-        OutputError: The folder cannot be written, or has other contents.
+        OutputError: The folder cannot be written, or has other content.
     """
     require_extra()
     sections = thesis_sections(thesis)

@@ -1,4 +1,4 @@
-"""Chapters of the thesis's page: paragraphs, tables and figures in reading order."""
+"""Chapters of the page of the thesis: paragraphs, tables and figures in reading order."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from armid.report.tables import Table, TableCell
 
 @dataclass(frozen=True, slots=True)
 class Text:
-    """Paragraph of trusted HTML, without text from outside the program.
+    """Paragraph of HTML that comes only from the program.
 
     Attributes:
         html: The paragraph.
@@ -42,7 +42,7 @@ class Numbers:
     """Key numbers in large type.
 
     Attributes:
-        items: Number, unit and description of each.
+        items: Number, unit and description of each key number.
     """
 
     items: Sequence[tuple[str, str, str]]
@@ -54,7 +54,7 @@ class Figures:
     """Figures side by side.
 
     Attributes:
-        heading: Common heading.
+        heading: Common heading of the figures.
         plots: The figures.
         columns: Number of figures side by side on a wide screen.
         legend: Role and description of each trace.
@@ -79,7 +79,7 @@ def chapter(title: str, *blocks: Block) -> Section:
 
 
 SMALL = str.maketrans("0123456789ijlnx−", "₀₁₂₃₄₅₆₇₈₉ᵢⱼₗₙₓ₋")
-"""Characters that have a subscript form; others keep their underscore."""
+"""Characters that have a subscript form; before other characters the underscore is kept."""
 
 
 def subscripts(text: str) -> str:
@@ -90,17 +90,17 @@ def subscripts(text: str) -> str:
 
 
 def counted(number: int, what: str) -> str:
-    """Number with a noun: `1 seed`, `2 seeds`."""
+    """Number with a noun in singular or plural: `1 seed`, `2 seeds`."""
     return f"{number} {what}" + ("" if number == 1 else "s")
 
 
 def named(name: str) -> TableCell:
-    """Table cell with a parameter's name, possibly one in print."""
+    """Table cell with the name of a parameter as armid or the thesis writes it."""
     parts = ParameterName.read(name)
     symbol = parts.symbol + "R" * parts.grouped
     return TableCell(subscripts(name), name, rf"$\mathrm{{{symbol}}}_{{{parts.number}}}$")
 
 
 def number(value: float, text: str, kind: str = "") -> TableCell:
-    """Table cell with a number and its text; CSV gets the full number."""
+    """Table cell with a number and its text; the CSV file contains the number in full precision."""
     return TableCell(text, float(value), kind=kind)

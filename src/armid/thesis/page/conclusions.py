@@ -1,4 +1,4 @@
-"""Summary of the study, audit of the published results, errata, and provenance."""
+"""Chapters of the page: summary, audit of the published results, errata, and extent of the study."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from armid.thesis.retell import Thesis
 from armid.thesis.setting import Extent
 
 TELLING = ("MYR_2", "MYR_4", "MYR_5", "MYR_6", "XXR_2", "ZZR_2", "ZZR_1")
-"""Parameters that reveal the sign of gravity."""
+"""Parameters whose estimates show the sign of gravity."""
 
 
 def _extent(thesis: Thesis) -> str:
-    """Note that the study is shortened, or nothing."""
+    """Note that the study is shortened; empty if it is not."""
     had, whole = thesis.setting.extent, Extent()
     if had == whole:
         return ""
@@ -30,7 +30,7 @@ def _extent(thesis: Thesis) -> str:
 
 
 def show_summary(thesis: Thesis) -> Section:
-    """Summary of the study."""
+    """Chapter with the summary of the study."""
     steps = {step.key: step.errors for step in thesis.steps.rows}
     spread, audit, designs = thesis.steps.spread, thesis.audit, thesis.designs
     printed, columns = steps["printed"], steps["columns"]
@@ -71,7 +71,7 @@ def show_summary(thesis: Thesis) -> Section:
 
 
 def _evidence(gravity: str) -> str:
-    """Result of armid's test of the gravity sign, for running text."""
+    """Result of armid's test of the sign of gravity, as a sentence."""
     return subscripts(gravity).replace("-", "−") if gravity else "armid's test finds nothing."
 
 
@@ -80,7 +80,7 @@ def _suspicion(gravity: str) -> str:
 
 
 def show_audit(thesis: Thesis) -> Section:
-    """The published results."""
+    """Chapter on the audit of the published results."""
     found = thesis.audit
     base, physical, deviations = found.base, found.physical, found.deviations
     along, physical_along = base.along, physical.along
@@ -209,7 +209,7 @@ def _tables(thesis: Thesis) -> Table:
 
 
 def show_errata(thesis: Thesis) -> Section:
-    """Table of errata."""
+    """Chapter with the table of errata."""
     columns = [
         Column("where", words=True), Column("in print", words=True), Column("right", words=True),
         Column("what shows it", words=True), Column("in print "), Column("right "),
@@ -243,7 +243,7 @@ def _values(each: Erratum) -> tuple[TableCell, TableCell]:
 
 
 def show_provenance(thesis: Thesis) -> Section:
-    """Extent and method of the study, and its open questions."""
+    """Chapter on the extent and method of the study, and on open questions."""
     extent = thesis.setting.extent
     return chapter(
         "How this was made",

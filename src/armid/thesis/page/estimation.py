@@ -1,4 +1,4 @@
-"""Section 3.2 step by step, Tables 4.1 and 4.2, Figures 4.2 and 4.3."""
+"""Chapters of the page on section 3.2, Tables 4.1 and 4.2, and Figures 4.2 and 4.3 of the thesis."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from armid.thesis.retell import Thesis
 from armid.values import Array
 
 GROUPS = 3
-"""Groups of columns side by side in Table 4.1."""
+"""Number of groups of columns that are side by side in Table 4.1."""
 
 LARGEST = 9999.0
-"""Relative deviation above which a parameter is zero for practical purposes [%]."""
+"""Relative deviation [%] above which only this bound is shown, because the parameter cannot be determined."""
 
 SMALLEST = 0.01
-"""Relative deviation below which two decimals would show 0.00 [%]."""
+"""Relative deviation [%] below which one digit is shown, because two decimals would show 0.00."""
 
 PHYSICAL = (
     ("m", "m"), ("r_x", "r_{x}"), ("r_y", "r_{y}"), ("r_z", "r_{z}"), ("I_xx", "I_{xx}"), ("I_xy", "I_{xy}"),
@@ -33,14 +33,14 @@ PHYSICAL = (
 
 
 def _noise_of(rate: float) -> str:
-    """Text on the noise at a rate other than 8 kHz."""
+    """Text about the noise, if the rate is not 8 kHz."""
     if rate == NOISE.rate:
         return ""
     return f" at 8&nbsp;kHz, times {short(np.sqrt(rate / NOISE.rate), 2)} at this rate, for the same noise density"
 
 
 def show_steps(thesis: Thesis) -> Section:
-    """Algorithm 3 as it is printed and with corrections."""
+    """Chapter on Algorithm 3, as it is printed and with corrections."""
     spread, setting = thesis.steps.spread, thesis.setting
     printed, corrected = np.median(spread.printed, axis=0), np.median(spread.corrected, axis=0)
     return chapter(
@@ -98,7 +98,7 @@ def _steps(rows: tuple[Step, ...]) -> Table:
 
 
 def show_parameters(thesis: Thesis) -> Section:
-    """Tables 4.1 and 4.2 in print and from the virtual arm."""
+    """Chapter with Tables 4.1 and 4.2, as printed and as computed for the virtual arm."""
     found, thesis_table = thesis.results, published()
     values = np.array([value for value, _ in thesis_table.base.values()])
     relative = np.array([deviation for _, deviation in thesis_table.base.values()])
@@ -148,7 +148,7 @@ def _about(printed: Table41, corrected: Table41) -> str:
 def _base_table(
     key: str, caption: str, names: tuple[str, ...], values: Array, relative: Array, truth: Array | None = None
 ) -> Table:
-    """Table of base parameters in the thesis's form, in groups side by side, with the truth where known."""
+    """Table of base parameters as in the thesis, in groups side by side, with the true values if they are known."""
     group = [Column("name", words=True), Column("value"), Column("σ", "%")]
     group += [Column("truth")] if truth is not None else []
     columns = [Column(column.title + " " * k, column.unit, column.words) for k in range(GROUPS) for column in group]
@@ -167,7 +167,7 @@ def _base_table(
 
 
 def _percent(value: float) -> str:
-    """Text of a relative deviation with two decimals as in print, or with one digit where these would be zero."""
+    """Relative deviation as text, with two decimals as in the thesis, or with one digit if these would be zero."""
     if value > LARGEST:
         return f"> {LARGEST:g}"
     return fixed(value, 2) if value >= SMALLEST else short(value, 1)
@@ -184,7 +184,7 @@ def _physical_table(key: str, caption: str, rows: Array) -> Table:
 
 
 def show_torque(thesis: Thesis) -> Section:
-    """Figures 4.2 and 4.3."""
+    """Chapter with Figures 4.2 and 4.3 of the thesis."""
     found = thesis.results
     return chapter(
         "Figures 4.2 and 4.3",

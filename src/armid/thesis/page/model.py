@@ -1,4 +1,4 @@
-"""Section 3.1: Table 3.1, forward kinematics, forms of the dynamics, friction, and base parameters."""
+"""Chapters of the page on section 3.1 of the thesis: the arm, its dynamics, friction, and base parameters."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from armid.thesis.reduction import Dependence, Grouping, Identity
 from armid.thesis.retell import Thesis
 
 FASTEST = 1.5
-"""End of the abscissa of Figure 3.2 [rad/s]."""
+"""Largest velocity on the abscissa of Figure 3.2 [rad/s]."""
 
 ROUNDING = 1e-12
-"""Largest error that counts as rounding."""
+"""Largest relative difference that counts as a rounding error."""
 
 
 def show_kinematics(thesis: Thesis) -> Section:
-    """Table 3.1 and forward kinematics."""
+    """Chapter on Table 3.1 and forward kinematics."""
     found = thesis.kinematics
     pose = ", ".join(fixed(q, 1) for q in found.pose)
     return chapter(
@@ -43,7 +43,7 @@ def show_kinematics(thesis: Thesis) -> Section:
 
 
 def _size(error: float) -> str:
-    """Text of a difference; a note marks rounding."""
+    """Difference as text; a difference that is only rounding is marked."""
     return short(error, 2) if error > ROUNDING else f"{short(error, 1)}, which is rounding,"
 
 
@@ -80,7 +80,7 @@ def _origins(thesis: Thesis, pose: str) -> Table:
 
 
 def show_dynamics(thesis: Thesis) -> Section:
-    """Comparison of Lagrange with Newton-Euler, M, C and g, the sign of gravity, and Figure 3.2."""
+    """Chapter on the dynamics by Lagrange and Newton-Euler, M, C and g, the sign of gravity, and Figure 3.2."""
     found = thesis.dynamics
     return chapter(
         "Lagrange, Newton and Euler",
@@ -146,7 +146,7 @@ def _friction(thesis: Thesis) -> Figures:
 
 
 def show_base(thesis: Thesis) -> Section:
-    """Zero columns, (A.1), (3.33), (3.38), (3.39), Algorithm 1."""
+    """Chapter on zero columns, equations (A.1), (3.33), (3.38) and (3.39), and Algorithm 1 of the thesis."""
     found = thesis.reduction
     names = [name for name in found.removed if name not in found.zero]
     return chapter(
@@ -175,7 +175,7 @@ def _listed(names: tuple[str, ...] | list[str]) -> str:
 
 
 def _verdict(error: float) -> TableCell:
-    """Table cell with the error of an identity."""
+    """Table cell with an error, marked if it is more than rounding."""
     if not np.isfinite(error):
         return TableCell("unreadable", kind="poor")
     good = error < ROUNDING

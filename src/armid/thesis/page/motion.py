@@ -1,4 +1,4 @@
-"""Section 3.3, Tables A.1 and A.2, Figures 4.1 and A.1, and Algorithm 2."""
+"""Chapter of the page on section 3.3, Tables A.1 and A.2, Figures 4.1 and A.1, and Algorithm 2 of the thesis."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from armid.thesis.published import published
 from armid.thesis.retell import Thesis
 
 SYMBOLS = 9
-"""Symbols along a joint's line."""
+"""Number of symbols along the line of a joint."""
 
 DRAWN_RATE = 25.0
-"""Rate of points of a joint's line [Hz]."""
+"""Rate of the points of the line of a joint [Hz]."""
 
 JOINTS = tuple(f"joint-{j}" for j in range(1, 8))
 
 
 def show_excitation(thesis: Thesis) -> Section:
-    """Condition numbers, Algorithm 2, and the tables of coefficients."""
+    """Chapter with condition numbers, Algorithm 2, and the tables of coefficients."""
     setting, found = thesis.setting, thesis.designs
     best = found.best
     blocks: list[Block] = [
@@ -87,7 +87,7 @@ def _kept(thesis: Thesis) -> str:
 
 
 def _otherwise(thesis: Thesis) -> str:
-    """Text that names the best trajectory for filtered columns, where it is another one."""
+    """Text that names the best trajectory for filtered columns, if it is not the one that is kept."""
     better = min((each for each in thesis.designs.trials if each.feasible), key=lambda each: each.corrected.unseen)
     if better is thesis.designs.best:
         return ""
@@ -95,12 +95,12 @@ def _otherwise(thesis: Thesis) -> str:
 
 
 def joint_legend() -> tuple[tuple[str, str], ...]:
-    """Legend of the joints' lines."""
+    """Legend of the lines of the joints."""
     return tuple((role, f"q{subscripts(f'_{j}')}") for j, role in enumerate(JOINTS, 1))
 
 
 def positions(key: str, plan: Excitation) -> Plot:
-    """Plot of every joint's position over one period, distinguished by dash, symbol and colour."""
+    """Plot of the positions of all joints over one period; the lines differ in dash, symbol and colour."""
     motion = plan.sample(DRAWN_RATE)
     degrees = np.degrees(motion.q)
     traces: list[PlotTrace] = []
@@ -115,7 +115,7 @@ def positions(key: str, plan: Excitation) -> Plot:
 
 
 def coefficients(key: str, caption: str, plan: Excitation, note: str = "") -> Table:
-    """Table of Fourier coefficients in the thesis's form: a row for each a_l and b_l, a column for each joint."""
+    """Table of Fourier coefficients as in the thesis: one row for each a_l and b_l, one column for each joint."""
     columns = [Column(" ", words=True), *(Column(f"q{subscripts(f'_{j + 1}')}") for j in range(plan.n))]
     rows = [
         [TableCell(subscripts(f"{letter}_{k + 1}"), f"{letter}_{k + 1}", f"${letter}_{{{k + 1}}}$"),
