@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from armid.errors import Finding, RecordingError
 from armid.maths.median import median
 from armid.measurement.columns.joint_assignment import in_joint_order
+from armid.measurement.columns.pattern_matching import shortened
 from armid.measurement.log_format import LogFormat
 from armid.measurement.log_format_remedies import lines, naming
 from armid.measurement.processing.delay import compensate_delay
@@ -153,11 +154,16 @@ def _check_gains(recording: Recording, log_format: LogFormat) -> None:
             remedy="name the column of the currents under columns, or leave drive_gain out.",
         )
     if recording.effort_is_current and log_format.drive_gain is None:
+        columns = recording.columns.get("effort", ())
+        by_name = (
+            f" by {'its name' if len(columns) == 1 else 'their names'}, {shortened(columns)}," if columns else ","
+        )
         raise recording_error(
             "current-without-gain",
             recording,
-            "the effort is a motor current [A], but there is no drive gain for its conversion to torque.",
-            "find out the drive_gain in N·m/A at the joint, one for each joint, or name a torque in columns.",
+            f"the effort is a motor current [A]{by_name} but there is no drive gain for its conversion to torque.",
+            "find out the drive_gain in N·m/A at the joint, one for each joint, or name a torque in columns; if "
+            "it is a torque all the same, give a drive_gain of 1 for each joint.",
         )
 
 

@@ -2,6 +2,7 @@
 
 import re
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -258,6 +259,17 @@ def test_joints_that_are_held_come_along_where_all_have_them():
         ("tau1 [N·m]", ("torque", 1.0)),
         ("tau1 (mNm)", ("torque", 1e-3)),
         ("i1 [mA]", ("current", 1e-3)),
+        ("i1/A", ("current", 1.0)),
+        ("cur 1 / mA", ("current", 1e-3)),
+        ("tau1/mNm", ("torque", 1e-3)),
+        ("tau 1 / N·m", ("torque", 1.0)),
+        ("q1/deg", ("deg", 1.0)),
+        ("dq1/rad/s", ("rad", 1.0)),
+        ("larm1_ampere", ("current", 1.0)),
+        ("tau_A1", None),
+        ("tau/A1", None),
+        ("axis_a", None),
+        ("arm1/a", None),
         ("q[0]", None),
         ("q1", None),
     ],
@@ -374,6 +386,61 @@ def test_amperes_are_currents(tmp_path):
     with pytest.raises(RecordingError, match="the effort is a motor current"):
         read(path)
     np.testing.assert_allclose(read(path, drive_gain=[2.0, 2.0, 2.0]).recording.effort, 2.0 * TAU, rtol=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("form", "ampere"),
+    [
+        *(
+            (form, 1.0)
+            for form in ("j{}_cur_A", "j{}_curr_A", "j{}_curr", "j{}_i_A", "I{}_A", "I_{}", "cur{}", "cur[{}]")
+        ),
+        *((form, 1.0) for form in ("iq{}", "Iq_{}_A", "iq{} [A]", "J{}.Iq", "amp{}", "j{}_amps_A", "Strom {} (A)")),
+        *(
+            (form, 1.0)
+            for form in ("i{}/A", "j{} current / A", "tau_{}_A", "tau_{} (A)", "effort{}/A", "i_A{}", "i_A{}_A")
+        ),
+        *((form, 1e-3) for form in ("j{}_cur_mA", "I{}_mA", "i{}/mA", "cur{} (mA)", "iq{} [mA]", "tau{}_mA")),
+    ],
+)
+def test_currents_are_known_by_word_or_unit(tmp_path, form, ampere):
+    path = write_csv(tmp_path / "run.csv", table(tau=form))
+    with pytest.raises(RecordingError, match="the effort is a motor current") as caught:
+        read(path)
+    assert caught.value.code == "current-without-gain" and form.format(1) in str(caught.value)
+    np.testing.assert_allclose(read(path, drive_gain=[2.0] * 3).recording.effort, 2.0 * ampere * TAU, rtol=1e-14)
+    named = read(path, columns={"effort": each(form)}, drive_gain=[1.0] * 3)
+    np.testing.assert_allclose(named.recording.effort, ampere * TAU, rtol=1e-14)
+
+
+@pytest.mark.parametrize("unit", ["_cur_A", "_i", "_iq", " [A]", " (A)", "_amp", "_amps", "/A"])
+def test_currents_of_named_joints_are_known(tmp_path, unit):
+    columns = table("{}_pos", f"{{}}{unit}", of=JOINTS) if unit != "/A" else table("{}_pos", "{} /A", of=JOINTS)
+    with pytest.raises(RecordingError, match="the effort is a motor current"):
+        read(write_csv(tmp_path / "run.csv", columns))
+
+
+@pytest.mark.parametrize(
+    ("q", "tau"),
+    [
+        ("q_A{}", "tau_A{}"),
+        ("A{}_q", "A{}_tau"),
+        ("axis_a{}_pos", "axis_a{}_torque"),
+        ("pos_a_{}", "tau_a_{}"),
+        ("q_{}_A", "tau_{}_A"),
+        ("q{}-A", "tau{}-A"),
+    ],
+)
+def test_an_a_in_the_name_of_a_joint_is_no_unit(tmp_path, q, tau):
+    path = write_csv(tmp_path / "run.csv", table(q, tau))
+    np.testing.assert_array_equal(read(path).recording.effort, TAU)
+
+
+def test_a_joint_called_a_has_torque(tmp_path):
+    joints = ("arm_A", "arm_I", "arm_Cur")
+    robot = replace(arm(), joints=tuple(replace(j, name=name) for j, name in zip(arm().joints, joints, strict=True)))
+    path = write_csv(tmp_path / "run.csv", table("q_{}", "tau_{}", of=joints))
+    np.testing.assert_array_equal(read(path, robot).recording.effort, TAU)
 
 
 def test_a_question_has_the_line_to_paste(tmp_path):

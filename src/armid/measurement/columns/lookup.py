@@ -16,7 +16,7 @@ from armid.errors import Finding, RecordingError
 from armid.measurement.columns.clocks import Values, evenly_growing, unit_of_step
 from armid.measurement.columns.joint_names import other_arm, refuse_other_joints
 from armid.measurement.columns.pattern_matching import ClockRequest, Guess, guess_columns, shortened
-from armid.measurement.columns.units import factors, is_current, overruled, stated_units, unit_fields
+from armid.measurement.columns.units import factors, hold_current, overruled, stated_units, unit_fields
 from armid.measurement.columns.unread import effort_possible, no_such_column, positions_missing
 from armid.measurement.log_format import PRESETS, QUANTITIES, LogFormat
 from armid.measurement.log_format_remedies import lines, naming
@@ -33,9 +33,6 @@ DEFAULTS: Mapping[str, tuple[str, ...]] = {
     "effort": ("tau{}", "effort{}", "torque{}", "tau", "effort", "torque", "i{}"),
 }
 """Names tried in this order where the log format gives none; `{}` counts from 1."""
-
-CURRENT = re.compile(r"i([_\[]?\d+\]?)?|.*current.*", re.IGNORECASE)
-"""Names of columns with motor current: i1, i_1, i[0], actual_current_0; others are known by their unit."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -174,7 +171,7 @@ def assemble(
         joint_names=tuple(joint_names),
         rate=log_format.rate,
         consecutive=log_format.consecutive,
-        effort_is_current=any(CURRENT.fullmatch(name) or is_current(name) for name in selection.effort),
+        effort_is_current=hold_current(selection.effort, selection.q),
         columns={name: found for name in QUANTITIES if (found := getattr(selection, name))},
         guessed=selection.guessed,
         findings=selection.findings,

@@ -29,6 +29,8 @@ UNITS: Mapping[str, tuple[str, float]] = {
     "ma": ("current", 1e-3),
     "amp": ("current", 1.0),
     "amps": ("current", 1.0),
+    "ampere": ("current", 1.0),
+    "amperes": ("current", 1.0),
     "rpm": ("rad", 2.0 * math.pi / 60.0),
 }
 """Units by their name without signs and powers of time: their quantity, and the factor to armid's unit."""
@@ -70,7 +72,7 @@ QUANTITIES: Mapping[str, tuple[str, ...]] = {
         "drehmomente",
         "momente",
     ),
-    "current": ("i", "current", "currents", "cur", "curr", "strom"),
+    "current": ("i", "iq", "current", "currents", "cur", "curr", "amp", "amps", "ampere", "amperes", "strom"),
 }
 """Quantities by the words in a column's name."""
 
@@ -113,10 +115,14 @@ BESIDE_CLOCK = frozenset(
 INDEX = re.compile(r"[\[({](\d+)[\])}]")
 BRACKET = re.compile(r"(.+?)\s*[\[({]\s*([^\[\](){}]*?)\s*[\])}]")
 TAIL = re.compile(
-    r"(.+?)[_\s.-]((?:m?rad|deg|degrees)(?:[_/]?s(?:\^?2|²)?)?|m?nm|n[_.·]m|mm|rpm|ma|amps?|[mµμun]s(?:ec)?|nanosec|nsecs?)",
+    r"(.+?)[_\s.-]((?:m?rad|deg|degrees)(?:[_/]?s(?:\^?2|²)?)?|m?nm|n[_.·]m|mm|rpm|ma|amp(?:s|eres?)?"
+    r"|[mµμun]s(?:ec)?|nanosec|nsecs?)",
     re.IGNORECASE,
 )
 """Unit in brackets or behind the last separator; a single letter there is too ambiguous."""
+
+QUOTIENT = re.compile(r"(.*\d.*?|.+\s)/\s*((?:m?rad|deg|°)(?:/s(?:\^?2|²)?)?|[mck]?N[·.]?m|[cm]?m|rpm|m?A)")
+"""Unit behind a solidus, as tables of physics have it: `i1/A`, `tau 1 / N·m`; a path of a topic ends in a word."""
 
 TIME_TAIL = re.compile(rf"(.+?)(?:\s+in\s+|\s*/\s*|[_\s.-])({'|'.join(SECONDS)})", re.IGNORECASE)
 """Unit of time behind a separator, also of one letter."""
@@ -185,7 +191,7 @@ def words(text: str) -> list[str]:
 def split_unit(column: str) -> tuple[str, str]:
     """Name without its unit, and the unit in brackets or behind the last separator."""
     text = INDEX.sub(r"_\1", column.strip())
-    hit = BRACKET.fullmatch(text) or TAIL.fullmatch(text)
+    hit = BRACKET.fullmatch(text) or TAIL.fullmatch(text) or QUOTIENT.fullmatch(text)
     return (hit[1], hit[2]) if hit else (text, "")
 
 
@@ -198,12 +204,12 @@ def named(column: str, labels: Sequence[str]) -> list[ColumnName]:
     """
     text, unit = split_unit(column)
     found: list[ColumnName] = []
-    for channel, form in _channels(words(text), labels, by_unit=_is_torque(unit)):
+    for channel, form in _channels(words(text), labels, by_unit=_is_effort(unit)):
         measured = unit_of(unit) if unit else next((UNITS[word] for word in form if word in ANGLES), None)
         if unit and measured is None:
             return []  # another quantity
         quantity = quantity_of(form)
-        by_unit = quantity is None and isinstance(channel, str) and channel != "" and _is_torque(unit)
+        by_unit = quantity is None and isinstance(channel, str) and channel != "" and _is_effort(unit)
         quantity = "effort" if by_unit else quantity
         if quantity is None or OTHER & set(form) or (quantity == "current" and channel == ""):
             continue
@@ -243,9 +249,9 @@ def split_time(column: str) -> tuple[str, str]:
     return (hit[1], hit[2]) if hit else (text, unit)
 
 
-def _is_torque(unit: str) -> bool:
-    """Tests whether a unit is one of torque."""
-    return unit != "" and (unit_of(unit) or ("", 1.0))[0] == "torque"
+def _is_effort(unit: str) -> bool:
+    """Tests whether a unit is one of torque or current."""
+    return unit != "" and (unit_of(unit) or ("", 1.0))[0] in ("torque", "current")
 
 
 def _channels(parts: Sequence[str], labels: Sequence[str], *, by_unit: bool) -> list[tuple[str | int, list[str]]]:

@@ -2,21 +2,50 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Collection, Mapping, Sequence
 from itertools import repeat
 from typing import Any
 
-from armid.measurement.columns.names import column_unit, split_time, split_unit, time_unit
+from armid.measurement.columns.names import column_unit, quantity_of, split_time, split_unit, time_unit, words
 from armid.measurement.log_format import LogFormat
 
 DEGREE = 0.017453292519943295
 """One degree [rad]."""
 
 
-def is_current(column: str) -> bool:
-    """Tests whether a column's unit is that of a current."""
+CURRENT = re.compile(r"i([_\[]?\d+\]?)?|.*current.*", re.IGNORECASE)
+"""Names of columns with motor current, whatever else is in them: i1, i_1, i[0], actual_current_0."""
+
+AMPERE = re.compile(r".+[_\s.-]A")
+"""Name with an A behind the last separator: the unit, or the name of a joint or arm."""
+
+
+def hold_current(effort: Sequence[str], q: Sequence[str] = ()) -> bool:
+    """Tests whether columns of effort hold motor currents, by their units or words.
+
+    A last letter A is the unit if all columns of effort have it besides the joint, and no position has it.
+
+    Args:
+        effort: Columns of effort.
+        q: Columns of position.
+    """
+    if any(_is_current(name) for name in effort):
+        return True
+    joints = len(effort) > 1 or any(character.isdigit() for name in effort for character in name)
+    return joints and all(_ends_in_a(name) for name in effort) and not any(_ends_in_a(name) for name in q)
+
+
+def _is_current(column: str) -> bool:
+    """Tests whether the unit of a column, or else a word of its name, is that of a current."""
     unit = column_unit(column)
-    return unit is not None and unit[0] == "current"
+    if unit is not None:
+        return unit[0] == "current"
+    return bool(CURRENT.fullmatch(column)) or quantity_of(words(column)) == "current"
+
+
+def _ends_in_a(column: str) -> bool:
+    return column_unit(column) is None and AMPERE.fullmatch(column.strip()) is not None
 
 
 def unit_fields(chosen: Mapping[str, Sequence[str]], log_format: LogFormat) -> dict[str, Any]:
