@@ -169,9 +169,24 @@ def findings_on(
     model: DynamicsModel,
     recordings: Sequence[tuple[RecordingChoice, Recording]],
     read: Sequence[Sequence[Finding]],
-    trained: Sequence[Finding] = (),
 ) -> list[Finding]:
     """Findings of the readers and of the doctor on recordings, with the recordings' names, each once.
+
+    Args:
+        model: Arm and torque terms.
+        recordings: Recordings with their roles.
+        read: Findings of the reader on each recording.
+    """
+    return merged([choice for choice, _ in recordings], findings_of_each(model, recordings, read))
+
+
+def findings_of_each(
+    model: DynamicsModel,
+    recordings: Sequence[tuple[RecordingChoice, Recording]],
+    read: Sequence[Sequence[Finding]],
+    trained: Sequence[Finding] = (),
+) -> list[tuple[int, Finding]]:
+    """Index of a recording and a finding of the reader or of the doctor on it.
 
     Args:
         model: Arm and torque terms.
@@ -184,9 +199,14 @@ def findings_on(
         {finding.code for finding in found if finding.severity != "info"} | (common if c.role == "train" else set())
         for (c, _), found in zip(recordings, read, strict=True)
     ]
-    names = labels([choice for choice, _ in recordings])
-    named = [(name, finding) for name, found in zip(names, read, strict=True) for finding in found]
-    return [*together(named), *run_checks(model, recordings, known_codes)]
+    of_readers = [(k, finding) for k, found in enumerate(read) for finding in found]
+    return [*of_readers, *run_checks(model, recordings, known_codes)]
+
+
+def merged(recordings: Sequence[RecordingChoice], findings: Sequence[tuple[int, Finding]]) -> list[Finding]:
+    """Findings with the names of the recordings that they are on, equal ones once."""
+    names = labels(recordings)
+    return together((names[k], finding) for k, finding in findings)
 
 
 @one_blas_thread
@@ -194,18 +214,20 @@ def run_checks(
     model: DynamicsModel,
     recordings: Sequence[tuple[RecordingChoice, Recording]],
     known_codes: Sequence[Collection[str]] = (),
-) -> list[Finding]:
+) -> list[tuple[int, Finding]]:
     """Checks recordings during an identification, before the estimate, or for a run.
 
     Args:
         model: Arm and torque terms of the study.
         recordings: Recordings with their roles.
         known_codes: Codes that are reported for each recording already.
+
+    Returns:
+        Index of a recording and a finding on it.
     """
-    named: list[tuple[str, Finding]] = []
+    result: list[tuple[int, Finding]] = []
     faulty: dict[str, bool] = {}
     each_alone: tuple[Scope, ...] = ("recording",)
-    names = labels([choice for choice, _ in recordings])
     # The log format is checked on the first recording of each kind; the others are checked for faults of their own.
     # Validation recordings get all checks: their format may be wrong although it is right for the training ones.
     for k in sorted(range(len(recordings)), key=lambda k: _rank(recordings, k)):
@@ -216,10 +238,10 @@ def run_checks(
             explains, checks = explains if faulty[kind] else explanations_of(each_alone), checks_of(each_alone)
         evidence = LogEvidence(model.robot, recording, choice.reading, recording, (), model, explains)
         known = known_codes[k] if known_codes else ()
-        named += [(names[k], finding) for finding in examine(evidence, checks) if finding.code not in known]
+        result += [(k, finding) for finding in examine(evidence, checks) if finding.code not in known]
         own = {code for name in checks_of(each_alone) for code in CHECKS[name].effects}
         faulty.setdefault(kind, any(each.code not in own for each in evidence.explanations))
-    return together(named)
+    return result
 
 
 def _rank(recordings: Sequence[tuple[RecordingChoice, Recording]], k: int) -> tuple[bool, int, int]:

@@ -40,7 +40,8 @@ from armid.study.config import (
     load_choice,
     resolve_model,
 )
-from armid.study.diagnosis import diagnosed_error, findings_on
+from armid.study.default_terms import add_shown_rotor_inertia
+from armid.study.diagnosis import diagnosed_error, findings_of_each, merged
 from armid.study.estimation_defaults import as_chosen, with_origin_of_weight
 from armid.study.extrapolation import highest_speeds, speed_finding
 from armid.study.processed import ProcessedRecording, joined_observations, of_role, process_each
@@ -212,7 +213,9 @@ def prepare(
     model = with_load(model, observations, threads=threads)
     findings += memory_findings(model, observations)
     tell("doctor", 0.0)
-    findings += findings_on(model, recordings, read_findings, findings)
+    told = findings_of_each(model, recordings, read_findings, findings)
+    model, told = add_shown_rotor_inertia(model, study.model, study.recordings, told)
+    findings += merged(study.recordings, told)
     understood_as = tuple(replace(c, reading=understood(r, c.reading)) for c, r in recordings)
     study = replace(study, model=resolve_model(model), processing=processing, recordings=understood_as)
     base = find_base_parameters(model)

@@ -5,14 +5,14 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from armid.doctor.check_input import ROWS, WIDTH, Explanation, LogEvidence
+from armid.doctor.check_input import WIDTH, Explanation, LogEvidence
 from armid.doctor.downsample import downsample
 from armid.doctor.log_check import LogCheck
 from armid.doctor.log_interpretation import LogState
 from armid.doctor.quick_fit import QuickRows, solve
 from armid.doctor.remedy_trial import try_remedy
+from armid.doctor.reversals import away_from_reversals
 from armid.doctor.stuck_channels import without_stuck
 from armid.errors import Finding
 from armid.maths.spectrum import frequencies, inverse, spectrum
@@ -59,13 +59,6 @@ look like a delay."""
 
 LEAST = 1e-3
 """Shortest delay that is a fault [s]: torque that a 1 kHz controller holds over its period leads by half of it."""
-
-SLOW = 0.1
-"""Speed over the RMS speed of a joint below which it is near a reversal."""
-
-SPREAD = 1.0
-"""Time around slow rows that is left out with them, in units of one over the cut-off: as far as the filter spreads
-the torque of a reversal."""
 
 AGREE, CONTRADICT = 2.0, 3.0
 """Difference from the delay away from reversals, in the deviations of that one, up to which a delay is measured on
@@ -151,28 +144,6 @@ def _away_from_reversals_alone(state: LogState) -> tuple[float, float]:
 def _with_difference(deviation: float, difference: float, spread: float) -> float:
     """Deviation of a delay from all rows, with what friction at reversals may have changed in it [s]."""
     return float(np.hypot(deviation, difference)) if np.isfinite(spread) else deviation
-
-
-def away_from_reversals(state: LogState) -> LogState:
-    """The log without each joint's rows near its reversals.
-
-    A joint that sticks stands still while its torque passes from one bound of friction to the other, and when it does
-    so depends on the controller. Friction that reverses with the velocity misses this by a lead or lag of many
-    milliseconds, which is no delay of the log. A joint that keeps too few rows for a fit keeps none.
-    """
-    runs, rows = state.log.runs, state.rows
-    slow = SLOW * np.sqrt(np.mean(np.concatenate([run.motion.dq for run in runs]) ** 2, axis=0))
-    near = np.concatenate([_any_within(np.abs(r.motion.dq) < slow, SPREAD / state.log.cutoff, r) for r in runs])
-    kept = (rows.mask & ~near).sum(axis=0)
-    few = kept <= ROWS * np.array([len(parameters) for parameters in rows.parameters])
-    return state.without(near | few)
-
-
-def _any_within(flags: NDArray[np.bool_], seconds: float, run: ObservedRun) -> NDArray[np.bool_]:
-    """Flags at the rows of a run, set where any sample within some seconds is flagged."""
-    reach, rows = int(np.ceil(seconds * run.rate)), run.rows
-    counts = np.concatenate([np.zeros((1, flags.shape[1]), dtype=np.int64), flags.cumsum(axis=0)])
-    return counts[np.minimum(rows + reach + 1, len(flags))] > counts[np.maximum(rows - reach, 0)]
 
 
 def _is_in_every_band(evidence: LogEvidence, delay: float, whole: bool) -> bool:

@@ -11,9 +11,12 @@ from armid.doctor.log_check import LogCheck
 from armid.doctor.log_interpretation import LogState
 from armid.doctor.quick_fit import QuickRows, solve
 from armid.doctor.remedy_trial import try_remedy
+from armid.doctor.reversals import away_from_reversals
 from armid.errors import Finding
 from armid.measurement.log_format_remedies import lines
 from armid.model.terms import DEFAULT_TERMS
+
+CODE = "rotor-inertia-missing"
 
 GAIN = 0.04
 """Fall of the log residual that rotor inertia must bring."""
@@ -23,10 +26,26 @@ SURE = 8.0
 
 
 def check(evidence: LogEvidence) -> list[Finding]:
-    """Reports the joints whose torque shows rotor inertia, in one finding."""
+    """Reports the joints whose torque shows rotor inertia, in one finding.
+
+    Rows away from reversals are judged first, because stiction is much of the residual of all rows and hides rotors
+    in slow motion. All rows are judged next: more rows show rotors where the torque is noisy.
+    """
     state = evidence.corrected
     if state is None or (evidence.model is not None and any(t.name == "rotor-inertia" for t in evidence.model.terms)):
         return []
+    moving = away_from_reversals(state)
+    judged = [each for each in (moving, state) if each.rows.mask.any()]
+    shown = next((found for each in judged if (found := _rotors(each)) is not None), None)
+    if shown is None:
+        return []
+    joints, text = shown
+    remedy = lines(table="model", terms=[*_term_names(evidence), "rotor-inertia"])
+    return [Finding(CODE, "warning", ", ".join(joints), text, remedy)]
+
+
+def _rotors(state: LogState) -> tuple[list[str], str] | None:
+    """Joints with rotor inertia and a sentence about it; `None` where the rows do not show any."""
     without = _without_rotors(state)
     gain = solve(without).cost - state.fit.cost
     values, deviation = state.fit.values, state.fit.deviation
@@ -34,20 +53,13 @@ def check(evidence: LogEvidence) -> list[Finding]:
     rotors, spread = np.array([p.symbol == "IA" for p in symbols]), deviation[: len(symbols)]
     shown = np.flatnonzero(rotors & (spread > 0.0) & (values[: len(symbols)] > SURE * spread))
     if gain < GAIN or not len(shown):
-        return []
+        return None
     trial = try_remedy(without, state.rows)
     if not trial.helps:
-        return []
+        return None
     listed = ", ".join(f"{state.base.names[k]} {values[k]:.3g} ± {deviation[k]:.1g}" for k in shown)
-    return [
-        Finding(
-            "rotor-inertia-missing",
-            "warning",
-            ", ".join(symbols[k].joint for k in shown),
-            f"With rotor inertia the residual is {1 - np.exp(-gain):.0%} smaller: {listed} kg·m². {trial}",
-            lines(table="model", terms=[*_term_names(evidence), "rotor-inertia"]),
-        )
-    ]
+    text = f"With rotor inertia the residual is {1 - np.exp(-gain):.0%} smaller: {listed} kg·m². {trial}"
+    return [symbols[k].joint for k in shown], text
 
 
 def _term_names(evidence: LogEvidence) -> list[str]:
@@ -74,6 +86,6 @@ CHECK = LogCheck(
     look=check,
     scope="format",
     effects={
-        "rotor-inertia-missing": "Rotor inertia is attributed to the links, which are then physically inconsistent.",
+        CODE: "Rotor inertia is attributed to the links, which are then physically inconsistent.",
     },
 )

@@ -1,0 +1,51 @@
+"""Terms that the default model of a study takes from its recordings."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from armid.doctor.checks.dynamics.rotor_inertia_missing import CODE as ROTOR_INERTIA_MISSING
+from armid.errors import Finding
+from armid.measurement.log_format_remedies import lines
+from armid.model.dynamics import DynamicsModel
+from armid.model.terms import RotorInertia
+from armid.study.config import DEFAULT, ModelChoice, RecordingChoice, build_model
+
+
+def add_shown_rotor_inertia(
+    model: DynamicsModel,
+    choice: ModelChoice,
+    recordings: Sequence[RecordingChoice],
+    findings: Sequence[tuple[int, Finding]],
+) -> tuple[DynamicsModel, list[tuple[int, Finding]]]:
+    """Adds rotor inertia to a default model if a training recording shows it.
+
+    Without it, the inertia of rotors counts as inertia of the links: the torque error stays small, but intervals of
+    the links miss their true values. Validation recordings do not decide, because the model is judged on them.
+
+    Args:
+        model: Model with the default terms.
+        choice: Terms of the study; a study that names its terms keeps them.
+        recordings: Recordings of the study.
+        findings: Index of a recording and a finding of the doctor on it.
+
+    Returns:
+        The model, and the findings; the doctor's warning is replaced by the information that the term was added.
+    """
+    missing = [k for k, finding in findings if finding.code == ROTOR_INERTIA_MISSING]
+    if choice.terms or choice.automatic or not any(recordings[k].role == "train" for k in missing):
+        return model, list(findings)
+    told = [
+        (k, _added(finding)) if finding.code == ROTOR_INERTIA_MISSING else (k, finding)
+        for k, finding in findings
+        if finding.code != ROTOR_INERTIA_MISSING or recordings[k].role == "train"
+    ]
+    return build_model(model.robot, replace(choice, terms=(DEFAULT, RotorInertia.name))), told
+
+
+def _added(finding: Finding) -> Finding:
+    """Information that rotor inertia was added, with the doctor's evidence for it."""
+    evidence = f"{finding.evidence} The default model therefore includes rotor inertia."
+    remedy = lines("for a model without rotor inertia", table="model", terms=[DEFAULT])
+    return Finding("rotor-inertia-added", "info", finding.channel, evidence, remedy)
