@@ -628,7 +628,7 @@ def test_ctrl_c_leaves_nothing_behind(armid: Armid, small: Path, tmp_path: Path,
         raise KeyboardInterrupt
 
     for where in (
-        "armid.study.identify.build_problem",
+        "armid.study.prepare.build_problem",
         "armid.study.identify.validate",
         "armid.runs.run.replace_file",
     ):

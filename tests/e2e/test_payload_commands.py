@@ -20,8 +20,10 @@ from armid.maths.inertia import about_com, com_inertia_to_vector
 from armid.measurement.recording import Recording
 from armid.runs.run import load_run, save_run
 from armid.study.config import RecordingChoice, load_study
-from armid.study.identify import identify, read_choice, score_recordings
+from armid.study.identify import identify
 from armid.study.processed import process_each
+from armid.study.read_recordings import read_choice
+from armid.study.score_recordings import score_recordings
 from labs import FRICTION, SENSORS, small_model, small_plan, small_truth, write_arm, write_recording
 
 GAIN = np.array([10.0, 12.0, 8.0])

@@ -11,7 +11,7 @@ import pytest
 from armid import load_study
 from armid.estimation.catalogue import ESTIMATORS
 from armid.study.compare_methods import MethodTable, compare_methods
-from armid.study.identify import prepare
+from armid.study.prepare import prepare
 
 STUDIES = Path(__file__).parent / "studies"
 

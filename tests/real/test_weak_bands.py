@@ -11,7 +11,8 @@ import pytest
 from armid import load_study
 from armid.information.column_source import column_source
 from armid.information.regressor_rows import all_rows
-from armid.study.identify import conclude, prepare
+from armid.study.identify import conclude
+from armid.study.prepare import prepare
 from armid.study.processed import joined_observations, of_role
 
 STUDIES = Path(__file__).parent / "studies"

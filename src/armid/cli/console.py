@@ -23,7 +23,7 @@ from armid.errors import ArmidError, Finding
 from armid.notebook import names_apart
 from armid.remedy import Remedy
 from armid.study.compare_methods import MethodTable
-from armid.study.identify import Progress as ReportProgress
+from armid.study.progress import Progress as ReportProgress
 from armid.validation.prediction import Score, Validation
 from armid.values import Array
 

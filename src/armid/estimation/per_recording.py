@@ -18,6 +18,7 @@ from armid.information.information import Information, JointFactors
 from armid.kernel import factor_columns
 from armid.model.base_parameters import BaseParameters
 from armid.model.dynamics import DynamicsModel
+from armid.model.expression import symbols
 from armid.model.parameter_name import ParameterName
 from armid.model.terms import Offset
 
@@ -25,6 +26,14 @@ from armid.model.terms import Offset
 def offset_names(model: DynamicsModel) -> tuple[str, ...]:
     """Names of the standard parameters that are offsets of the torque."""
     return tuple(parameter.name for parameter in model.parameters if parameter.kind == Offset.name)
+
+
+def changing_parameters(model: DynamicsModel) -> NDArray[np.bool_]:
+    """Flags of standard parameters that may differ between recordings: friction and offsets, no inertia."""
+    changing = np.zeros(len(model.parameters), dtype=np.bool_)
+    for column, (_, law) in zip(model.law_columns, model.laws, strict=True):
+        changing[column] = "ddq" not in symbols(law.expression)
+    return changing
 
 
 def separate_by_recording(information: Information, own: NDArray[np.bool_]) -> Information:

@@ -33,7 +33,7 @@ from armid.model.dynamics import DynamicsModel
 from armid.model.motion import Motion
 from armid.model.terms import Coulomb, RigidBody, Viscous
 from armid.robot import load_robot
-from armid.study.identify import Progress
+from armid.study.progress import Progress
 from armid.threads import ONE_THREAD
 from armid.values import Array
 

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armid.errors import Finding, RobotError, StudyError
+from armid.estimation.per_recording import changing_parameters
 from armid.estimation.problem import EstimationProblem, build_problem
 from armid.information.information import Information
 from armid.maths.inertia import transform
@@ -19,8 +20,8 @@ from armid.measurement.recording import Recording
 from armid.model.base_parameters import BaseParameters
 from armid.runs.run import Run
 from armid.study.config import RecordingChoice
-from armid.study.identify import changing_parameters, read_choice
 from armid.study.processed import ProcessedRecording, joined_observations, process_each
+from armid.study.read_recordings import read_choice
 from armid.values import Array, load
 
 

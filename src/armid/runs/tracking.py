@@ -12,6 +12,7 @@ import numpy as np
 
 from armid.errors import Finding, StudyError
 from armid.estimation.estimate import averaged
+from armid.estimation.per_recording import changing_parameters
 from armid.estimation.recursive.recursive_estimate import JUMP, ForgettingOptions, RecursiveState, fit, resume, update
 from armid.estimation.update.payload import LOAD_NAMES
 from armid.estimation.update.stacked_problem import with_load_columns
@@ -25,7 +26,7 @@ from armid.model.terms.rigid_body import rigid_body_units
 from armid.runs.new_recordings import load_columns, new_recording_findings, read_new_recordings
 from armid.runs.recalibration import Changed
 from armid.runs.run import Run
-from armid.study.identify import Progress, changing_parameters, no_progress
+from armid.study.progress import Progress, no_progress
 from armid.threads import one_blas_thread
 from armid.values import Array, load
 

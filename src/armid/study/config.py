@@ -170,6 +170,12 @@ class Study(Displayed):
         if not any(recording.role == "train" for recording in self.recordings):
             raise StudyError("The study has no recording to train on.", remedy='give one role = "train".')
 
+    @property
+    def is_motor_side(self) -> bool:
+        """True if the effort of every recording is that of the motors."""
+        readings = [choice.reading for choice in self.recordings]
+        return all(each.transmission is not None or each.drive_gain is not None for each in readings)
+
     def summary(self) -> Summary:
         """Arm, terms, method, recordings, and options that differ from the defaults."""
         return study_summary(self)

@@ -13,7 +13,7 @@ from armid.model.terms import RotorInertia
 from armid.study.config import DEFAULT, ModelChoice, RecordingChoice, build_model
 
 
-def add_shown_rotor_inertia(
+def add_rotor_inertia(
     model: DynamicsModel,
     choice: ModelChoice,
     recordings: Sequence[RecordingChoice],

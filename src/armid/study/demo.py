@@ -18,8 +18,10 @@ from armid.model.dynamics import DynamicsModel
 from armid.model.motion import Motion
 from armid.robot import load_robot
 from armid.study.config import EstimationChoice, ModelChoice, RecordingChoice, RobotChoice, Study, build_model
-from armid.study.identify import Progress, Result, conclude, prepare
+from armid.study.identify import Result, conclude
+from armid.study.prepare import prepare
 from armid.study.processed import ProcessedRecording
+from armid.study.progress import Progress
 from armid.values import Array
 
 HANGING = (0.0, 0.0, 9.81)

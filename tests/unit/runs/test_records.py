@@ -16,7 +16,8 @@ from armid.runs.records import read_records, records_of
 from armid.runs.run import load_run, run_of, save_run
 from armid.study.compare_methods import MethodTable, compare_methods, compare_record
 from armid.study.config import EstimationChoice, ModelChoice, load_study
-from armid.study.identify import Prepared, Result, conclude, prepare
+from armid.study.identify import Result, conclude
+from armid.study.prepare import Prepared, prepare
 from armid.study.provenance import RunOrigin
 from armid.study.records import plain
 from labs import write_recordings, write_study

@@ -25,7 +25,8 @@ from armid.runs.run import save_run
 from armid.study import compare_methods as module
 from armid.study.compare_methods import compare_methods, compare_record
 from armid.study.config import parse_study
-from armid.study.identify import Prepared, conclude, prepare
+from armid.study.identify import conclude
+from armid.study.prepare import Prepared, prepare
 from armid.study.records import to_json
 from labs import STUDY, small_recording, write_arm
 

@@ -37,7 +37,8 @@ if TYPE_CHECKING:
     from armid.runs.run import Run
     from armid.study.compare_methods import MethodTable
     from armid.study.config import Study
-    from armid.study.identify import Prepared, Result
+    from armid.study.identify import Result
+    from armid.study.prepare import Prepared
 
 PERIOD_HELP = "Period of the motion, s; by default found from the positions."
 
@@ -169,12 +170,13 @@ def _identified(
 ) -> tuple[Prepared, Result, MethodTable | None]:
     """Prepared data, the result, and the comparison of methods if requested; shows a progress bar."""
     from armid.cli.console import progress
-    from armid.study import identify as stage
     from armid.study.compare_methods import compare_methods
+    from armid.study.identify import conclude
+    from armid.study.prepare import prepare
 
     with progress(quiet=quiet) as tell:
-        prepared = stage.prepare(study, threads=threads, progress=tell)
-        result = stage.conclude(prepared, progress=tell)
+        prepared = prepare(study, threads=threads, progress=tell)
+        result = conclude(prepared, progress=tell)
         return prepared, result, compare_methods(prepared, progress=tell) if compare else None
 
 

@@ -27,11 +27,11 @@ from armid.robot.robot import Robot
 from armid.robot.shapes import Shape
 from armid.runs.run import MARKER, load_run
 from armid.study.config import RecordingChoice
-from armid.study.identify import read_choice
 from armid.study.plans.design import DesignConstraints, Designed, DesignGoal, SearchBudget, Stage, design_plan
 from armid.study.plans.plan_files import is_plan, motion_of_plan, series_of
 from armid.study.plans.poses_and_sweeps import DesignedMoves, MovesGoal, design_moves
 from armid.study.plans.surroundings import assumed_floor, meshes_are_missing, surroundings_of
+from armid.study.read_recordings import read_choice
 from armid.values import Array, load
 
 Limit = float | tuple[float, float]

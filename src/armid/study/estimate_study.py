@@ -1,0 +1,71 @@
+"""Estimate of a study, with digests of what it was made from."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+
+from armid.estimation.estimate import Estimate, InputDigest, TermUse
+from armid.estimation.estimating import estimate
+from armid.estimation.problem import EstimationProblem
+from armid.model.base_parameters import BaseParameters
+from armid.model.dynamics import DynamicsModel
+from armid.study.config import (
+    Study,
+    build_estimator,
+)
+from armid.study.extrapolation import highest_speeds
+from armid.study.processed import ProcessedRecording
+from armid.values import digest
+
+
+def estimate_study(
+    study: Study,
+    model: DynamicsModel,
+    base: BaseParameters,
+    problem: EstimationProblem,
+    recordings: Sequence[ProcessedRecording],
+) -> Estimate:
+    """Estimates by the study's method; stores covariance, digests of all inputs and speeds with it.
+
+    Args:
+        study: The study.
+        model: Arm and torque terms.
+        base: Base parameters of the model.
+        problem: Estimation problem.
+        recordings: All recordings with their roles, processed.
+
+    Raises:
+        EstimationError: The data do not determine the parameters.
+    """
+    fit = estimate(problem, build_estimator(study.estimation))
+    options = digest(repr((study.model, study.processing, study.estimation)))
+    made_from = (
+        InputDigest("robot", model.robot.sha256),
+        *(InputDigest(each.choice.role, each.recording.sha256) for each in recordings),
+        InputDigest("options", options),
+    )
+    observations = problem.observations
+    return Estimate(
+        model.robot.name,
+        study.estimation.method,
+        _uses(model),
+        base,
+        fit,
+        fit.findings,
+        made_from=made_from,
+        made_by=problem.information.made_by,
+        speeds=None if observations is None else highest_speeds(observations),
+    )
+
+
+def _uses(model: DynamicsModel) -> tuple[TermUse, ...]:
+    """Terms of a model with their joints and shapes."""
+    names = model.robot.joint_names
+    uses: list[TermUse] = []
+    for term in model.terms:
+        touched = sorted({j for law in term.laws(model.robot) for j, _ in law.coordinate}) or range(model.n)
+        options = dataclasses.asdict(term)  # pyright: ignore[reportArgumentType]
+        shapes = {key: value for key, value in options.items() if key != "joints" and value is not None}
+        uses.append(TermUse(term.name, tuple(names[j] for j in touched), shapes))
+    return tuple(uses)

@@ -1,0 +1,134 @@
+"""Preparation of an estimate: from a study to data, model and estimation problem."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from armid.errors import Finding, StudyError
+from armid.estimation.friction.load_torque import with_load
+from armid.estimation.friction.selection import FrictionSelection, choose_friction
+from armid.estimation.per_recording import changing_parameters, offset_names, separate_by_recording
+from armid.estimation.problem import EstimationProblem, build_problem
+from armid.information.hysteresis_states import memory_findings
+from armid.measurement.processing.pipeline import resolve_options
+from armid.measurement.recording import Recording
+from armid.measurement.robot_convention import understood
+from armid.model.base_parameters import BaseParameters, find_base_parameters
+from armid.model.dynamics import DynamicsModel
+from armid.study import plausibility
+from armid.study.config import (
+    PER_RECORDING,
+    Study,
+    build_model,
+    load_choice,
+    resolve_model,
+)
+from armid.study.default_terms import add_rotor_inertia
+from armid.study.diagnosis import findings_of_each, merged
+from armid.study.estimation_defaults import as_chosen
+from armid.study.processed import ProcessedRecording, joined_observations, of_role, process_each
+from armid.study.progress import Progress, no_progress
+from armid.study.read_recordings import read_all, scale_deviation
+from armid.threads import one_blas_thread
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Prepared:
+    """Data, model and problem of a study, before the estimate.
+
+    Attributes:
+        study: The study with its automatic choices resolved.
+        model: Arm and torque terms.
+        base: Base parameters of the model.
+        recordings: All recordings with their roles, processed.
+        problem: Estimation problem of the training recordings.
+        findings: Findings up to here.
+        began: Begin of the work, by `time.perf_counter` [s].
+        friction_selection: Friction selection, if there was one.
+    """
+
+    study: Study
+    model: DynamicsModel
+    base: BaseParameters
+    recordings: tuple[ProcessedRecording, ...]
+    problem: EstimationProblem
+    findings: tuple[Finding, ...]
+    began: float
+    friction_selection: FrictionSelection | None = None
+
+
+@one_blas_thread
+def prepare(
+    study: Study,
+    *,
+    given: Mapping[str, Recording] | None = None,
+    threads: int = 1,
+    progress: Progress | None = None,
+) -> Prepared:
+    """Prepares everything up to the estimate, so that several methods can share it. Arguments as in `identify`.
+
+    Raises:
+        ArmidError: Bad input; the message says what and where.
+    """
+    began = time.perf_counter()
+    tell = progress or no_progress
+    tell("robot", 0.0)
+    robot = load_choice(study.robot, study.folder)
+    model = build_model(robot, study.model, motor_side=study.is_motor_side)
+    findings = list(robot.findings)
+    recordings, read_findings = read_all(study, robot, given, tell)
+    train = [(choice, recording) for choice, recording in recordings if choice.role == "train"]
+    tell("processing", 0.0)
+    processing = resolve_options(study.processing, [recording for _, recording in train])
+    processed = process_each(recordings, processing, robot)
+    training = of_role(processed, "train")
+    observations = joined_observations(training)
+    findings += [finding for each in training for finding in each.findings]
+    selection = None
+    if study.model.automatic:
+        tell("friction", 0.0)
+        selection = choose_friction(model, observations, threads=threads)
+        model = selection.model
+        bodies = robot.inertial_vector
+        described = bodies is not None and bool((bodies[:, 0] > 0.0).all())
+        study = replace(study, estimation=as_chosen(study.estimation, selection, described=described))
+        findings.append(plausibility.chosen_finding(selection, study.estimation.method))
+    model = with_load(model, observations, threads=threads)
+    findings += memory_findings(model, observations)
+    tell("doctor", 0.0)
+    told = findings_of_each(model, recordings, read_findings, findings)
+    model, told = add_rotor_inertia(model, study.model, study.recordings, told)
+    findings += merged(study.recordings, told)
+    understood_as = tuple(replace(c, reading=understood(r, c.reading)) for c, r in recordings)
+    study = replace(study, model=resolve_model(model), processing=processing, recordings=understood_as)
+    base = find_base_parameters(model)
+    problem = build_problem(
+        model,
+        observations,
+        base=base,
+        scale_deviation=scale_deviation([choice for choice, _ in train], robot),
+        threads=threads,
+        progress=lambda done, all: tell("information", done / all),
+    )
+    return Prepared(study, model, base, processed, problem, tuple(findings), began, selection)
+
+
+def stated_problem(prepared: Prepared) -> EstimationProblem:
+    """Estimation problem of a study, with friction or offsets for each recording where the study asks for them.
+
+    Raises:
+        StudyError: Parameters for each recording with only one training recording.
+    """
+    problem, choice = prepared.problem, prepared.study.estimation
+    asked = [key for key in PER_RECORDING if getattr(choice, key)]
+    if not asked:
+        return problem
+    if len(np.unique(problem.information.recording)) < 2:
+        raise StudyError(f"{asked[0]} needs at least two training recordings.")
+    offsets = np.isin(problem.information.names, offset_names(prepared.model))
+    own = changing_parameters(prepared.model)[prepared.base.kept] if choice.friction_per_recording else offsets
+    return replace(problem, information=separate_by_recording(problem.information, own))

@@ -1,0 +1,86 @@
+"""Reading of the recordings of a study."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from armid.errors import Finding
+from armid.measurement.readers import load_recording
+from armid.measurement.recording import Recording
+from armid.measurement.robot_convention import to_robot_convention
+from armid.robot import Robot
+from armid.study.config import RecordingChoice, Study
+from armid.study.progress import Progress
+from armid.study.recording_parts import cut_recording, refuse_shared
+from armid.values import Array
+
+
+def read_choice(
+    choice: RecordingChoice,
+    folder: Path | str,
+    robot: Robot,
+    given: Mapping[str, Recording] | None = None,
+) -> tuple[Recording, tuple[Finding, ...]]:
+    """Reads one recording of a study and converts it to the robot's convention.
+
+    Args:
+        choice: File, log format and part.
+        folder: Folder that its path is relative to.
+        robot: The arm.
+        given: Recordings that are in memory already, by path.
+
+    Raises:
+        RecordingError: It cannot be read or does not fit the robot.
+    """
+    raw = (given or {}).get(choice.path)
+    if raw is None:
+        raw = load_recording(Path(folder) / choice.path, choice.reading, robot)
+    read = to_robot_convention(raw, choice.reading, robot)
+    return cut_recording(read.recording, choice.part), read.findings
+
+
+def read_all(
+    study: Study, robot: Robot, given: Mapping[str, Recording] | None, progress: Progress
+) -> tuple[list[tuple[RecordingChoice, Recording]], list[tuple[Finding, ...]]]:
+    """Reads all recordings of a study.
+
+    Args:
+        study: The study.
+        robot: The arm.
+        given: Recordings that are in memory already, by path.
+        progress: Called before each recording.
+
+    Returns:
+        Recordings with their choices, and the findings on each.
+
+    Raises:
+        RecordingError: One cannot be read or does not fit the robot.
+        StudyError: A sample is used twice.
+    """
+    recordings: list[tuple[RecordingChoice, Recording]] = []
+    findings: list[tuple[Finding, ...]] = []
+    for k, choice in enumerate(study.recordings):
+        progress("recordings", k / len(study.recordings))
+        recording, found = read_choice(choice, study.folder, robot, given)
+        findings.append(found)
+        recordings.append((choice, recording))
+    refuse_shared(recordings)
+    return recordings, findings
+
+
+def scale_deviation(choices: Sequence[RecordingChoice], robot: Robot) -> Array:
+    """Relative standard deviation of each joint's torque scale: the largest of the recordings.
+
+    Args:
+        choices: Recordings with their log formats.
+        robot: The arm.
+
+    Returns:
+        One deviation for each joint, shape (n,); 0 where none is given.
+    """
+    given = [choice.reading.drive_gain_deviation for choice in choices]
+    deviations = [np.broadcast_to(np.asarray(each, dtype=np.float64), robot.n) for each in given if each is not None]
+    return np.max([np.zeros(robot.n), *deviations], axis=0)
