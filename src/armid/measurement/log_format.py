@@ -143,6 +143,11 @@ class LogFormat:
         return _joints(self.joints)
 
     @property
+    def joints_numbered(self) -> bool:
+        """Whether `joints` names the joints of channels by their order."""
+        return bool(self.joints) and all(name.isdigit() for name in self.joint_map)
+
+    @property
     def stated_period(self) -> float | None:
         """Given period [s]; `None` where it is to be found or there is none."""
         return None if self.period == "none" else self.period

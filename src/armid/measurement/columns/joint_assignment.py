@@ -47,18 +47,15 @@ def in_joint_order(
         effort=ordered(recording.effort),
         valid=recording.valid[:, order],
         joint_names=robot.joint_names,
+        columns={name: _reordered(columns, order, recording.n, name) for name, columns in recording.columns.items()},
     )
     return kept, findings
 
 
-def channels_of_joints(recording: Recording, log_format: LogFormat, robot: Robot) -> list[int]:
-    """Index of the channel of each joint, counted from 0.
-
-    Raises:
-        RecordingError: Joints and channels that do not match.
-    """
-    targets = _targets(recording, log_format, robot)
-    return [targets.index(name) for name in robot.joint_names]
+def _reordered(columns: tuple[str, ...], order: list[int], channels: int, quantity: str) -> tuple[str, ...]:
+    """Columns of a quantity in the order of the joints; times and matrices as they are."""
+    by_joint = quantity != "time" and len(columns) == channels
+    return tuple(columns[k] for k in order) if by_joint else columns
 
 
 def _targets(recording: Recording, log_format: LogFormat, robot: Robot) -> list[str]:
@@ -74,7 +71,7 @@ def _targets(recording: Recording, log_format: LogFormat, robot: Robot) -> list[
     if recording.joint_names or given:
         targets = [given.get(name, name if recording.joint_names else "?") for name in channels]
     else:
-        targets = list(_by_number(recording, robot))
+        targets = list(by_number(recording, robot))
     known = {*robot.joint_names, *(held.name for held in robot.held)}
     named = {*given.values(), "?"}
     missing = [name for name in robot.joint_names if name not in targets]
@@ -97,8 +94,12 @@ def _targets(recording: Recording, log_format: LogFormat, robot: Robot) -> list[
     return targets
 
 
-def _by_number(recording: Recording, robot: Robot) -> tuple[str, ...]:
-    """Joints of unnamed channels: those of the robot, or of its description where some are locked."""
+def by_number(recording: Recording, robot: Robot) -> tuple[str, ...]:
+    """Joints of unnamed channels: those of the robot, or of its description where some are locked.
+
+    Raises:
+        RecordingError: The number of channels is neither.
+    """
     described = robot.described_joints
     if recording.n == robot.n:
         return robot.joint_names

@@ -203,6 +203,7 @@ def _guess(
         labels=labels,
         channels=len(chosen["q"]),
         matrices=matrices,
+        in_file_order=log_format.joints_numbered,
         values=values,
     )
     if isinstance(guess, ClockRequest):
@@ -217,7 +218,8 @@ def _guess(
 
 def _labels(log_format: LogFormat, robot: Robot | None) -> tuple[list[str], list[str]]:
     """Names in the file of the arm's joints, and of all that its description has."""
-    in_file = {joint: name for name, joint in log_format.joint_map.items() if joint}
+    named = {} if log_format.joints_numbered else log_format.joint_map
+    in_file = {joint: name for name, joint in named.items() if joint}
     wanted, labels = ([], []) if robot is None else (robot.joint_names, robot.described_joints)
     return [in_file.get(name, name) for name in wanted], [in_file.get(name, name) for name in labels]
 
@@ -229,9 +231,9 @@ def _as_fields(guess: Guess, log_format: LogFormat, robot: Robot | None) -> dict
     fields: dict[str, Any] = {"columns": {**log_format.columns, **guess.columns}}
     if robot is not None and guess.joints and not log_format.joints:
         fields["joints"] = guess.joints
-    elif guess.joints:
+    elif guess.joints and not log_format.joints_numbered:
         fields["joints"] = tuple(log_format.joint_map.get(label, label) for label in guess.joints)
-    if robot is not None and fields.get("joints") == robot.joint_names:
+    if robot is not None and not log_format.joints and fields.get("joints") == robot.joint_names:
         del fields["joints"]
     return fields
 

@@ -69,6 +69,7 @@ def guess_columns(
     labels: Sequence[str] = (),
     channels: int = 0,
     matrices: bool = False,
+    in_file_order: bool = False,
     values: Values | None = None,
 ) -> Guess | ClockRequest:
     """Guesses which columns hold given quantities.
@@ -80,6 +81,7 @@ def guess_columns(
         labels: The same including locked joints, in the description's order.
         channels: Number of columns of positions where these are known already; the columns are numbered then.
         matrices: Whether one name may hold all channels.
+        in_file_order: Whether columns with names of joints stay in the order of the file.
         values: Function that returns the numbers of a column, to test whether one with a unit of time is a clock.
 
     Returns:
@@ -111,7 +113,7 @@ def guess_columns(
             chosen[quantity] = best[0]
         elif quantity == "q":
             break
-    order = _order(chosen, labels)
+    order = _order(chosen, () if in_file_order else labels)
     for quantity, group in chosen.items():
         columns[quantity] = tuple(group.members[channel].column for channel in order)
         reasons.append(_reason(quantity, group, columns[quantity], usable))
@@ -183,12 +185,12 @@ def _best(groups: Sequence[_Group], joints: int, described: int) -> list[_Group]
 
 
 def _order(chosen: Mapping[str, _Group], labels: Sequence[str]) -> list[Channel]:
-    """Channels that all quantities have, in the order of the description or of their numbers."""
+    """Channels that all quantities have, in the order of their numbers, of the labels, or without these of the file."""
     if not chosen:
         return []
     first, *others = chosen.values()
     common = [channel for channel in first.members if all(channel in other.members for other in others)]
-    return [label for label in labels if label in common] if first.by_name else common
+    return [label for label in labels if label in common] if first.by_name and labels else common
 
 
 def _reason(quantity: str, group: _Group, columns: tuple[str, ...], usable: Sequence[_Group]) -> str:

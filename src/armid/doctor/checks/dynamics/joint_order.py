@@ -16,8 +16,10 @@ from armid.doctor.log_check import LogCheck
 from armid.doctor.log_interpretation import LogState
 from armid.doctor.quick_fit import QuickRows, cost_of, make_rows, products, tables
 from armid.errors import Finding
-from armid.measurement.columns.joint_assignment import channels_of_joints
+from armid.measurement.columns.joint_assignment import by_number
 from armid.measurement.log_format_remedies import lines, naming
+from armid.measurement.robot_convention import understood
+from armid.remedy import Remedy
 from armid.values import Array
 
 CODE = "joint-order"
@@ -124,36 +126,43 @@ def _listed(order: NDArray[np.intp]) -> str:
 
 
 def _remedy(evidence: LogEvidence, order: _Order) -> str:
-    """Lines of a study that correct the order: joints of the channels, or columns of a quantity."""
-    channels = channels_of_joints(evidence.raw, evidence.reading, evidence.robot)
-    if (order.motion == order.torque).all():
-        return _renamed(evidence, channels, order.motion)
+    """Lines of a study that correct the order: columns of the quantities, or joints of the channels."""
+    recording = evidence.recording
+    assert recording is not None
     quantities = {"q": order.motion, "dq": order.motion, "ddq": order.motion, "effort": order.torque}
+    found = {name: recording.columns.get(name, ()) for name in quantities if getattr(recording, name) is not None}
+    if any(len(columns) != recording.n for columns in found.values()):
+        alike = (order.motion == order.torque).all()
+        return (_renamed(evidence, order.motion) if alike else None) or f"rewrite the log with {_order_text(order)}"
     if any(f.severity == "error" for f in velocity_mismatch.check(evidence)):
-        del quantities["dq"], quantities["ddq"]  # their order is not the positions'
-    chosen: dict[str, list[str]] = {}
-    for name, which in quantities.items():
-        columns = evidence.raw.columns.get(name, ())
-        if (which == np.arange(len(which))).all() or getattr(evidence.raw, name) is None:
-            continue
-        if len(columns) != evidence.raw.n:
-            return f"rewrite the log with {_order_text(order)}"
-        now = list(columns)
-        for j, k in enumerate(which):
-            now[channels[j]] = columns[channels[k]]
-        chosen[name] = now
-    return naming(evidence.reading, chosen)
+        quantities |= dict.fromkeys(("dq", "ddq"), np.arange(recording.n))  # their order is not the positions'
+    reading = understood(recording, evidence.reading)
+    # Columns in the order of the joints need no `joints`, and those guessed by names of joints are all to be named.
+    every = bool(recording.guessed.get("columns") or reading.joints)
+    chosen = {
+        name: [columns[k] for k in quantities[name]]
+        for name, columns in found.items()
+        if every or (quantities[name] != np.arange(recording.n)).any()
+    }
+    named = naming(reading, chosen)
+    if not evidence.reading.joints:
+        return named
+    return Remedy(*named.parts, *lines(joints=evidence.robot.joint_names).parts)
 
 
-def _renamed(evidence: LogEvidence, channels: list[int], order: NDArray[np.intp]) -> str:
-    """Line of a study that assigns all quantities of the channels to other joints."""
-    names = evidence.robot.joint_names
-    owner = [""] * evidence.raw.n
-    for j, k in enumerate(order):
-        owner[channels[k]] = names[j]
-    if not evidence.raw.joint_names:
-        return lines(joints=owner)
-    return lines(joints=dict(zip(evidence.raw.joint_names, owner, strict=True)))
+def _renamed(evidence: LogEvidence, order: NDArray[np.intp]) -> str | None:
+    """Line of a study that assigns all quantities of the channels to other joints; `None` where it is unknown.
+
+    Named channels are those of messages, numbered ones those of matrices.
+    """
+    names, given = evidence.robot.joint_names, evidence.reading.joint_map
+    owner = dict(zip((names[k] for k in order), names, strict=True))
+    if evidence.raw.joint_names and not evidence.raw.columns:
+        in_file = {joint: name for name, joint in given.items() if joint}
+        return lines(joints={**given, **{in_file.get(name, name): joint for name, joint in owner.items()}})
+    channels = list(given.values()) or list(by_number(evidence.raw, evidence.robot))
+    unknown = evidence.raw is evidence.recording and evidence.robot.held and not given
+    return None if unknown else lines(joints=[owner.get(name, name) for name in channels])
 
 
 def _evaluated(state: LogState, log: DownsampledLog, motion: NDArray[np.intp], torque: NDArray[np.intp]) -> _Order:
