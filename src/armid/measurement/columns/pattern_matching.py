@@ -185,7 +185,7 @@ def _best(groups: Sequence[_Group], joints: int, described: int) -> list[_Group]
 
 
 def _order(chosen: Mapping[str, _Group], labels: Sequence[str]) -> list[Channel]:
-    """Channels that all quantities have, in the order of their numbers, of the labels, or without these of the file."""
+    """Channels that all quantities have, in the order of their numbers, of the labels, or else of the file."""
     if not chosen:
         return []
     first, *others = chosen.values()
