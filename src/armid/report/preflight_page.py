@@ -26,7 +26,7 @@ from armid.report.section import Section
 from armid.report.tables import Column, Table, TableCell
 from armid.robot import Joint
 from armid.study.plans.design import Designed
-from armid.study.plans.preflight_text import NOT_LOOKED_AT, Checked, findings_of, margins_text, start_text
+from armid.study.plans.preflight_text import NOT_LOOKED_AT, Checked, findings_of, margins_text, mark_of, start_text
 from armid.values import Array, replace_file
 
 PLOT_RATE = 100.0
@@ -87,6 +87,7 @@ def show_limits(designed: Checked) -> Section:
     )
     content = {
         "verdict": designed.preflight.verdict,
+        "mark": mark_of(designed.preflight),
         "said": designed.preflight.sentence,
         "worst": _worst_rows(designed.preflight),
         "findings": [(each.severity, each.code, each.evidence, each.remedy) for each in findings_of(designed)],

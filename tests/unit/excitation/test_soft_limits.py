@@ -6,10 +6,16 @@ import numpy as np
 import pytest
 
 from armid.excitation.design.objective import CriterionGoal
-from armid.excitation.limits.joint_limits import described_limits, limits_of, soft_limits_used
+from armid.excitation.limits.joint_limits import (
+    described_limits,
+    limits_beyond_description,
+    limits_of,
+    soft_limits_used,
+)
 from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics import DynamicsModel
 from armid.model.terms import RigidBody
+from armid.report.preflight_page import render_preflight
 from armid.robot import load_robot
 from armid.study.plans.design import DesignConstraints, DesignGoal, SearchBudget, design_plan
 from armid.study.plans.poses_and_sweeps import MovesGoal, design_moves
@@ -108,3 +114,37 @@ def test_designed_motions_stay_within_soft_limits_and_say_so(soft):
         assert designed.limits.upper.tolist() == [0.5, 1.5, 2.0, 2.0]
         assert "soft-limits" in {finding.code for finding in designed.findings}
         assert "keeps within them: both -0.4 to 0.5 rad" in report_text(designed)
+
+
+def test_limits_wider_than_described_are_named_with_both_values(soft):
+    given = {
+        ("both", "position"): (-0.9, 2.5),
+        ("both", "velocity"): 3.0,
+        ("upper", "effort"): 100.0,
+        ("plain", "position"): (-1.0, 2.0),
+        ("plain", "effort"): 90.0,
+        ("outside", "velocity"): 1.0,
+    }
+    finding = limits_beyond_description(soft, limits_of(soft, given))
+    assert finding is not None and finding.severity == "warning" and finding.channel == "both, upper"
+    assert finding.evidence.endswith(
+        "both: position -0.9 to 2.5 rad (described: -1 to 2), velocity 3 rad/s (described: 2); "
+        "upper: effort 100 N·m (described: 90)"
+    )
+    assert limits_beyond_description(soft, limits_of(soft)) is None
+    assert limits_beyond_description(soft, limits_of(soft, {("both", "position"): (-0.9, 1.9)})) is None
+
+
+@pytest.mark.parametrize("kind", ["series", "sweeps"])
+def test_the_verdict_of_a_plan_says_that_limits_are_wider_than_described(soft, kind):
+    model = DynamicsModel(soft, (RigidBody(),))
+    constraints = DesignConstraints(given={("plain", "velocity"): 2.5})
+    if kind == "series":
+        goal = DesignGoal(CriterionGoal(model, find_base_parameters(model)), 10.0, 4)
+        designed = design_plan(goal, constraints, SearchBudget(1e-3, 1, 0))
+    else:
+        designed = design_moves(model, MovesGoal(kind), constraints)
+    assert [f.severity for f in designed.findings if f.code == "limit-beyond-description"] == ["warning"]
+    assert "; limits of plain are wider than described" in designed.preflight.sentence
+    assert designed.preflight.verdict != "fail" and not report_text(designed).startswith("✓")
+    assert '<p class="verdict pass">' not in render_preflight(designed)

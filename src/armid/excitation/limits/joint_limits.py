@@ -124,6 +124,35 @@ def soft_limits_used(robot: Robot, limits: Limits) -> Finding | None:
     return Finding("soft-limits", "info", "", evidence, remedy)
 
 
+def limits_beyond_description(robot: Robot, limits: Limits) -> Finding | None:
+    """Finding that names limits wider than those of the description; `None` where there are none.
+
+    Args:
+        robot: The arm.
+        limits: Limits of a motion.
+    """
+    described, texts, joints = described_limits(robot), list[str](), list[str]()
+    for j, joint in enumerate(robot.joints):
+        wider: list[str] = []
+        if limits.lower[j] < described.lower[j] or limits.upper[j] > described.upper[j]:
+            asked, range_ = (f"{low[j]:.4g} to {high[j]:.4g}" for low, high in (
+                (limits.lower, limits.upper), (described.lower, described.upper)
+            ))  # fmt: skip
+            wider.append(f"position {asked} {joint.unit} (described: {range_})")
+        for kind, unit in (("velocity", f"{joint.unit}/s"), ("effort", joint.effort_unit)):
+            given, known = (float(getattr(each, kind)[j]) for each in (limits, described))
+            if given > known:
+                wider.append(f"{kind} {given:.4g} {unit} (described: {known:.4g})")
+        if wider:
+            joints.append(joint.name)
+            texts.append(f"{joint.name}: {', '.join(wider)}")
+    if not joints:
+        return None
+    evidence = f"the plan may go beyond the limits of the description, as asked; {'; '.join(texts)}"
+    remedy = "check that the arm and its controller allow it; or give limits within the description's with --limit."
+    return Finding("limit-beyond-description", "warning", ", ".join(joints), evidence, remedy)
+
+
 def limits_of(
     robot: Robot,
     given: Mapping[tuple[str, str], float | tuple[float, float]] | None = None,

@@ -22,6 +22,7 @@ from armid.excitation.design.sqp import DescentProblem, about_start
 from armid.excitation.limits.constraints import ConstraintChannel
 from armid.excitation.limits.joint_limits import (
     Limits,
+    limits_beyond_description,
     limits_of,
     motion_channels,
     soft_limits_used,
@@ -166,9 +167,7 @@ def design_plan(
     """
     _check_times(goal, budget)
     criterion, robot = goal.goal, goal.goal.model.robot
-    limits = limits_of(robot, constraints.given, acceleration=constraints.acceleration, jerk=constraints.jerk)
-    if constraints.envelope is not None:
-        limits = limits.narrowed(constraints.envelope, by_joint=constraints.envelope_by_joint)
+    limits = constrained_limits(robot, constraints)
     torque, torque_findings = judged_torque(criterion, limits, constraints)
     stage("start pose")
     placed = place_motion(robot, limits, constraints, goal.start, pose_holds(criterion, torque))
@@ -196,10 +195,20 @@ def design_plan(
     plan = _with_leads(basis, x, goal, limits, robot.name)
     _check_leads(plan, robot, collision)
     unfinished = unsettled(found, criterion.criterion, budget.budget)
-    report = replace(report, weak=weak_motion(whole, x, limits, collision, settled=unfinished is None))
-    remarks = (report.weak, unfinished, soft_limits_used(robot, limits), _unlimited(plan, limits, robot))
+    weak = weak_motion(whole, x, limits, collision, settled=unfinished is None)
+    beyond = limits_beyond_description(robot, limits)
+    report = replace(report, weak=weak, beyond=beyond)
+    remarks = (beyond, weak, unfinished, soft_limits_used(robot, limits), _unlimited(plan, limits, robot))
     findings = (*placed.findings, *torque_findings, *filter(None, remarks))
     return Designed(plan, whole, x, limits, found, report, findings, collision)
+
+
+def constrained_limits(robot: Robot, constraints: DesignConstraints) -> Limits:
+    """Limits of the joints, within the envelope where there is one."""
+    limits = limits_of(robot, constraints.given, acceleration=constraints.acceleration, jerk=constraints.jerk)
+    if constraints.envelope is None:
+        return limits
+    return limits.narrowed(constraints.envelope, by_joint=constraints.envelope_by_joint)
 
 
 def _check_times(goal: DesignGoal, budget: SearchBudget) -> None:

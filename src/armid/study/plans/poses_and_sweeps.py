@@ -14,7 +14,7 @@ from armid.excitation.collision.closest_approach import closest_approaches
 from armid.excitation.collision.collision_model import CollisionOptions
 from armid.excitation.design.objective import CriterionGoal
 from armid.excitation.design.regressor_gradients import Columns
-from armid.excitation.limits.joint_limits import Limits, limits_of, soft_limits_used
+from armid.excitation.limits.joint_limits import Limits, limits_beyond_description, soft_limits_used
 from armid.excitation.limits.torque_limits import Torque
 from armid.excitation.poses_and_sweeps import (
     Moves,
@@ -30,7 +30,7 @@ from armid.model.dynamics import DynamicsModel
 from armid.model.motion import Motion
 from armid.robot.kinematics import forward_kinematics
 from armid.robot.robot import Robot
-from armid.study.plans.design import judged_torque, pose_holds
+from armid.study.plans.design import constrained_limits, judged_torque, pose_holds
 from armid.study.plans.goals import DesignConstraints
 from armid.study.plans.start_pose import place_motion
 from armid.values import Array
@@ -130,9 +130,7 @@ def design_moves(model: DynamicsModel, goal: MovesGoal, constraints: DesignConst
             f"A box of the tip is kept by a series only, not by {goal.kind}.",
             remedy="narrow the positions with --limit JOINT.position=LOW:HIGH, and leave out --tip-box.",
         )
-    limits = limits_of(robot, constraints.given, acceleration=constraints.acceleration, jerk=constraints.jerk)
-    if constraints.envelope is not None:
-        limits = limits.narrowed(constraints.envelope, by_joint=constraints.envelope_by_joint)
+    limits = constrained_limits(robot, constraints)
     criterion = CriterionGoal(model, base, "d-optimal", np.ones(robot.n), APPROACH_RATE, 1)
     torque, torque_findings = judged_torque(criterion, limits, constraints)
     holds = pose_holds(criterion, torque)
@@ -164,9 +162,10 @@ def design_moves(model: DynamicsModel, goal: MovesGoal, constraints: DesignConst
     )  # fmt: skip
     skipped = () if collision is None else collision.skipped
     found = _margins(moves.sample(CHECK_RATE), robot, limits, torque, criterion)
-    report = Preflight(found, approaches, skipped, None, placed.unchecked)
-    soft = soft_limits_used(robot, limits)
-    findings = (*placed.findings, *torque_findings, *(() if soft is None else (soft,)))
+    beyond = limits_beyond_description(robot, limits)
+    report = Preflight(found, approaches, skipped, None, placed.unchecked, beyond=beyond)
+    remarks = (beyond, soft_limits_used(robot, limits))
+    findings = (*placed.findings, *torque_findings, *filter(None, remarks))
     return DesignedMoves(goal.kind, moves, model, limits, torque, report, findings, collision)
 
 

@@ -34,6 +34,11 @@ MEASURED = "measured between the bodies as described, convex hulls around them, 
 """Kinds of distances in the rows of closest approaches."""
 
 
+def mark_of(report: Preflight) -> str:
+    """Mark before the verdict: that of a warning also where limits are wider than described."""
+    return MARKS["weak" if report.verdict == "pass" and report.beyond is not None else report.verdict]
+
+
 def findings_of(designed: Checked) -> tuple[Finding, ...]:
     """Findings of the description and of the design, each once."""
     return tuple(dict.fromkeys((*designed.robot.findings, *designed.findings)))
@@ -106,7 +111,7 @@ def report_text(designed: Checked, *, findings: bool = True) -> str:
     """
     report = designed.preflight
     lines = [
-        f"{MARKS[report.verdict]} {report.sentence}",
+        f"{mark_of(report)} {report.sentence}",
         "",
         f"{designed.robot.name}: {designed.heading}",
         *(_criterion_lines(designed) if isinstance(designed, Designed) else []),
