@@ -59,7 +59,7 @@ class Preflight:
         expected: Predicted uncertainty of the parameters; `None` for poses and sweeps.
         unchecked: Reason why collisions are not checked; empty if they are checked.
         weak: Finding that the motion is too weak to identify the arm; `None` if it is not.
-        beyond: Finding that limits are wider than those of the description; `None` if they are not.
+        wider: Finding that limits are wider than those of the description; `None` if they are not.
     """
 
     margins: tuple[Margin, ...]
@@ -68,7 +68,7 @@ class Preflight:
     expected: Expectation | None
     unchecked: str = ""
     weak: Finding | None = None
-    beyond: Finding | None = None
+    wider: Finding | None = None
 
     @property
     def verdict(self) -> Verdict:
@@ -99,10 +99,10 @@ class Preflight:
             more = f"; {len(failures) - NAMED} more" if len(failures) > NAMED else ""
             return "; ".join(failures[:NAMED]) + more
         weak = "" if self.weak is None else f"; but the motion is too weak to identify {_some(self.weak.channel)}"
-        wide = "" if self.beyond is None else f"; limits of {_some(self.beyond.channel)} are wider than described"
+        wider = "" if self.wider is None else f"; limits of {_some(self.wider.channel)} are wider than described"
         if self.unchecked:
-            return f"every limit holds; collisions not checked: {self.unchecked}{wide}{weak}"
-        return f"every limit holds, and bodies keep apart{wide}{weak}"
+            return f"every limit holds; collisions not checked: {self.unchecked}{wider}{weak}"
+        return f"every limit holds, and bodies keep apart{wider}{weak}"
 
     @property
     def _missed(self) -> list[Margin]:

@@ -144,7 +144,7 @@ class LogFormat:
 
     @property
     def joints_numbered(self) -> bool:
-        """Whether `joints` names the joints of channels by their order."""
+        """True if `joints` names the joints of channels by their order."""
         return bool(self.joints) and all(name.isdigit() for name in self.joint_map)
 
     @property

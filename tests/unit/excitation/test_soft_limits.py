@@ -8,8 +8,8 @@ import pytest
 from armid.excitation.design.objective import CriterionGoal
 from armid.excitation.limits.joint_limits import (
     described_limits,
-    limits_beyond_description,
     limits_of,
+    limits_wider_than_described,
     soft_limits_used,
 )
 from armid.model.base_parameters import find_base_parameters
@@ -125,14 +125,14 @@ def test_limits_wider_than_described_are_named_with_both_values(soft):
         ("plain", "effort"): 90.0,
         ("outside", "velocity"): 1.0,
     }
-    finding = limits_beyond_description(soft, limits_of(soft, given))
+    finding = limits_wider_than_described(soft, limits_of(soft, given))
     assert finding is not None and finding.severity == "warning" and finding.channel == "both, upper"
     assert finding.evidence.endswith(
         "both: position -0.9 to 2.5 rad (described: -1 to 2), velocity 3 rad/s (described: 2); "
         "upper: effort 100 N·m (described: 90)"
     )
-    assert limits_beyond_description(soft, limits_of(soft)) is None
-    assert limits_beyond_description(soft, limits_of(soft, {("both", "position"): (-0.9, 1.9)})) is None
+    assert limits_wider_than_described(soft, limits_of(soft)) is None
+    assert limits_wider_than_described(soft, limits_of(soft, {("both", "position"): (-0.9, 1.9)})) is None
 
 
 @pytest.mark.parametrize("kind", ["series", "sweeps"])

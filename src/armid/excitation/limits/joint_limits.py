@@ -124,7 +124,7 @@ def soft_limits_used(robot: Robot, limits: Limits) -> Finding | None:
     return Finding("soft-limits", "info", "", evidence, remedy)
 
 
-def limits_beyond_description(robot: Robot, limits: Limits) -> Finding | None:
+def limits_wider_than_described(robot: Robot, limits: Limits) -> Finding | None:
     """Finding that names limits wider than those of the description; `None` where there are none.
 
     Args:

@@ -22,8 +22,8 @@ from armid.excitation.design.sqp import DescentProblem, about_start
 from armid.excitation.limits.constraints import ConstraintChannel
 from armid.excitation.limits.joint_limits import (
     Limits,
-    limits_beyond_description,
     limits_of,
+    limits_wider_than_described,
     motion_channels,
     soft_limits_used,
     thesis_channels,
@@ -196,9 +196,9 @@ def design_plan(
     _check_leads(plan, robot, collision)
     unfinished = unsettled(found, criterion.criterion, budget.budget)
     weak = weak_motion(whole, x, limits, collision, settled=unfinished is None)
-    beyond = limits_beyond_description(robot, limits)
-    report = replace(report, weak=weak, beyond=beyond)
-    remarks = (beyond, weak, unfinished, soft_limits_used(robot, limits), _unlimited(plan, limits, robot))
+    wider = limits_wider_than_described(robot, limits)
+    report = replace(report, weak=weak, wider=wider)
+    remarks = (wider, weak, unfinished, soft_limits_used(robot, limits), _unlimited(plan, limits, robot))
     findings = (*placed.findings, *torque_findings, *filter(None, remarks))
     return Designed(plan, whole, x, limits, found, report, findings, collision)
 

@@ -14,7 +14,7 @@ from armid.excitation.collision.closest_approach import closest_approaches
 from armid.excitation.collision.collision_model import CollisionOptions
 from armid.excitation.design.objective import CriterionGoal
 from armid.excitation.design.regressor_gradients import Columns
-from armid.excitation.limits.joint_limits import Limits, limits_beyond_description, soft_limits_used
+from armid.excitation.limits.joint_limits import Limits, limits_wider_than_described, soft_limits_used
 from armid.excitation.limits.torque_limits import Torque
 from armid.excitation.poses_and_sweeps import (
     Moves,
@@ -162,9 +162,9 @@ def design_moves(model: DynamicsModel, goal: MovesGoal, constraints: DesignConst
     )  # fmt: skip
     skipped = () if collision is None else collision.skipped
     found = _margins(moves.sample(CHECK_RATE), robot, limits, torque, criterion)
-    beyond = limits_beyond_description(robot, limits)
-    report = Preflight(found, approaches, skipped, None, placed.unchecked, beyond=beyond)
-    remarks = (beyond, soft_limits_used(robot, limits))
+    wider = limits_wider_than_described(robot, limits)
+    report = Preflight(found, approaches, skipped, None, placed.unchecked, wider=wider)
+    remarks = (wider, soft_limits_used(robot, limits))
     findings = (*placed.findings, *torque_findings, *filter(None, remarks))
     return DesignedMoves(goal.kind, moves, model, limits, torque, report, findings, collision)
 

@@ -36,7 +36,7 @@ MEASURED = "measured between the bodies as described, convex hulls around them, 
 
 def mark_of(report: Preflight) -> str:
     """Mark before the verdict: that of a warning also where limits are wider than described."""
-    return MARKS["weak" if report.verdict == "pass" and report.beyond is not None else report.verdict]
+    return MARKS["weak" if report.verdict == "pass" and report.wider is not None else report.verdict]
 
 
 def findings_of(designed: Checked) -> tuple[Finding, ...]:
