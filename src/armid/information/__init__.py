@@ -1,1 +1,1 @@
-"""Square-root information: streaming triangular factors of the regressor's rows."""
+"""Square-root information: triangular factors of the rows of the regressor, computed sample by sample."""

@@ -1,9 +1,9 @@
-"""Information of observations in one pass, without the regressor at full rate in memory.
+"""Information of observations, computed in one pass without storing the regressor at full rate.
 
-Without a filter, samples enter the factors directly. With a filter, every column of the regressor and the torque pass
-the same one: first a linear-phase decimation inside the kernel's stream, then the sharp filter, a segment at a time,
-so that memory does not grow with the length of the recording. Hysteresis states are computed before any filtering,
-once over the whole run at full rate.
+Without a filter, the rows of all samples are added to the factors directly. With a filter, the torque and all columns
+of the regressor pass the same filter: first a linear-phase decimation in the kernel, then the sharp filter. Both work
+on one segment after another, so the memory does not grow with the length of the recording. Hysteresis states are
+computed before filtering, once for the whole run at full rate.
 """
 
 from __future__ import annotations
@@ -30,20 +30,20 @@ from armid.threads import one_blas_thread
 from armid.values import Array
 
 Progress = Callable[[int, int], None]
-"""Callback for progress: number of samples done, and number of all samples."""
+"""Callback for progress. Its arguments are the number of processed samples and the number of all samples."""
 
 CHUNK = 8192
-"""Samples whose term columns are in memory at a time: 1 MB for a seven-joint arm."""
+"""Number of samples whose columns of torque terms are in memory at a time: 1 MB for a seven-joint arm."""
 
 GRAM_ROWS = 20_000
-"""Number of rows up to which QR is used: it takes milliseconds there."""
+"""Largest number of rows for which the factors are always computed by QR, which takes milliseconds."""
 
 GRAM_CONDITION = 60.0
-"""Largest scaled condition number at which factors from products replace a QR: their error, ε times its square, is
-below 1e-12."""
+"""Largest scaled condition number for which factors from products of columns are used in place of QR. Their relative
+error, ε times the square of this number, is then below 1e-12."""
 
 GRAM_RESIDUAL = 1e-5
-"""Smallest residual, over the torque, that factors from products resolve: √ε with a margin."""
+"""Smallest ratio of residual to torque for which factors from products of columns are used: √ε with a margin."""
 
 
 @one_blas_thread
@@ -55,31 +55,34 @@ def accumulate_information(
     threads: int = 1,
     progress: Progress | None = None,
 ) -> Information:
-    """Accumulates the information of observations on the base parameters.
+    """Computes the information that observations contain about the base parameters.
 
-    Factors are computed by QR. For long unfiltered recordings the Cholesky factor of the columns' products is tried
-    first, which is twice as fast; it is kept only where condition number and residual prove that it is as accurate.
+    The factors are computed by QR. For long unfiltered recordings, the Cholesky factor of the products of the columns
+    is computed first, which is twice as fast. It is used only if condition number and residual prove that it is as
+    accurate as QR.
 
     Args:
         model: Arm and torque terms.
         base: Base parameters of the model.
-        observations: Runs and their band.
-        threads: Number of threads that share the blocks of unfiltered runs.
-        progress: Callback with the samples done.
+        observations: Contiguous runs and the band of their filter.
+        threads: Number of threads for the blocks of unfiltered runs.
+        progress: Callback for progress.
 
     Raises:
-        ArmidError: The observations have other joints than the model, or no row is in use. With hysteresis also: the
-            samples are not consecutive, or the motion never determines the hysteresis states.
+        ArmidError: The observations have another number of joints than the model, or no row is in use. For a model
+            with hysteresis, also: the samples are not consecutive, or the motion never determines the hysteresis
+            states.
     """
     if not any(run.mask.any() for run in observations.runs):
         raise ArmidError(
-            "No row of the recordings is in use: every one is masked or trimmed.",
-            remedy="record longer, trim less, or mask less by `slow`, `saturation` and `exclude`.",
+            "No row of the recordings is in use: all rows are masked or trimmed.",
+            remedy="record for longer, trim less, or change the keys `slow`, `saturation` and `exclude` so that they "
+            "mask fewer rows.",
         )
     for run in observations.runs:
         if run.motion.n != model.n:
             raise ArmidError(
-                f"A run has {run.motion.n} joints; {model.robot.name} has {model.n}.",
+                f"The motion of a run has {run.motion.n} joints; {model.robot.name} has {model.n}.",
                 remedy="give the motion of this arm.",
             )
     source = column_source(model, base)
@@ -93,7 +96,7 @@ def accumulate_information(
 
 
 def _is_raw(run: ObservedRun, band: Band) -> bool:
-    """Checks whether the columns of this run enter the factors unfiltered."""
+    """Checks whether the columns of a run are added to the factors without a filter."""
     return band.is_open or not run.consecutive or not band.columns
 
 
@@ -117,7 +120,7 @@ def _inform(
     *,
     by_gram: bool,
 ) -> Information:
-    """Information of all runs, with blocks numbered through all runs."""
+    """Information of all runs; the blocks are numbered through all runs."""
     samples = sum(run.motion.samples for run in observations.runs)
     done = 0
     parts: list[Information] = []
@@ -147,7 +150,7 @@ def _inform(
 def _collect(
     pieces: tuple[Array, ...], blocks: NDArray[np.intp], factors: list[Array], filled: NDArray[np.bool_]
 ) -> None:
-    """Stores the joints' factors of pieces by block; further pieces of a block are merged."""
+    """Stores the factors of all joints and pieces by block; pieces of the same block are merged."""
     for piece, k in enumerate(blocks):
         for joint, R in enumerate(pieces):
             whole = factors[joint]
@@ -156,7 +159,7 @@ def _collect(
 
 
 def _of_run(source: ColumnSource, run: ObservedRun, index: int, factors: list[Array], method: str) -> Information:
-    """Information of one run from the factors of its joints; the list of factors is emptied."""
+    """Information of one run from the factors of its joints, which are removed from the list `factors`."""
     borders = _borders(run)
     names, stretches = np.unique(run.block[borders[:-1]], return_inverse=True)
     rows = np.zeros((len(names), source.tree.n), dtype=np.int64)
@@ -174,14 +177,14 @@ def _of_run(source: ColumnSource, run: ObservedRun, index: int, factors: list[Ar
 
 
 def _borders(run: ObservedRun) -> NDArray[np.intp]:
-    """First rows of stretches of one block, and the end of the last stretch, shape (stretches + 1,)."""
+    """First row of each stretch of rows of one block, and the end of the last stretch, shape (stretches + 1,)."""
     changes = np.flatnonzero(run.block[1:] != run.block[:-1]) + 1
     return np.concatenate([[0], changes, [len(run.block)]])
 
 
 @dataclass(frozen=True, slots=True)
 class _Piece:
-    """Rows `begin` to `end - 1` of the output grid, all of one block."""
+    """Rows `begin` to `end - 1` of the output grid, which belong to one block."""
 
     begin: int
     end: int
@@ -189,7 +192,7 @@ class _Piece:
 
 
 def _pieces(run: ObservedRun) -> list[_Piece]:
-    """Pieces of the output grid: it is cut at the borders of blocks, and long blocks every CHUNK rows."""
+    """Pieces of the output grid, cut at the borders of blocks and, in long blocks, after every CHUNK rows."""
     return [
         _Piece(a, min(a + CHUNK, end), int(run.block[begin]))
         for begin, end in pairwise(_borders(run).tolist())
@@ -198,7 +201,7 @@ def _pieces(run: ObservedRun) -> list[_Piece]:
 
 
 def _chunks(pieces: list[_Piece]) -> Iterator[list[_Piece]]:
-    """Groups of neighbouring pieces with at most CHUNK rows."""
+    """Groups of neighbouring pieces with at most CHUNK rows together."""
     group: list[_Piece] = []
     for piece in pieces:
         if group and piece.end - group[0].begin > CHUNK:
@@ -212,7 +215,7 @@ def _chunks(pieces: list[_Piece]) -> Iterator[list[_Piece]]:
 def _raw_blocks(
     source: ColumnSource, run: ObservedRun, band: Band, threads: int, *, by_gram: bool
 ) -> Iterator[tuple[Array, NDArray[np.int64], int]]:
-    """Factors of pieces of an unfiltered run, their blocks, and the samples done so far."""
+    """Factors of pieces of an unfiltered run, the block of each piece, and the number of processed samples."""
     one_sided = run.consecutive and not band.is_open and not band.columns
     torque = filtered_torque(run, band) if one_sided else run.torque
     masked = not run.mask.all()
@@ -240,7 +243,7 @@ def _raw_blocks(
 def _filtered_blocks(
     source: ColumnSource, run: ObservedRun, band: Band
 ) -> Iterator[tuple[Array, NDArray[np.int64], int]]:
-    """Factors of pieces of a filtered run, their blocks, and the samples done so far."""
+    """Factors of pieces of a filtered run, the block of each piece, and the number of processed samples."""
     widths = source.layout.widths.astype(np.int64)
     for begin, x in filtered_columns(source, run, band):
         mask, block = run.mask[begin : begin + x.shape[1]], run.block[begin : begin + x.shape[1]]

@@ -1,4 +1,4 @@
-"""Column layout of a model for the stream: the column of each base parameter, and the columns of the terms."""
+"""Source of the regressor columns of a model: layout of the base parameters, and columns of the torque terms."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from armid.values import Array
 
 @dataclass(frozen=True, eq=False, slots=True)
 class ColumnSource:
-    """Source of a model's kept columns along a motion.
+    """Source of the regressor columns of the base parameters of a model along a motion.
 
     Attributes:
         model: Arm and torque terms.
-        tree: The arm's geometry.
-        layout: Column of each base parameter.
+        tree: Geometry of the arm.
+        layout: Layout of the columns of the base parameters.
         names: Names of the base parameters.
     """
 
@@ -31,12 +31,12 @@ class ColumnSource:
     names: tuple[ParameterName, ...]
 
     def term_rows(self, motion: Motion) -> Array:
-        """Kept rows of the terms' columns, shape (e, N)."""
+        """Columns of the torque terms that are kept, one in each row, shape (e, N)."""
         return self.model.term_columns(motion, self.layout.kept).values
 
 
 def column_source(model: DynamicsModel, base: BaseParameters) -> ColumnSource:
-    """Source of the columns of a model's base parameters, joint by joint."""
+    """Creates the source of the columns of the base parameters of a model."""
     number = np.full(len(model.parameters), -1, dtype=np.int32)
     number[base.kept] = np.arange(base.count)
     joint = np.array([entry[0] for entry in model.entries], dtype=np.int32)

@@ -1,7 +1,8 @@
-"""Zero-phase filter of a band, the same for torque and regressor columns.
+"""Zero-phase filter of a band, which is the same for torque and regressor columns.
 
-At a high rate the columns are first decimated inside the kernel's stream by a linear-phase filter that is flat over
-the band, then filtered sharply. Both steps are the same for torque and columns, so neither biases the estimate.
+If the sample rate is high, the columns are first decimated in the kernel, with a linear-phase filter whose gain is
+one in the band. Then the sharp filter of the band is applied. Both steps are the same for torque and columns, so
+neither step biases the estimate.
 """
 
 from __future__ import annotations
@@ -29,17 +30,17 @@ from armid.measurement.observations import ObservedRun
 from armid.values import Array
 
 SEGMENT = 8192
-"""Rows that the sharp filter processes at a time: 14 MB for a seven-joint arm."""
+"""Number of rows that the sharp filter processes at a time: 14 MB for a seven-joint arm."""
 
 CHUNK = 16384
-"""Samples whose term columns are in memory at a time."""
+"""Number of samples whose columns of torque terms are in memory at a time."""
 
 OVERLAP = 16
-"""Additional early rows on each side for the interpolation: its filter needs seven."""
+"""Number of additional decimated rows on each side for the interpolation; its filter needs seven."""
 
 
 def in_band(x: Array, rate: float, band: Band) -> Array:
-    """Signals (N, ...) of one run at full rate, filtered by the band."""
+    """Signals (N, ...) of one run at full rate, filtered with the low-pass of the band."""
     filter = low_pass(band.family, band.order, band.cutoff, rate)
     if filter is None:
         return x
@@ -47,18 +48,19 @@ def in_band(x: Array, rate: float, band: Band) -> Array:
 
 
 def filtered_torque(run: ObservedRun, band: Band) -> Array:
-    """Filtered torque of a run, at full rate, shape (N, n)."""
+    """Torque of a run, filtered with the band, at full rate, shape (N, n)."""
     return in_band(run.torque, run.rate, band)
 
 
 def filtered_columns(source: ColumnSource, run: ObservedRun, band: Band) -> Iterator[tuple[int, Array]]:
-    """Filtered columns and torque on the output grid, a segment at a time.
+    """Filtered regressor columns and torque on the output grid, in segments.
 
-    The sharp filter works on early rows: their step is a divisor of the output grid's step. Where the grid is denser
-    than the band needs, their step is coarser and the filtered columns are interpolated.
+    The sharp filter is applied to the decimated ("early") rows. Their step is a divisor of the step of the output
+    grid. If the output grid is denser than the band needs, their step is coarser, and the filtered columns are
+    interpolated.
 
     Yields:
-        First row of the segment, and its columns (columns, rows).
+        First row of the segment, and its columns, shape (columns, rows).
     """
     early = decimation_step(run.rate, band.cutoff, run.step)
     factor = _rows_between(run, band) if early == run.step else 1
@@ -89,7 +91,10 @@ def filtered_columns(source: ColumnSource, run: ObservedRun, band: Band) -> Iter
 
 
 def _rows_between(run: ObservedRun, band: Band) -> int:
-    """Rows of the output grid for each row that the band needs; with periodic edges a divisor of the period."""
+    """Number of rows of the output grid for each row that the band needs.
+
+    With periodic edges it is a divisor of the period.
+    """
     factor = max(1, coarsest_step(run.rate, band.cutoff) // run.step)
     if band.edges == "periodic":
         while run.motion.samples % (factor * run.step):
@@ -100,7 +105,10 @@ def _rows_between(run: ObservedRun, band: Band) -> int:
 
 
 def _rows(x: Array, lead: int, late: int, factor: int, begin: int, end: int, *, periodic: bool) -> Array:
-    """Rows begin to end - 1 of the output grid from filtered early columns, whose column `lead` is row 0."""
+    """Rows `begin` to `end - 1` of the output grid from the filtered decimated columns.
+
+    Row 0 is column `lead`.
+    """
     if factor == 1:
         start = lead + begin * late
         return np.ascontiguousarray(x[:, start : start + (end - begin - 1) * late + 1 : late])
@@ -114,7 +122,7 @@ def _rows(x: Array, lead: int, late: int, factor: int, begin: int, end: int, *, 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _EarlyColumns:
-    """Columns of a run after the first decimation: row r is centred on sample first + r step."""
+    """Columns of a run after the first decimation; row r is centred on sample first + r · step."""
 
     source: ColumnSource
     run: ObservedRun
@@ -124,18 +132,18 @@ class _EarlyColumns:
 
     @property
     def available(self) -> int:
-        """Number of rows of the run."""
+        """Number of decimated rows of the run."""
         return len(range(self.first, self.run.motion.samples, self.step))
 
     def between(self, a: int, b: int) -> Array:
-        """Rows a to b - 1 of the run, continued by reflection at its ends."""
+        """Decimated rows `a` to `b - 1` of the run, whose ends are continued by reflection."""
         out = self._inside(a, b)
         if len(self.taps) > 1:
             _reflect_ends(self.source, self.run, self.taps, self.step, self.first, a, b, out)
         return out
 
     def periodic(self) -> Array:
-        """All rows of the run, continued periodically."""
+        """All decimated rows of the run, which is continued periodically."""
         out = self._inside(0, self.available)
         half, N = len(self.taps) // 2, self.run.motion.samples
         lowest, highest = self.first - half, self.first + (self.available - 1) * self.step + half
@@ -155,7 +163,7 @@ class _EarlyColumns:
         return out
 
     def _add(self, begin: int, end: int, first_tap: int, out: Array) -> None:
-        """Add samples begin to end - 1; row 0 has its first tap over sample `first_tap`."""
+        """Adds samples `begin` to `end - 1` to `out`; the first tap of row 0 multiplies sample `first_tap`."""
         part = self.run.motion[slice(begin, end)]
         kernel.decimate(
             self.source.tree,
@@ -175,7 +183,7 @@ class _EarlyColumns:
 def _reflect_ends(
     source: ColumnSource, run: ObservedRun, taps: Array, step: int, first: int, a: int, b: int, out: Array
 ) -> None:
-    """Recomputes the rows whose taps reach past an end of the run, with the end reflected."""
+    """Recomputes the rows whose filter reaches beyond an end of the run; the run is continued there by reflection."""
     half = len(taps) // 2
     N = run.motion.samples
     length = min(N, 2 * half + 1 + half)

@@ -1,7 +1,8 @@
-"""Hysteresis states along a run at full rate, and the mask of the rows before they are known.
+"""Hysteresis states along a run at full rate, and the mask of the rows in which they are unknown.
 
-The initial states of a run are unknown. Until the motion determines them, the columns that depend on them are wrong,
-and a filter spreads this error; such rows are used neither for the estimate nor for validation.
+The initial states of a run are unknown. Until the motion determines the states, the columns that depend on them are
+wrong, and a filter transfers this error to neighbouring rows. These rows are used neither for the estimate nor for
+the validation.
 """
 
 from __future__ import annotations
@@ -18,11 +19,11 @@ from armid.measurement.observations import Observations, ObservedRun
 from armid.model.dynamics import DynamicsModel
 
 NOTABLE = 0.2
-"""Share of a joint's rows with unknown states above which there is a finding: one second of five."""
+"""Share of the rows of a joint with unknown states above which there is a finding: one second of five."""
 
 
 def with_hysteresis_states(model: DynamicsModel, run: ObservedRun, band: Band) -> ObservedRun:
-    """Adds the hysteresis states of a model to a run, unless there are none or the run has them already.
+    """Adds the hysteresis states of a model to a run, if the model has any and the run has none yet.
 
     Args:
         model: Arm and torque terms.
@@ -30,10 +31,10 @@ def with_hysteresis_states(model: DynamicsModel, run: ObservedRun, band: Band) -
         band: Filter of the columns.
 
     Returns:
-        The run with states in its motion; rows of a joint that unknown states influence are masked.
+        Run whose motion contains the states. For each joint, the rows that unknown states influence are masked.
 
     Raises:
-        ArmidError: The run's samples are not consecutive.
+        ArmidError: The samples of the run are not consecutive.
     """
     if not model.nodes or run.motion.memory is not None:
         return run
@@ -41,7 +42,7 @@ def with_hysteresis_states(model: DynamicsModel, run: ObservedRun, band: Band) -
         raise ArmidError(
             f"The term {model.nodes[0].term!r} depends on the earlier motion, but the samples of recording "
             f"{run.recording + 1} are not consecutive.",
-            remedy=f"remove {model.nodes[0].term!r} from the model, or leave this recording out.",
+            remedy=f"remove {model.nodes[0].term!r} from the model, or leave out this recording.",
         )
     motion, known = model.remembered(run.motion)
     mask = run.mask & ~_unknown(run, band, _known_joints(model, known))
@@ -49,15 +50,15 @@ def with_hysteresis_states(model: DynamicsModel, run: ObservedRun, band: Band) -
 
 
 def require_consecutive(model: DynamicsModel, given: Observations, rows: NDArray[np.int64]) -> None:
-    """Refuse a model with hysteresis states that are unknown in all rows of a joint.
+    """Raises an error if hysteresis states are unknown in all rows of a joint.
 
     Args:
         model: Arm and torque terms.
-        given: Observations before the rows with unknown states were masked.
+        given: Observations before rows with unknown states were masked.
         rows: Number of remaining rows of each joint, shape (n,).
 
     Raises:
-        ArmidError: A joint has no rows left.
+        ArmidError: For a joint, no row remains.
     """
     had = np.sum([run.mask.any(axis=0) for run in given.runs], axis=0) > 0
     lost = np.flatnonzero(had & (rows == 0))
@@ -65,14 +66,15 @@ def require_consecutive(model: DynamicsModel, given: Observations, rows: NDArray
         names = ", ".join(model.robot.joint_names[j] for j in lost)
         widest = max(n.memory.width for n in model.nodes if any(j in lost for j, _ in n.coordinate))
         raise ArmidError(
-            f"No row of {names} remains: the state of {model.nodes[0].term!r} is known only after a motion over "
-            f"{2.0 * widest:g} rad or m and the settling time of the filter, which these joints never reach.",
-            remedy="choose smaller widths, restrict the term to joints that move more, or record longer.",
+            f"No row of {names} remains: the state of {model.nodes[0].term!r} is known only after a motion of more "
+            "than "
+            f"{2.0 * widest:g} rad or m and the settling time of the filter, and these joints reach this in no run.",
+            remedy="choose smaller widths, restrict the term to joints that move further, or record for longer.",
         )
 
 
 def memory_findings(model: DynamicsModel, observations: Observations) -> tuple[Finding, ...]:
-    """Findings about joints and runs with many rows before the hysteresis states are known."""
+    """Findings about joints with many rows in which the hysteresis states are unknown, run by run."""
     findings: list[Finding] = []
     for run in observations.runs if model.nodes else ():
         known = with_hysteresis_states(model, run, observations.band).mask.sum(axis=0)
@@ -82,9 +84,10 @@ def memory_findings(model: DynamicsModel, observations: Observations) -> tuple[F
                 "memory-unknown",
                 "warning" if known[j] == 0 else "info",
                 model.robot.joint_names[j],
-                f"{rows[j] - known[j]} of {rows[j]} rows of a run of recording {run.recording + 1} come before the "
-                f"motion has determined the state of {model.nodes[0].term!r}.",
-                "They are not used for this joint.",
+                f"In {rows[j] - known[j]} of {rows[j]} rows of a run of recording {run.recording + 1}, the motion "
+                "has not yet "
+                f"determined the state of {model.nodes[0].term!r}.",
+                "These rows are not used for this joint.",
             )
             for j in np.flatnonzero(rows - known > NOTABLE * rows)
         ]
@@ -92,7 +95,7 @@ def memory_findings(model: DynamicsModel, observations: Observations) -> tuple[F
 
 
 def _known_joints(model: DynamicsModel, known: NDArray[np.int64]) -> NDArray[np.int64]:
-    """First sample at which all states that act on each joint are known, shape (n,)."""
+    """First sample from which all states that act on a joint are known, for each joint, shape (n,)."""
     since = np.zeros(model.n, dtype=np.int64)
     for node, first in zip(model.nodes, known, strict=True):
         for j, _ in node.coordinate:
@@ -101,7 +104,7 @@ def _known_joints(model: DynamicsModel, known: NDArray[np.int64]) -> NDArray[np.
 
 
 def _unknown(run: ObservedRun, band: Band, since: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Rows that samples before `since` of each joint influence through the filter, shape (M, n)."""
+    """Mask of the rows that samples before `since` of each joint influence through the filter, shape (M, n)."""
     filter = None if not band.columns else low_pass(band.family, band.order, band.cutoff, run.rate)
     reach = 0 if filter is None else edge_samples(filter)
     rows = run.rows[:, None]

@@ -1,9 +1,10 @@
-"""Square-root information: triangular factors of a recording's rows, the data of every least-squares estimate.
+"""Square-root information: triangular factors of the rows of recordings, from which all estimates are computed.
 
-A row of the regressor depends only on the links that its joint carries. So each joint has a small factor of its own:
-with X_j the joint's columns and torque over a block of rows, R_jᵀ R_j = X_jᵀ X_j. These factors are sufficient for
-every least-squares estimate with one noise level for each joint, without a second pass over the recording. Blocks
-stay separate, for covariances under correlated noise, cross-validation and bootstrap from the same factors.
+A row of the regressor depends only on the links that its joint carries. Therefore each joint j has its own small
+factor R_j. If X_j contains the columns and the torque of the joint in a block of rows, R_jᵀ R_j = X_jᵀ X_j. These
+factors are sufficient for every least-squares estimate with one noise level for each joint; the recording is not read
+again. Blocks stay separate, so that the same factors can be used for covariances under correlated noise,
+cross-validation and bootstrap.
 """
 
 from __future__ import annotations
@@ -24,11 +25,11 @@ from armid.values import Array, array
 
 @dataclass(frozen=True, slots=True)
 class FactorOrigin(TextValue):
-    """Kernel and method that factors were made by: `native qr`.
+    """Kernel and method by which factors were computed, for instance `native qr`.
 
     Attributes:
         kernel: `native` or `numpy`.
-        method: Factorisation.
+        method: Method of the factorisation.
     """
 
     kernel: str = ""
@@ -39,18 +40,18 @@ class FactorOrigin(TextValue):
 
     @classmethod
     def read(cls, text: str) -> FactorOrigin:
-        """The origin of this text."""
+        """Reads kernel and method from a text."""
         kernel, _, method = text.partition(" ")
         return cls(kernel, method)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class JointFactors:
-    """Triangular factors of one joint's rows, one for each block.
+    """Triangular factors of the rows of one joint, one factor for each block.
 
     Attributes:
-        parameters: Base parameters that the joint's rows depend on, shape (k,).
-        R: Upper triangular factors, last column the torque, shape (blocks, k + 1, k + 1) [units of the columns].
+        parameters: Indices of the base parameters that the torque of the joint depends on, shape (k,).
+        R: Upper triangular factors, shape (blocks, k + 1, k + 1); the last column belongs to the torque.
     """
 
     parameters: NDArray[np.int32]
@@ -66,16 +67,17 @@ class JointFactors:
 
 @dataclass(frozen=True, eq=False, slots=True, repr=False)
 class Information(Displayed):
-    """Factors of all joints and blocks.
+    """Triangular factors of all joints and blocks.
 
     Attributes:
         names: Names of the base parameters, b of them.
         joints: Factors of each joint, n of them.
         rows: Number of rows in use, shape (blocks, n).
-        run: Contiguous run that each block is part of, counted through all recordings, shape (blocks,).
-        recording: Recording that each block is part of, shape (blocks,).
-        scale_deviation: Relative standard deviation of each joint's torque scale, such as a drive gain's, shape (n,).
-        made_by: How the factors were made: kernel and method.
+        run: Index of the contiguous run to which each block belongs, counted through all recordings, shape (blocks,).
+        recording: Index of the recording to which each block belongs, shape (blocks,).
+        scale_deviation: Relative standard deviation of the scale of the torque of each joint, for instance of the
+            drive gain, shape (n,).
+        made_by: Kernel and method by which the factors were computed.
     """
 
     names: tuple[ParameterName, ...]
@@ -95,14 +97,14 @@ class Information(Displayed):
         for name, shape in (("rows", (blocks, len(self.joints))), ("run", (blocks,)), ("recording", (blocks,))):
             value = np.array(getattr(self, name), dtype=np.int64)
             if value.shape != shape:
-                raise ArmidError(f"Information.{name} must have shape {shape}; found {value.shape}.")
+                raise ArmidError(f"The field {name!r} of Information must have shape {shape}; found {value.shape}.")
             value.setflags(write=False)
             object.__setattr__(self, name, value)
         if any(len(joint.R) != blocks for joint in self.joints):
             raise ArmidError("Every joint must have a factor for every block.")
 
     def summary(self) -> Summary:
-        """Rows and parameters of each joint."""
+        """Table of the numbers of rows and parameters of each joint."""
         rows = tuple(
             (str(j + 1), str(int(self.rows[:, j].sum())), str(len(joint.parameters)))
             for j, joint in enumerate(self.joints)
@@ -127,13 +129,13 @@ class Information(Displayed):
 
 
 def merge(parts: Sequence[Information]) -> Information:
-    """All blocks of several pieces of information, in order; the operation is associative.
+    """Information with the blocks of all parts, in order; the operation is associative.
 
     Raises:
-        ArmidError: There is nothing to merge, or the pieces have different parameters.
+        ArmidError: There are no parts, or the parts have different base parameters.
     """
     if not parts:
-        raise ArmidError("There is no information to merge.", remedy="give at least one.")
+        raise ArmidError("There is no information to merge.", remedy="give at least one Information.")
     first = parts[0]
     if len(parts) == 1:
         return first
@@ -143,8 +145,8 @@ def merge(parts: Sequence[Information]) -> Information:
         )
         if not alike:
             raise ArmidError(
-                "Only information on the same base parameters can be merged.",
-                remedy="merge information of the same model, robot and terms.",
+                "Only information about the same base parameters can be merged.",
+                remedy="compute all parts with the same robot and the same torque terms.",
             )
     origins = list(dict.fromkeys(part.made_by for part in parts))
     joints = tuple(
@@ -163,7 +165,7 @@ def merge(parts: Sequence[Information]) -> Information:
 
 
 def select(information: Information, blocks: NDArray[np.integer] | NDArray[np.bool_]) -> Information:
-    """Some of the blocks, by index or mask; an index may occur twice, as in a bootstrap."""
+    """Information with selected blocks, by index or mask; an index may occur twice, as in a bootstrap."""
     joints = tuple(JointFactors(joint.parameters, joint.R[blocks]) for joint in information.joints)
     return replace(
         information,
@@ -175,11 +177,11 @@ def select(information: Information, blocks: NDArray[np.integer] | NDArray[np.bo
 
 
 def restrict(information: Information, kept: NDArray[np.intp]) -> Information:
-    """Information on some parameters for a model without the others.
+    """Information about some of the parameters, for a model that does not have the others.
 
     Args:
         information: Information of any number of blocks.
-        kept: Numbers of the parameters, ascending.
+        kept: Indices of the parameters that are kept, ascending.
     """
     number = np.full(information.count, -1, dtype=np.int32)
     number[kept] = np.arange(len(kept))
@@ -193,7 +195,7 @@ def restrict(information: Information, kept: NDArray[np.intp]) -> Information:
 
 
 def total(information: Information) -> Information:
-    """Merges all blocks into one: the factor of the stacked factors, joint by joint."""
+    """Merges all blocks into one, by the triangular factor of the stacked factors of each joint."""
     if information.blocks == 1:
         return information
     joints = tuple(
@@ -210,14 +212,14 @@ def total(information: Information) -> Information:
 
 
 def stack(information: Information, weights: Array | None = None) -> tuple[Array, Array]:
-    """Rows and right-hand side of the equivalent least-squares problem.
+    """Matrix and right-hand side of the equivalent least-squares problem.
 
     Args:
         information: Information of any number of blocks.
-        weights: Factor of the rows of each joint, shape (n,); one where not given.
+        weights: Factor by which the rows of each joint are multiplied, shape (n,); one if not given.
 
     Returns:
-        A (rows, b) and y (rows,): minimising |A π - y| gives the estimate.
+        A, shape (rows, b), and y, shape (rows,). The estimate is the π that minimises the norm of A π - y.
     """
     parts: list[Array] = []
     sides: list[Array] = []

@@ -1,7 +1,8 @@
-"""Second pass over the samples: the regressor's rows of a run, a segment at a time.
+"""Rows of the regressor of a run, computed in segments in a second pass over the samples.
 
-Robust weights, tests of whiteness and noise spectra need single rows, which factors do not give. The rows are
-filtered and on the output grid, the same that entered the factors, and never in memory all at once.
+Robust weights, tests of whiteness and noise spectra need single rows, which cannot be obtained from the factors. The
+rows are filtered and on the output grid; they are the same rows from which the factors were computed. They are never
+all in memory at the same time.
 """
 
 from __future__ import annotations
@@ -19,25 +20,26 @@ from armid.measurement.observations import ObservedRun
 from armid.values import Array
 
 SEGMENT = 8192
-"""Rows held at a time: 14 MB for a seven-joint arm."""
+"""Number of rows in memory at a time: 14 MB for a seven-joint arm."""
 
 
 def rows(source: ColumnSource, run: ObservedRun, band: Band) -> Iterator[tuple[int, Array]]:
-    """Filtered columns and torque of every joint on the output grid, a segment at a time.
+    """Filtered regressor columns and torque of every joint on the output grid, in segments.
 
-    The mask is not applied. With hysteresis the run's own mask still holds rows with unknown states: pass a run from
-    `armid.information.hysteresis_states.with_hysteresis_states` and use its mask.
+    The mask is not applied. For a model with hysteresis, the mask of the run must also exclude the rows with unknown
+    states: pass a run from `armid.information.hysteresis_states.with_hysteresis_states` and use its mask.
 
     Args:
-        source: Source of the columns; joint j has rows `layout.offset[j]` to `layout.offset[j + 1] - 1`, torque last.
-        run: The run; hysteresis states are computed where it has none yet.
-        band: Filter of both sides, or of the torque alone where `band.columns` is false.
+        source: Source of the columns. Joint j has columns `layout.offset[j]` to `layout.offset[j + 1] - 1`; the last
+            one is the torque.
+        run: The run; its hysteresis states are computed if it has none yet.
+        band: Filter of torque and columns, or of the torque only if `band.columns` is false.
 
     Yields:
         First row of the segment, and its columns, shape (columns, M).
 
     Raises:
-        ArmidError: The model has hysteresis, and the run's samples are not consecutive.
+        ArmidError: The model has hysteresis, and the samples of the run are not consecutive.
     """
     run = with_hysteresis_states(source.model, run, band)
     if not band.is_open and run.consecutive and band.columns:
@@ -55,5 +57,5 @@ def rows(source: ColumnSource, run: ObservedRun, band: Band) -> Iterator[tuple[i
 
 
 def all_rows(source: ColumnSource, run: ObservedRun, band: Band) -> Array:
-    """All rows of a run, shape (columns, M), for short runs."""
+    """Filtered regressor columns and torque of a whole run, shape (columns, M), for short runs."""
     return np.concatenate([x for _, x in rows(source, run, band)], axis=1)

@@ -1,4 +1,4 @@
-"""Measured less predicted torque on the output grid, filtered and as recorded, from a second pass over a run."""
+"""Residuals: measured minus predicted torque of a run on its output grid, filtered and as recorded."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from armid.values import Array
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Comparison:
-    """Measured and predicted torque of one run on its output grid, M rows.
+    """Measured and predicted torque of one run at the M rows of its output grid.
 
     Attributes:
-        measured: Filtered measured torque, shape (M, n) [N·m or N].
-        predicted: Predicted torque through the same filter, shape (M, n).
-        measured_raw: Measured torque as recorded, shape (M, n).
-        predicted_raw: Predicted torque without a filter, shape (M, n).
-        mask: Rows in use, shape (M, n).
+        measured: Measured torque after the filter, shape (M, n) [N·m or N].
+        predicted: Predicted torque after the same filter, shape (M, n) [N·m or N].
+        measured_raw: Measured torque as recorded, without a filter, shape (M, n) [N·m or N].
+        predicted_raw: Predicted torque without a filter, shape (M, n) [N·m or N].
+        mask: Mask of the rows in use, shape (M, n).
     """
 
     measured: Array
@@ -35,29 +35,29 @@ class Comparison:
 
     @property
     def residual(self) -> Array:
-        """Measured less predicted in the band, shape (M, n)."""
+        """Measured minus predicted torque after the filter, shape (M, n) [N·m or N]."""
         return self.measured - self.predicted
 
     @property
     def residual_raw(self) -> Array:
-        """Measured less predicted as recorded, shape (M, n)."""
+        """Measured minus predicted torque without a filter, shape (M, n) [N·m or N]."""
         return self.measured_raw - self.predicted_raw
 
 
 def compare(model: DynamicsModel, standard: Array, run: ObservedRun, band: Band) -> Comparison:
-    """Compare the torque of a run with that of a model.
+    """Compares the measured torque of a run with the torque that a model predicts.
 
     Args:
         model: Arm and torque terms.
-        standard: Standard parameters, or others with the same torque, shape (p,).
+        standard: Standard parameters, or other values that give the same torque, shape (p,).
         run: The run.
-        band: Filter of both sides, or of the torque alone where `band.columns` is false.
+        band: Filter of measured and predicted torque, or of the measured torque only if `band.columns` is false.
 
     Returns:
-        Both torques; rows with unknown hysteresis states are masked.
+        Measured and predicted torque; rows with unknown hysteresis states are masked.
 
     Raises:
-        ArmidError: The model has hysteresis, and the run's samples are not consecutive.
+        ArmidError: The model has hysteresis, and the samples of the run are not consecutive.
     """
     run = with_hysteresis_states(model, run, band)
     predicted = model.torque(run.motion, standard)

@@ -1,7 +1,8 @@
-"""Information from rows with a weight each, by further passes over the samples as the weights change.
+"""Information from weighted rows, computed in a further pass over the samples for each change of the weights.
 
-Every pass computes the rows anew, a segment at a time. They are stored between passes only where all of them fit into
-`KEPT`. So memory does not grow with the recording, and short recordings are filtered only once.
+Every pass computes the rows again, in segments. The rows are stored between passes only if all of them fit into
+`KEPT` bytes. The memory therefore does not grow with the length of the recordings, and short recordings are filtered
+only once.
 """
 
 from __future__ import annotations
@@ -21,18 +22,19 @@ from armid.measurement.observations import Observations, ObservedRun
 from armid.values import Array
 
 KEPT = 64_000_000
-"""Largest size of the rows that are stored between passes [bytes]: some 40 000 rows of a seven-joint arm."""
+"""Largest size of the rows that are stored between passes [bytes]: about 40 000 rows of a seven-joint arm."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Segment:
-    """Some filtered rows of a run on its output grid.
+    """Consecutive filtered rows of a run on its output grid.
 
     Attributes:
-        run: Number of the run.
-        begin: First row.
-        x: Columns and torque of all joints, shape (columns, M), of `armid.information.regressor_rows.rows`.
-        mask: Rows in use, shape (M, n).
+        run: Index of the run.
+        begin: Index of the first row.
+        x: Columns and torque of all joints, shape (columns, M), as `armid.information.regressor_rows.rows` returns
+            them.
+        mask: Mask of the rows in use, shape (M, n).
         block: Block of each row, shape (M,).
     """
 
@@ -44,15 +46,15 @@ class Segment:
 
 
 Weigh = Callable[[Segment, int], Array]
-"""Weight (M,) of each row of a segment for one joint; masked rows are always left out."""
+"""Function that returns the weight of each row of a segment for one joint, shape (M,). Masked rows are never used."""
 
 
 class WeightedRows:
-    """Iterable over all rows of observations, which can be repeated.
+    """Iterable over the segments of all rows of observations; it can be iterated several times.
 
     Attributes:
         source: Source of the columns.
-        observations: The samples, with rows of unknown hysteresis states masked.
+        observations: The samples; rows with unknown hysteresis states are masked.
     """
 
     def __init__(self, source: ColumnSource, observations: Observations) -> None:
@@ -77,7 +79,7 @@ class WeightedRows:
         self._kept = kept
 
     def _made(self) -> Iterator[Segment]:
-        """Segments computed from the samples."""
+        """Segments, computed from the samples."""
         for index, run in enumerate(self.observations.runs):
             for begin, x in rows(self.source, run, self.observations.band):
                 end = begin + x.shape[1]
@@ -85,15 +87,15 @@ class WeightedRows:
 
 
 def weighted_information(every: WeightedRows, weigh: Weigh, *, blocks: bool = True) -> Information:
-    """Factors of rows that are multiplied by the square roots of their weights.
+    """Information of rows that are multiplied by the square roots of their weights.
 
     Args:
         every: The rows.
-        weigh: Weight of each row, joint by joint.
-        blocks: Keep the blocks separate; otherwise every run is one block, which is faster.
+        weigh: Function that returns the weight of each row, for one joint at a time.
+        blocks: If true, the blocks stay separate; otherwise every run is one block, which is faster.
 
     Returns:
-        Information; its `rows` is the number of rows, independent of their weights.
+        Information of the weighted rows. Its `rows` counts the rows, independent of their weights.
     """
     runs = every.observations.runs
     names = [np.unique(run.block) if blocks else np.zeros(1, dtype=np.int64) for run in runs]
@@ -108,7 +110,7 @@ def weighted_information(every: WeightedRows, weigh: Weigh, *, blocks: bool = Tr
 def _add(
     source: ColumnSource, segment: Segment, weigh: Weigh, number: NDArray[np.int64], factors: list[Array]
 ) -> None:
-    """Merges a segment's rows into the factors of their blocks."""
+    """Adds the rows of a segment to the factors of their blocks."""
     bounds = np.concatenate([[0], np.flatnonzero(np.diff(number)) + 1, [len(number)]])
     for j, whole in enumerate(factors):
         a, b = source.layout.offset[j], source.layout.offset[j + 1]

@@ -1,8 +1,9 @@
-"""The compiled kernel, its NumPy twin and the choice between them.
+"""Compiled kernel, its NumPy twin, and the choice between them.
 
-`reference` is the twin: it is short and defines the result of every function. The compiled kernel has one build for
-each instruction set and uses the widest that the machine supports. The environment variable `ARMID_KERNEL` chooses
-another: `avx512`, `avx2`, `baseline` or `numpy` (the twin). `in_use()` returns the name of the build in use.
+The twin (module `reference`) is a short NumPy implementation that defines the result of every function. The compiled
+kernel has one build for each instruction set; by default the fastest build that the machine supports is used. The
+environment variable `ARMID_KERNEL` chooses another build: `avx512`, `avx2`, `baseline` or `numpy` (the twin).
+`in_use()` returns the name of the build in use.
 """
 
 from armid.kernel.column_layout import ColumnLayout, make_layout

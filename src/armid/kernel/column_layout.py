@@ -1,4 +1,4 @@
-"""Layout of the kept columns of each joint's rows, and the positions of the terms' columns."""
+"""Layout of the regressor columns that are kept for each joint."""
 
 from __future__ import annotations
 
@@ -13,19 +13,20 @@ from armid.kernel.tree import Tree
 
 @dataclass(frozen=True, eq=False, slots=True)
 class ColumnLayout:
-    """Columns of each joint's rows, which depend on the links that the joint carries and on its own terms.
+    """Layout of the columns of each joint: of the links that it carries, of its torque terms, and its torque.
 
-    Joint j has columns `offset[j]` to `offset[j + 1] - 1`; the last of them is the torque, the others belong to
-    `parameters[j]`, in ascending order.
+    Joint j has columns `offset[j]` to `offset[j + 1] - 1`. The last of these columns is the torque; the others are
+    the regressor columns of `parameters[j]`, in ascending order.
 
     Attributes:
-        offset: First column of each joint, shape (n + 1,).
-        target: Column within the joint's own, for each pair of link i and joint j that carries it (links in order,
-            joints from the base) and each of the ten parameters, shape (10 pairs,); -1 where the column is not kept;
-            empty without rigid bodies.
-        term: Column of each row of the terms, shape (e,).
-        kept: Kept rows of the model's term columns, shape (e,).
-        parameters: Chosen parameters of each joint's columns.
+        offset: First column of each joint, and the number of all columns, shape (n + 1,).
+        target: Column, counted from the first column of joint j, of each inertial parameter of link i, for all pairs
+            of a link i and a joint j that carries it (links in order, joints from the base). Shape (10 pairs,); -1 if
+            the column is not kept; empty without rigid bodies.
+        term: Column of each kept regressor column of the torque terms, shape (e,).
+        kept: Indices of the kept columns among all columns of the torque terms of the model, shape (e,).
+        parameters: Indices of the chosen parameters that the torque of each joint depends on, one array for each
+            joint.
     """
 
     offset: NDArray[np.int32]
@@ -41,7 +42,7 @@ class ColumnLayout:
 
     @property
     def parameter(self) -> NDArray[np.int32]:
-        """Chosen parameter of every column, 0 for torques, shape (columns,)."""
+        """Index of the chosen parameter of every column, 0 for torques, shape (columns,)."""
         torque = np.zeros(1, dtype=np.int32)
         return np.concatenate([part for own in self.parameters for part in (own, torque)])
 
@@ -61,10 +62,11 @@ def make_layout(
 
     Args:
         tree: The arm.
-        inertial: Number of the chosen parameter for each of the 10 n inertial parameters, shape (10 n,); -1 where it
+        inertial: Index among the chosen parameters of each of the 10 n inertial parameters, shape (10 n,); -1 if it
             is not chosen; empty without rigid bodies.
-        term_joint: Joint of each row of the terms' columns, shape (e,).
-        term_parameter: Number of the chosen parameter of each row of the terms' columns, -1 where it is not chosen.
+        term_joint: Joint of each regressor column of the torque terms, shape (e,).
+        term_parameter: Index among the chosen parameters of each of these columns, -1 if it is not chosen, shape
+            (e,).
     """
     carried = [tree.subtree(j) for j in range(tree.n)]
     parameters = [_of_joint(j, carried[j], inertial, term_joint, term_parameter) for j in range(tree.n)]
@@ -92,7 +94,7 @@ def _of_joint(
     term_joint: NDArray[np.integer],
     term_parameter: NDArray[np.integer],
 ) -> NDArray[np.int32]:
-    """Chosen parameters that the rows of joint j depend on, ascending."""
+    """Indices of the chosen parameters that the torque of joint j depends on, ascending."""
     chosen = {int(x) for x, at in zip(term_parameter, term_joint, strict=True) if at == j and x >= 0}
     for i in carried if len(inertial) else ():
         chosen |= {int(x) for x in inertial[10 * i : 10 * i + 10] if x >= 0}

@@ -1,6 +1,7 @@
-"""Entry points of the kernel: they check shapes, allocate the output and call the chosen build.
+"""Functions of the kernel: each checks the shapes, allocates the output and calls the chosen build.
 
-N samples, n joints, all arrays float64 in C order. `chosen` names an instruction set; by default the one in use.
+N is the number of samples, n the number of joints. All arrays are float64 in C order. The argument `chosen` names the
+build of the kernel, one of `instruction_sets()`; by default it is `in_use()`.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ def instruction_sets() -> tuple[str, ...]:
 
 @lru_cache(maxsize=1)
 def in_use() -> str:
-    """Name of the default build: that of `ARMID_KERNEL`, or the fastest.
+    """Name of the default build: the value of `ARMID_KERNEL` if it is set, otherwise the fastest build.
 
     Raises:
         ArmidError: `ARMID_KERNEL` names a build that this machine does not support.
@@ -42,7 +43,7 @@ def in_use() -> str:
     wanted = os.environ.get("ARMID_KERNEL", "") or possible[0]
     if wanted not in possible:
         raise ArmidError(
-            f"ARMID_KERNEL is {wanted!r}, which this machine does not support.",
+            f"The environment variable ARMID_KERNEL asks for {wanted!r}, which this machine does not support.",
             possible=", ".join(possible),
         )
     return wanted
@@ -55,7 +56,7 @@ def compiled_arm(tree: Tree) -> _native.Arm:
 
 
 def states_of(tree: Tree, *arrays: ArrayLike) -> list[Array]:
-    """Arrays (N, n) in the form of the kernel.
+    """Converts arrays (N, n) to float64 in C order, as the kernel needs them.
 
     Raises:
         ArmidError: An array has another shape.
@@ -85,9 +86,10 @@ def regressor(
     out: Array | None = None,
     chosen: str | None = None,
 ) -> Array:
-    """Rigid-body regressor, shape (N, n, 10 n), with τ = Y θ for the inertial parameters link by link.
+    """Rigid-body regressor Y, shape (N, n, 10 n), with τ = Y θ for the inertial parameters θ, link by link.
 
-    Where `out` is given, it is filled and returned; the allocation of a large array costs more than its computation.
+    If `out` is given, the result is written to it and it is returned. This saves time, because the allocation of a
+    large array takes longer than the computation.
     """
     q, dq, ddq = states_of(tree, q, dq, ddq)
     chosen = chosen or in_use()
@@ -143,7 +145,7 @@ def columns(
     out: Array | None = None,
     chosen: str | None = None,
 ) -> Array:
-    """Columns of every joint, torque last, along N samples: shape (columns, N).
+    """Regressor columns of every joint, followed by its torque, at N samples: shape (columns, N).
 
     Args:
         tree: The arm.
@@ -152,8 +154,8 @@ def columns(
         dq: Joint velocities, shape (N, n).
         ddq: Joint accelerations, shape (N, n).
         torque: Joint torques, shape (N, n).
-        terms: Kept rows of the terms' columns, shape (e, N).
-        out: Output array, filled and returned where given.
+        terms: Regressor columns of the torque terms that are kept, one in each row, shape (e, N).
+        out: Array to which the result is written; a new one if not given.
         chosen: Build of the kernel.
     """
     q, dq, ddq, torque = states_of(tree, q, dq, ddq, torque)
@@ -184,7 +186,7 @@ def factor(
     threads: int = 1,
     chosen: str | None = None,
 ) -> Array:
-    """Triangular factors of every joint's columns for each block, without storing the columns.
+    """Triangular factors of the columns of each joint, one for each block of samples; the columns are not stored.
 
     Args:
         tree: The arm.
@@ -193,16 +195,18 @@ def factor(
         dq: Joint velocities, shape (N, n).
         ddq: Joint accelerations, shape (N, n).
         torque: Joint torques, shape (N, n).
-        terms: Kept rows of the terms' columns, shape (e, N).
+        terms: Regressor columns of the torque terms that are kept, one in each row, shape (e, N).
         bounds: Block k holds samples `bounds[k]` to `bounds[k + 1] - 1`, shape (blocks + 1,).
         mask: Rows in use, shape (N, n).
-        by_gram: Compute the factors from the columns' products instead of by QR: half the arithmetic, but an error of
-            ε times the square of the scaled condition number, which the caller must check.
+        by_gram: If true, the factors are computed by Cholesky factorisation of the products of the columns, not by
+            QR. This needs half the arithmetic, but its relative error is ε times the square of the scaled condition
+            number. The caller must check this error.
         threads: Number of threads that share the blocks.
         chosen: Build of the kernel.
 
     Returns:
-        Factors of all joints in one row, shape (blocks, sum of widths squared); see `unpack_factors`.
+        Factors of all joints, concatenated into one row for each block, shape (blocks, sum of widths squared); see
+        `unpack_factors`.
     """
     q, dq, ddq, torque = states_of(tree, q, dq, ddq, torque)
     terms = np.ascontiguousarray(terms, dtype=np.float64)
@@ -230,11 +234,11 @@ def unpack_factors(layout: ColumnLayout, factors: Array) -> tuple[Array, ...]:
 
 
 def factor_columns(x: ArrayLike, bounds: ArrayLike | None = None, *, chosen: str | None = None) -> Array:
-    """Triangular factors (blocks, K, K) of columns in memory.
+    """Upper triangular factors (blocks, K, K) of given columns.
 
     Args:
         x: Columns, shape (K, rows).
-        bounds: Block k holds rows `bounds[k]` to `bounds[k + 1] - 1`; one block where not given.
+        bounds: Block k holds rows `bounds[k]` to `bounds[k + 1] - 1`; if not given, all rows are one block.
         chosen: Build of the kernel.
     """
     x = np.ascontiguousarray(x, dtype=np.float64)
@@ -262,9 +266,9 @@ def decimate(
     *,
     chosen: str | None = None,
 ) -> None:
-    """Adds every joint's columns, filtered and decimated, to `out`, without storing them at full rate.
+    """Filters and decimates the columns of every joint and adds them to `out`; the full-rate columns are not stored.
 
-    The sum of taps[s - first - r step] · column[s] over samples s is added to row r.
+    For each column, the sum of taps[s - first - r step] · column[s] over the samples s is added to entry r.
 
     Args:
         tree: The arm.
@@ -273,10 +277,10 @@ def decimate(
         dq: Joint velocities, shape (N, n).
         ddq: Joint accelerations, shape (N, n).
         torque: Joint torques, shape (N, n).
-        terms: Kept rows of the terms' columns, shape (e, N).
+        terms: Regressor columns of the torque terms that are kept, one in each row, shape (e, N).
         taps: Filter coefficients, shape (length,).
         step: Samples from one output row to the next.
-        first: Sample under the first tap of output row 0; may be negative.
+        first: Index of the sample that the first tap multiplies for output row 0; it may be negative.
         out: Array to which the result is added, shape (columns, rows).
         chosen: Build of the kernel.
     """
@@ -299,14 +303,14 @@ def play(
     """States of play operators along one contiguous run: z ← min(max(z, q - r), q + r).
 
     Args:
-        x: Coordinates, shape (N, k).
-        column: Coordinate that drives each operator, shape (m,).
-        width: Half-width r of each operator, shape (m,).
+        x: Coordinates q that drive the operators, shape (N, k) [rad or m].
+        column: Index of the coordinate that drives each operator, shape (m,).
+        width: Half-width r of each operator, shape (m,) [rad or m].
         chosen: Build of the kernel.
 
     Returns:
-        States (N, m), and for each the first sample at which it is known for every initial state, shape (m,); N where
-        it never is. Before that sample the state is the middle of its possible range.
+        States z, shape (N, m); and for each operator the first sample from which z does not depend on its unknown
+        initial value, shape (m,), N if there is none. Before that sample, z is the middle of its possible range.
     """
     x = np.ascontiguousarray(x, dtype=np.float64)
     column = np.ascontiguousarray(column, dtype=np.int32)

@@ -1,7 +1,7 @@
-"""Entry points of the kernel for the design of motions: information along N samples, and its gradients by the states.
+"""Kernel functions for the design of motions: information matrix of N samples, and its gradient by the joint states.
 
-In all functions `tree` is the arm, `layout` the layout of the kept columns, q, dq and ddq the states, shape (N, n),
-and `chosen` a build of the kernel.
+In all functions, `tree` is the arm, `layout` the layout of the kept columns, q, dq and ddq are joint positions,
+velocities and accelerations, shape (N, n), and `chosen` names a build of the kernel.
 """
 
 from __future__ import annotations
@@ -20,12 +20,13 @@ from armid.kernel.tree import Tree
 from armid.values import Array
 
 WIDEST = 8
-"""Number of samples in the widest register: the adjoint processes so many at once, and needs at least so many."""
+"""Number of samples that fit in the widest register. The adjoint processes this number of samples at once, so it
+needs at least this many."""
 
 
 @lru_cache(maxsize=64)
 def _parameter(layout: ColumnLayout) -> NDArray[np.int32]:
-    """Parameter of every column, computed once for each layout."""
+    """Chosen parameter of every column; the result is stored for each layout."""
     return layout.parameter
 
 
@@ -39,9 +40,10 @@ def columns_adjoint(
     *,
     chosen: str | None = None,
 ) -> tuple[Array, Array, Array]:
-    """Gradient of Σ cotangent · columns by positions, velocities and accelerations, each (N, n).
+    """Gradients of Σ cotangent · columns by joint positions, velocities and accelerations, shape (N, n) each.
 
-    Only the columns of rigid bodies are differentiated; entries of the cotangent for terms and torques are not used.
+    Only the rigid-body columns are differentiated. The entries of `cotangent` for other terms and for torques are
+    ignored.
 
     Args:
         tree: The arm.
@@ -83,7 +85,9 @@ def information(
     *,
     chosen: str | None = None,
 ) -> Array:
-    """G = Σ_j weights_j X_jᵀ X_j without torque, shape (count, count); the columns are not stored.
+    """Information matrix G = Σ_j weights_j X_jᵀ X_j of the columns X_j of each joint j, shape (count, count).
+
+    The torques are not included. The columns are not stored.
 
     Args:
         tree: The arm.
@@ -91,7 +95,7 @@ def information(
         q: Joint positions, shape (N, n).
         dq: Joint velocities, shape (N, n).
         ddq: Joint accelerations, shape (N, n).
-        terms: Kept rows of the terms' columns, shape (e, N).
+        terms: Regressor columns of the torque terms that are kept, one in each row, shape (e, N).
         weights: Weight of each joint's rows, shape (n,).
         count: Number of chosen parameters.
         chosen: Build of the kernel.
@@ -122,7 +126,7 @@ def information_adjoint(
     *,
     chosen: str | None = None,
 ) -> tuple[Array, Array, Array, Array]:
-    """Gradient of a function of `information` by positions, velocities, accelerations (N, n) and terms (e, N).
+    """Gradients of a function of the information matrix by q, dq and ddq, shape (N, n), and by `terms`, shape (e, N).
 
     Args:
         tree: The arm.
@@ -130,9 +134,9 @@ def information_adjoint(
         q: Joint positions, shape (N, n).
         dq: Joint velocities, shape (N, n).
         ddq: Joint accelerations, shape (N, n).
-        terms: Kept rows of the terms' columns, shape (e, N).
+        terms: Regressor columns of the torque terms that are kept, one in each row, shape (e, N).
         weights: Weight of each joint's rows, shape (n,).
-        slopes: Derivative of the function by the information, symmetric, shape (count, count).
+        slopes: Derivative of the function by the information matrix, symmetric, shape (count, count).
         chosen: Build of the kernel.
     """
     q, dq, ddq = states_of(tree, q, dq, ddq)

@@ -1,9 +1,9 @@
-"""The NumPy twin of the kernel: rigid-body dynamics of a tree, batched over N samples.
+"""NumPy twin of the kernel: rigid-body dynamics of a tree, for N samples at once.
 
-This file defines the results of the compiled kernel. All functions follow from three quantities of each link i, at
-its origin, in its own frame, angular part first [Featherstone2008]: its Jacobian J_i (v_i = J_i q̇), the derivative
-of that Jacobian D_i (acceleration = J_i q̈ + D_i q̇) and gravity G_i as a spatial acceleration. Gravity enters as the
-acceleration -G of all links.
+This module defines the results of the compiled kernel. All functions use three spatial quantities of each link i,
+taken at the origin of the link frame, in its axes, angular part first [Featherstone2008]: the Jacobian J_i (v_i = J_i
+q̇), its time derivative D_i (acceleration = J_i q̈ + D_i q̇), and the acceleration of gravity G_i. Gravity is
+included as an additional acceleration -G_i of every link.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ class _Link:
 
 
 def regressor(tree: Tree, q: Array, dq: Array, ddq: Array) -> Array:
-    """Y with torque = Y · parameters, shape (N, n, 10 n): sample, joint, parameter link by link."""
+    """Regressor Y with torque = Y · parameters, shape (N, n, 10 n); the parameters are ordered link by link."""
     Y = np.empty((len(q), tree.n, 10 * tree.n))
     for i, link in enumerate(_links(tree, q, dq)):
         v, a = _velocity_acceleration(link, dq, ddq)
@@ -52,7 +52,7 @@ def inverse_dynamics(tree: Tree, inertial: Array, q: Array, dq: Array, ddq: Arra
 
 
 def mass_matrix(tree: Tree, inertial: Array, q: Array) -> Array:
-    """M(q), shape (N, n, n): Σ J_iᵀ I_i J_i."""
+    """Mass matrix M(q) = Σ J_iᵀ I_i J_i, shape (N, n, n)."""
     M = np.zeros((len(q), tree.n, tree.n))
     for link, inertia in zip(_links(tree, q, np.zeros_like(q)), map(spatial_inertia, inertial), strict=True):
         M += _transpose(link.jacobian) @ inertia @ link.jacobian
@@ -60,7 +60,7 @@ def mass_matrix(tree: Tree, inertial: Array, q: Array) -> Array:
 
 
 def coriolis_matrix(tree: Tree, inertial: Array, q: Array, dq: Array) -> Array:
-    """C(q, q̇) of Christoffel symbols, shape (N, n, n): Σ J_iᵀ (I D_i + B J_i) [Echeandia2021]."""
+    """Coriolis matrix C(q, q̇) = Σ J_iᵀ (I D_i + B J_i) with Christoffel symbols, shape (N, n, n) [Echeandia2021]."""
     C = np.zeros((len(q), tree.n, tree.n))
     for link, inertia in zip(_links(tree, q, dq), map(spatial_inertia, inertial), strict=True):
         v = _apply(link.jacobian, dq)
@@ -71,7 +71,7 @@ def coriolis_matrix(tree: Tree, inertial: Array, q: Array, dq: Array) -> Array:
 
 
 def gravity_torque(tree: Tree, inertial: Array, q: Array) -> Array:
-    """g(q), shape (N, n): the torque that holds the arm at rest."""
+    """Gravity torque g(q), shape (N, n): the joint torque that holds the arm at rest."""
     still = np.zeros_like(q)
     return inverse_dynamics(tree, inertial, q, still, still)
 
@@ -84,7 +84,7 @@ def kinetic_energy(tree: Tree, inertial: Array, q: Array, dq: Array) -> Array:
 
 
 def potential_energy(tree: Tree, inertial: Array, q: Array) -> Array:
-    """Potential energy of gravity, shape (N,) [J]; zero for a mass at the origin of the base."""
+    """Potential energy of gravity, shape (N,) [J]; a mass at the origin of the base frame has energy zero."""
     links = _links(tree, q, np.zeros_like(q))
     moments = (b[0] * link.origin + link.rotation @ b[1:4] for link, b in zip(links, inertial, strict=True))
     return sum((-moment @ tree.gravity for moment in moments), np.zeros(len(q)))
@@ -120,13 +120,13 @@ def _placement(tree: Tree, i: int, q: Array) -> tuple[Array, Array]:
 
 
 def _velocity_acceleration(link: _Link, dq: Array, ddq: Array) -> tuple[Array, Array]:
-    """Spatial velocity and acceleration less gravity, each (N, 6)."""
+    """Spatial velocity, and spatial acceleration minus gravity, shape (N, 6) each."""
     acceleration = _apply(link.jacobian, ddq) + _apply(link.derivative, dq) - link.gravity
     return _apply(link.jacobian, dq), acceleration
 
 
 def _momentum_columns(v: Array) -> Array:
-    """Columns (N, 6, 10) of the momentum I v in the inertial parameters."""
+    """Derivatives (N, 6, 10) of the momentum I v by the ten inertial parameters."""
     return np.einsum("kab,nb->nak", _UNIT_BODIES, v)
 
 
@@ -139,7 +139,7 @@ def _motion_transform(R: Array, p: Array) -> Array:
 
 
 def _cross_motion(v: Array) -> Array:
-    """v× (N, 6, 6) on motions."""
+    """Spatial cross product v× for motion vectors, as matrices (N, 6, 6)."""
     X = np.zeros((len(v), 6, 6))
     X[:, :3, :3] = X[:, 3:, 3:] = skew(v[:, :3])
     X[:, 3:, :3] = skew(v[:, 3:])
@@ -147,12 +147,12 @@ def _cross_motion(v: Array) -> Array:
 
 
 def _cross_force(v: Array) -> Array:
-    """v×* (N, 6, 6) on forces."""
+    """Spatial cross product v×* for force vectors, as matrices (N, 6, 6)."""
     return -_transpose(_cross_motion(v))
 
 
 def _momentum_cross(f: Array) -> Array:
-    """f×̄* (N, 6, 6) with (f×̄*) v = v ×* f."""
+    """Matrices f×̄*, shape (N, 6, 6), with (f×̄*) v = v ×* f."""
     X = np.zeros((len(f), 6, 6))
     X[:, :3, :3] = -skew(f[:, :3])
     X[:, :3, 3:] = X[:, 3:, :3] = -skew(f[:, 3:])
@@ -160,7 +160,7 @@ def _momentum_cross(f: Array) -> Array:
 
 
 def _apply(A: Array, x: Array) -> Array:
-    """A_k x_k for each sample k."""
+    """Product A_k x_k for each sample k."""
     return (A @ x[..., None])[..., 0]
 
 

@@ -1,8 +1,9 @@
-"""NumPy twin of the adjoint: derivatives of columns by exact differences.
+"""NumPy twin of the adjoint: derivatives of regressor columns by difference formulas that are exact.
 
-By Lagrange's equations every column is linear in q̈ and quadratic in q̇. In the position of one joint it is a
-trigonometric polynomial of degree two (revolute) or a polynomial of degree two (prismatic). Central differences of
-quadratics are exact, and for f = Σ_{k ≤ 2} a_k cos kx + b_k sin kx
+By Lagrange's equations, every column is linear in q̈ and quadratic in q̇. As a function of the position of one joint,
+it is a trigonometric polynomial of degree two (revolute joint) or a polynomial of degree two (prismatic joint).
+Central differences of polynomials of degree two are exact. For f = Σ_{k ≤ 2} a_k cos kx + b_k sin kx the exact
+formula is
 
     f'(x) = (½ - √½) (f(x + π/2) - f(x - π/2)) + f(x + π/4) - f(x - π/4).
 """
@@ -25,7 +26,7 @@ STEPS = ((1.0, 0.5),)
 def columns_adjoint(
     tree: Tree, layout: ColumnLayout, q: Array, dq: Array, ddq: Array, cotangent: Array
 ) -> tuple[Array, Array, Array]:
-    """Gradients (N, n) by q, dq and ddq of the sum of cotangents (columns, N) times columns."""
+    """Gradients (N, n) of Σ cotangent · columns by q, dq and ddq."""
     bodies = np.zeros(layout.columns, dtype=np.bool_)
     pairs = [j for i in range(tree.n) for j in tree.ancestors(i)]
     for j, targets in zip(pairs, layout.target.reshape(-1, 10), strict=True):
@@ -53,7 +54,10 @@ def columns_adjoint(
 def information_adjoint(
     tree: Tree, layout: ColumnLayout, q: Array, dq: Array, ddq: Array, terms: Array, weights: Array, slopes: Array
 ) -> tuple[Array, Array, Array, Array]:
-    """Gradients by q, dq, ddq (N, n) and terms (e, N) of a function of the information with symmetric `slopes`."""
+    """Gradients of a function of the information matrix by q, dq and ddq, shape (N, n), and by `terms`, shape (e, N).
+
+    `slopes` is the derivative of the function by the information matrix; it must be symmetric.
+    """
     x = reference_factor.columns(tree, layout, q, dq, ddq, np.zeros_like(q), terms)
     worth = np.zeros_like(x)
     for weight, p, start in zip(weights, layout.parameters, layout.offset[:-1], strict=True):

@@ -1,6 +1,6 @@
 """NumPy twin of the kernel's streaming functions: columns, triangular factors, decimation.
 
-For brevity it stores the whole regressor, which the compiled kernel never does.
+To be short, this module stores the whole regressor. The compiled kernel never stores it.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from armid.values import Array
 
 
 def columns(tree: Tree, layout: ColumnLayout, q: Array, dq: Array, ddq: Array, torque: Array, terms: Array) -> Array:
-    """Columns of every joint, torque last, shape (columns, N)."""
+    """Regressor columns of every joint, followed by its torque, shape (columns, N)."""
     out = np.zeros((layout.columns, len(q)))
     if len(layout.target):
         Y = reference.regressor(tree, q, dq, ddq)
@@ -49,7 +49,7 @@ def factor(
     bounds: NDArray[np.int64],
     mask: NDArray[np.bool_] | None,
 ) -> Array:
-    """Factors of every joint's columns in one row, shape (blocks, sum of widths squared)."""
+    """Factors of all joints, concatenated into one row for each block, shape (blocks, sum of widths squared)."""
     x = columns(tree, layout, q, dq, ddq, torque, terms)
     factors: list[Array] = []
     for j, (a, b) in enumerate(zip(layout.offset[:-1], layout.offset[1:], strict=True)):
@@ -71,7 +71,7 @@ def decimate(
     first: int,
     out: Array,
 ) -> None:
-    """Adds sum over s of taps[s - first - r step] · column[s] to row r of `out` (columns, rows)."""
+    """Adds Σ_s taps[s - first - r step] · column[s] to entry r of each column in `out`, shape (columns, rows)."""
     x = columns(tree, layout, q, dq, ddq, torque, terms)
     for r in range(out.shape[1]):
         start = first + r * step
@@ -90,7 +90,7 @@ def information(
     weights: Array,
     count: int,
 ) -> Array:
-    """Weighted sum of the joints' products, shape (count, count)."""
+    """Information matrix Σ_j weights_j X_jᵀ X_j, shape (count, count)."""
     x = columns(tree, layout, q, dq, ddq, np.zeros_like(q), terms)
     G = np.zeros((count, count))
     for weight, parameters, start in zip(weights, layout.parameters, layout.offset[:-1], strict=True):

@@ -9,9 +9,10 @@ from armid.values import Array
 
 
 def play(x: Array, column: NDArray[np.int32], width: Array) -> tuple[Array, NDArray[np.int64]]:
-    """States (N, m) of z ← min(max(z, q - r), q + r), and the first sample at which each is known, shape (m,).
+    """States z, shape (N, m), by z ← min(max(z, q - r), q + r), and the first sample with a known z, shape (m,).
 
-    The initial state lies between q - r and q + r; both are propagated, and the state is known where they agree.
+    The unknown initial state lies between q - r and q + r. The states are computed from both ends of this range; z is
+    known from the sample on at which the two results are equal.
     """
     states = np.empty((len(x), len(column)))
     known = np.full(len(column), len(x), dtype=np.int64)

@@ -13,16 +13,16 @@ from armid.values import Array, array
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Tree:
-    """Constant geometry of n joints; parents come before their children.
+    """Constant geometry of a tree of n joints; the parent of a joint has a smaller index than the joint.
 
-    Frame i moves with link i. At q_i = 0 its pose in frame parent_i is (rotation_i, translation_i). A revolute joint
-    then turns it about `axis_i`; a prismatic joint shifts it along `axis_i`.
+    Frame i is fixed to link i. At q_i = 0, the pose of frame i in frame parent_i is (rotation_i, translation_i). A
+    revolute joint rotates frame i about `axis_i`; a prismatic joint translates it along `axis_i`.
 
     Attributes:
         parent: Index of the parent joint, -1 for the base, shape (n,).
         prismatic: Mask of the prismatic joints, shape (n,).
-        axis: Unit axes in the joint's own frame, shape (n, 3).
-        rotation: R of frame i in frame parent_i at q_i = 0, shape (n, 3, 3).
+        axis: Unit vector of the axis of joint i in frame i, shape (n, 3).
+        rotation: Rotation matrix of frame i in frame parent_i at q_i = 0, shape (n, 3, 3).
         translation: Origin of frame i in frame parent_i at q_i = 0, shape (n, 3) [m].
         gravity: Acceleration of gravity in the base frame, shape (3,) [m/s²].
     """
@@ -49,11 +49,13 @@ class Tree:
         set_(self, "translation", array(self.translation, (n, 3), "translation"))
         set_(self, "gravity", array(self.gravity, (3,), "gravity"))
         if n == 0 or prismatic.shape != (n,):
-            raise RobotError(f"A tree needs at least one joint and one kind for each joint; found {n} joints.")
+            raise RobotError(
+                f"A tree needs at least one joint, and the kind of each joint must be given; found {n} joints."
+            )
         if any(not -1 <= p < i for i, p in enumerate(parent)):
             raise RobotError(f"Parents must come before their children; found parents {parent.tolist()}.")
         if np.abs(np.linalg.norm(axis, axis=1) - 1.0).max() > UNIT_TOLERANCE:
-            raise RobotError("Joint axes must have unit length.")
+            raise RobotError("Every joint axis must be a vector of unit length.")
 
     @property
     def n(self) -> int:
@@ -61,7 +63,7 @@ class Tree:
         return len(self.parent)
 
     def ancestors(self, i: int) -> list[int]:
-        """Joints from the base to i, i included."""
+        """Indices of the joints from the base to joint i, including i."""
         chain: list[int] = []
         while i >= 0:
             chain.append(i)
@@ -69,7 +71,7 @@ class Tree:
         return chain[::-1]
 
     def subtree(self, i: int) -> list[int]:
-        """Joints that i carries, i included, in order."""
+        """Indices of the joints that joint i carries, including i, ascending."""
         carried = [False] * self.n
         for k in range(i, self.n):
             carried[k] = k == i or (self.parent[k] >= 0 and carried[self.parent[k]])
@@ -77,4 +79,5 @@ class Tree:
 
 
 UNIT_TOLERANCE = 1e-12
-"""Largest deviation of an axis' length from 1: axes are normalised before, so the rest is rounding."""
+"""Largest deviation of the length of an axis from 1. The axes have been normalised before, so only rounding errors
+remain."""

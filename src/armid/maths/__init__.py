@@ -1,1 +1,1 @@
-"""Mathematics on arrays, independent of robots, files and plots."""
+"""Numerical functions on arrays, independent of robots, files and plots."""

@@ -1,7 +1,8 @@
-"""Least squares with log-det terms and barriers of cones: values, derivatives and the Newton step.
+"""Least squares with log-det terms and cone barriers: value, derivatives and Newton step.
 
-Each matrix depends on the few variables of its own body, so its part of the Hessian is a small block; the part of the
-squares is constant. A square root of the Hessian is computed only where the normal equations are inaccurate.
+Each matrix of a log-det term depends only on the few variables of its own body, so its contribution to the Hessian is
+a small block. The contribution of the least-squares part is constant. A square root of the Hessian is computed only
+if the normal equations are inaccurate.
 """
 
 from __future__ import annotations
@@ -18,26 +19,27 @@ from armid.maths.conic_solver import Cone, symmetric
 from armid.values import Array
 
 LOST = 1e-3
-"""Relative difference of two computations of the decrement above which the normal equations are not used."""
+"""Largest relative difference between two computations of the Newton decrement for which the normal equations are
+used."""
 
 WHOLE = 0.01
-"""Relative change of an eigenvalue along a step up to which the whole step is taken: it is then within a hundredth of
-the minimum. Rounding would make a line search along such a small step meaningless."""
+"""Largest relative change of an eigenvalue along a step for which the whole step is taken. The whole step is then
+within a hundredth of the best step, and rounding would make a line search meaningless."""
 
 LINE = 40
-"""Largest number of evaluations along a step; three or four are usual."""
+"""Largest number of function evaluations in one line search; three or four are usual."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class LogDet:
-    """Term weight · (cost · x + constant - log det X) of a symmetric matrix X = matrix · x + offset.
+    """Log-det term: weight · (cost · x + constant - log det X) with the symmetric matrix X = matrix · x + offset.
 
     Attributes:
-        matrix: Coefficients of the variables, shape (m, m, variables).
+        matrix: Coefficients of the variables in X, shape (m, m, variables).
         offset: Constant part of X, shape (m, m).
         cost: Linear cost, shape (variables,).
-        constant: Constant of the term.
-        weight: Positive weight.
+        constant: Constant that is added.
+        weight: Weight of the term, positive.
     """
 
     matrix: Array
@@ -49,13 +51,13 @@ class LogDet:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Smooth:
-    """Objective ½ |A x - y|² + bᵀx with log-det terms, and cones that constrain x.
+    """Problem: the objective ½ |A x - y|² + bᵀx + log-det terms, and the cones that constrain x.
 
     Attributes:
         A: Matrix of the least-squares part, shape (rows, variables).
-        y: Its right-hand side, shape (rows,).
-        terms: Log-det terms.
-        cones: Cones of the kinds `nonnegative` and `semidefinite`.
+        y: Right-hand side of the least-squares part, shape (rows,).
+        terms: Log-det terms that are added to the objective.
+        cones: Cones that constrain x, of the kinds `nonnegative` and `semidefinite`.
         cost: Linear cost b, shape (variables,).
     """
 
@@ -66,7 +68,7 @@ class Smooth:
     cost: Array
 
     def objective(self, x: Array) -> float:
-        """Value at x; infinite where a matrix of a log-det term is not positive definite."""
+        """Objective at x; infinite if a matrix of a log-det term is not positive definite."""
         value = 0.5 * float(np.sum((self.A @ x - self.y) ** 2)) + float(self.cost @ x)
         for term in self.terms:
             eigenvalues = np.linalg.eigvalsh(term.matrix @ x + term.offset)
@@ -78,7 +80,7 @@ class Smooth:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Group:
-    """Group of g matrices of one order m, each with the few variables that it depends on.
+    """Group of g matrices of the same order m, each with the few variables that it depends on.
 
     Attributes:
         flat: Derivatives of the entries by each of s variables, shape (g, m², s).
@@ -142,7 +144,7 @@ class _Group:
 
 
 class Barriers:
-    """All log-det and cone terms, grouped by the order of their matrices."""
+    """Log-det terms and cone barriers of a problem, grouped by the order of their matrices."""
 
     def __init__(self, problem: Smooth) -> None:
         self.problem = problem
@@ -174,7 +176,7 @@ class Barriers:
         self.weights = np.array([term.weight for term in problem.terms])
 
     def objective(self, x: Array) -> float:
-        """Objective without the barriers of the cones, at an interior point."""
+        """Objective at a strictly feasible point, without the barriers of the cones."""
         p = self.problem
         constant = sum(term.weight * term.constant for term in p.terms)
         value = 0.5 * float(np.sum((p.A @ x - p.y) ** 2)) + float(p.cost @ x) + constant
@@ -187,7 +189,7 @@ class Barriers:
         return value
 
     def inside(self, x: Array) -> bool:
-        """Checks whether x lies strictly inside."""
+        """Checks whether x lies strictly inside all cones and log-det terms."""
         if not (np.isfinite(x).all() and (self.rows @ x + self.offsets > 0.0).all()):
             return False
         try:
@@ -198,14 +200,14 @@ class Barriers:
         return True
 
     def step(self, x: Array, mu: float, centred: float) -> tuple[Array, float]:
-        """Newton step with line search, and the squared decrement of the full step.
+        """Newton step after a line search, and the squared Newton decrement of the full step.
 
         Args:
             x: Strictly feasible point.
-            mu: Weight of the barriers.
-            centred: Weight whose curvature is used: `mu`, or the weight for which x is the centre. The step then
-                follows the central path, along which the distance from the boundary shrinks with the weight; with the
-                curvature of a smaller weight the step would hit the boundary.
+            mu: Weight μ of the barriers.
+            centred: Weight of the barriers in the Hessian: `mu`, or the larger weight for which x is the minimum.
+                With this larger weight, the step follows the central path, on which the distance from the boundary
+                decreases with the weight. With `mu` in the Hessian, this first step would hit the boundary.
         """
         p = self.problem
         slack = self.rows @ x + self.offsets
@@ -245,7 +247,7 @@ class Barriers:
 
 
 def _newton(hessian: Array, gradient: Array, curvature: Callable[[Array], float], root: Callable[[], Array]) -> Array:
-    """Solves hessian · d = -gradient; by QR of the square root where the normal equations are inaccurate.
+    """Solves hessian · d = -gradient, by QR of the square root if the normal equations are inaccurate.
 
     Args:
         hessian: Product rootᵀ root, shape (variables, variables).
@@ -273,8 +275,8 @@ def _newton(hessian: Array, gradient: Array, curvature: Callable[[Array], float]
 def _lowest(square: float, slope: float, rate: Array, scale: Array) -> float:
     """Minimises the convex ½ square α² + slope α - Σ scale log(1 + rate α) over α > 0: Newton in a bracket.
 
-    A step of a fixed share of the distance to the boundary would bring eigenvalues close to it that are far from it
-    at the minimum; they would then recover by only a factor of two each step.
+    Without this line search, a step of a fixed share of the distance to the boundary could make eigenvalues very
+    small that are large at the minimum. They would then grow only by a factor of two in each step.
     """
     if np.abs(rate).max(initial=0.0) <= WHOLE:
         return 1.0

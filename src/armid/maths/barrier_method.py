@@ -2,9 +2,10 @@
 
     minimise  ½ |A x - y|² + bᵀx + Σ_i w_i (c_iᵀx + d_i - log det X_i(x))    so that every cone holds
 
-For each μ of a decreasing sequence, Newton's method minimises the objective with barriers of weight μ in place of the
-cones, and with no w_i smaller than μ. At the minimum for μ the multipliers μ / s of the cones are dual feasible, so
-that the gap is μ times the number of barrier parameters; a bound of the last step's error is added [Nesterov1994].
+For each μ of a decreasing sequence, Newton's method minimises the objective. The cones are replaced by barriers of
+weight μ, and weights w_i smaller than μ are raised to μ. At the minimum for μ, the multipliers μ / s of the cones (s:
+slack) are dual feasible. The duality gap is therefore μ times the number of barrier parameters. A bound of the error
+of the last Newton step is added to it [Nesterov1994].
 """
 
 from __future__ import annotations
@@ -20,44 +21,47 @@ from armid.maths.conic_solver import ACCEPTED
 from armid.values import Array
 
 SHRINK = (0.01, 0.1)
-"""Factors from one weight of the barriers to the next. The first takes a fifth less time; where it fails, mostly for
-data that no body explains, the second is tried."""
+"""Ratios of one weight of the barriers to the previous one. The search with the first ratio takes a fifth less time.
+If it fails, mostly for data that no physical body explains, the search is repeated with the second ratio."""
 
 GAP = 1e-9
-"""Target gap, over the larger of the objective and 1: a thousandth of the accepted gap."""
+"""Target of the duality gap, divided by the objective or by 1, whichever is larger: a thousandth of the accepted
+gap."""
 
 STEPS = 200
 """Largest number of Newton steps for one weight of the barriers; two to ten are usual."""
 
 LONGEST = 250
-"""Total number of Newton steps after which no further weight is tried; 20 to 100 are usual. Where more are needed,
-the minimum is so far from the data, or so flat, that rounding hides it."""
+"""Total number of Newton steps after which no further weight is tried; 20 to 100 are usual. If more steps are needed,
+the residual is so large, or the minimum so flat, that rounding errors dominate."""
 
 ROUNDED = 1e-16
-"""Step, over the size of the unknowns, below which it is rounding."""
+"""Ratio of a step to the largest unknown below which the step is rounding."""
 
 CENTRED = 0.02
-"""Squared Newton decrement over the barrier's weight below which μ may decrease: one more step makes it less than
-0.001 [Nesterov1994]."""
+"""Largest squared Newton decrement, divided by the weight of the barriers, for which μ may be decreased: one more
+step makes this ratio less than 0.001 [Nesterov1994]."""
 
 PROVED = 1e-3
-"""The same limit for the last μ."""
+"""The same limit as `CENTRED`, for the last μ."""
 
 SMALL = 0.5
-"""Largest squared decrement over the barrier's weight for which it bounds the distance from the minimum."""
+"""Largest squared Newton decrement, divided by the weight of the barriers, for which the decrement is a bound of the
+distance from the minimum."""
 
 REMEDY = "look for a wrong sign or unit of torque or gravity, since no body explains such data, or use another prior."
-"""Remedy where a search fails."""
+"""Remedy of the errors of a failed search."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class SmoothSolution:
-    """Solution with its duality gap.
+    """Solution with a bound of its duality gap.
 
     Attributes:
         x: The variables, strictly inside every cone.
         objective: Objective at x.
-        gap: Upper bound of objective less minimum, over the larger of the objective and 1.
+        gap: Upper bound of the difference between `objective` and the minimum, divided by the objective or by 1,
+            whichever is larger.
         steps: Number of Newton steps.
     """
 
@@ -70,31 +74,33 @@ class SmoothSolution:
 def minimise(
     problem: Smooth, start: Array, *, aim: float = GAP, near: bool = False, longest: int = LONGEST
 ) -> SmoothSolution:
-    """Minimise with a bound of the remaining gap.
+    """Minimises the objective of a problem and computes a bound of the remaining duality gap.
 
     Args:
-        problem: Objective and cones; it must have a minimum.
+        problem: Objective and cones; a minimum must exist.
         start: Point strictly inside every cone and log-det term, shape (variables,).
         aim: Target gap.
-        near: Whether the start is near the minimum; the search then begins with the weights of the log-det terms.
-        longest: Number of Newton steps after which no further weight is tried. A short search begins nearer to the
-            weights of the log-det terms and is not repeated.
+        near: If true, the start is near the minimum, and the search begins with the weights of the log-det terms.
+        longest: Number of Newton steps after which no further weight is tried. If this is less than the default, the
+            search begins nearer to the weights of the log-det terms and is not repeated if it fails.
 
     Raises:
         EstimationError: The start is not strictly feasible.
-        UnsolvedError: The gap stayed too large.
+        UnsolvedError: The search diverged, or the gap remained too large.
     """
     barriers = Barriers(problem)
     x = np.array(start, dtype=np.float64)
     if not barriers.inside(x):
-        raise EstimationError("The search must start from a consistent body.", remedy="give a consistent start.")
+        raise EstimationError(
+            "The search must start from physically consistent bodies.", remedy="give a consistent start."
+        )
     mu = max(1.0, _finite(barriers, x) / max(barriers.orders, 1))
     if len(barriers.weights) and (near or longest < LONGEST):
         least = float(barriers.weights.min())
         mu = least if near else max(least, math.sqrt(least * mu))  # a shorter path, which fails now and then
     trouble = UnsolvedError(
-        "The search for consistent parameters found no solution.",
-        remedy="loosen the requirements on the bodies, or identify with another method.",
+        "The search for physically consistent parameters found no solution.",
+        remedy="relax the requirements on the bodies, or identify with another method.",
     )
     for shrink in SHRINK[:1] if near or longest < LONGEST else SHRINK:
         try:
@@ -105,7 +111,7 @@ def minimise(
 
 
 def _follow(barriers: Barriers, x: Array, mu: float, aim: float, shrink: float, longest: int) -> SmoothSolution:
-    """Follow the central path from a weight of the barriers until the target gap is reached."""
+    """Decreases the weight of the barriers step by step, from `mu`, until the target gap is reached."""
     taken, before = 0, mu
     while True:
         absolute = aim * max(1.0, abs(_finite(barriers, x)))
@@ -116,7 +122,8 @@ def _follow(barriers: Barriers, x: Array, mu: float, aim: float, shrink: float, 
         taken, before = taken + steps, mu
         if taken > longest and not last:
             raise UnsolvedError(
-                f"The search for consistent parameters made no progress after {taken} steps.", remedy=REMEDY
+                f"The search for consistent parameters was stopped after {taken} steps, without a solution.",
+                remedy=REMEDY,
             )
         if not last:
             mu *= shrink
@@ -128,19 +135,19 @@ def _follow(barriers: Barriers, x: Array, mu: float, aim: float, shrink: float, 
     gap = bound / max(1.0, abs(objective))
     if not gap <= max(ACCEPTED, 2.0 * aim):
         raise UnsolvedError(
-            f"The search for consistent parameters did not converge (gap {gap:.1e} after {taken} steps).",
+            f"The search for physically consistent parameters did not converge (gap {gap:.1e} after {taken} steps).",
             remedy=REMEDY,
         )
     return SmoothSolution(x, barriers.problem.objective(x), gap, taken)
 
 
 def _finite(barriers: Barriers, x: Array) -> float:
-    """Objective at x; an error where the search has diverged."""
+    """Objective at x; raises an error if it is not finite, because the search has diverged."""
     with np.errstate(over="ignore", invalid="ignore"):
         objective = barriers.objective(x)
     if not np.isfinite(objective):
         raise UnsolvedError(
-            "The search for consistent parameters diverged.",
+            "The search for physically consistent parameters diverged.",
             remedy=REMEDY,
         )
     return objective
@@ -149,7 +156,10 @@ def _finite(barriers: Barriers, x: Array) -> float:
 def _centre(
     barriers: Barriers, x: Array, weights: tuple[float, float], enough: float, most: int
 ) -> tuple[Array, float, int]:
-    """Newton's method from one centre to the next; returns the last squared decrement and the number of steps."""
+    """Minimises for one weight of the barriers by Newton's method.
+
+    Returns the minimum, the last squared Newton decrement and the number of steps.
+    """
     decrement, (centred, mu) = float("inf"), weights
     for k in range(most):
         try:

@@ -1,8 +1,8 @@
-"""Local minima of a smooth function within a box, from many starts at once.
+"""Search for local minima of a smooth function within a box, from many start points at once.
 
-A projected quasi-Newton method [Bertsekas1982]: variables at a bound that the gradient holds there stay, the others
-take a step with an approximate second derivative, and the path is projected on the box. All starts are evaluated
-together, which costs little more than one.
+The method is a projected quasi-Newton method [Bertsekas1982]. A variable at a bound does not move if a descent would
+leave the box. The other variables take a step with an approximate second derivative, and the step is projected on the
+box. All start points are evaluated together, which takes little more time than one.
 """
 
 from __future__ import annotations
@@ -15,41 +15,43 @@ from numpy.typing import NDArray
 from armid.values import Array
 
 STEPS = 200
-"""Largest number of steps; smooth functions of some ten variables take 10 to 60."""
+"""Largest number of steps; smooth functions of about ten variables need 10 to 60."""
 
 FLAT = 1e-10
-"""Largest movement along the projected gradient at a minimum."""
+"""Largest entry of the projected gradient at which a point counts as a minimum."""
 
 NEAR = 1e-8
-"""The same at a start that has converged by its values: gradients from differences are not better."""
+"""The same limit for a search whose values no longer decrease: gradients from differences are not more accurate."""
 
 SETTLED = 1e-14
-"""Relative fall below which a start has converged."""
+"""Relative decrease of the value in one step below which a search has converged."""
 
 ARMIJO = 1e-4
-"""Share of the fall predicted by the gradient that a step must give."""
+"""Smallest ratio of the decrease of the value to the decrease that the gradient predicts for which a step is
+accepted."""
 
 HALVINGS = 40
 """Largest number of times that a step is halved."""
 
 CURVED = 1e-12
-"""Smallest curvature along a step, over the product of the lengths, from which the second derivative is updated."""
+"""Smallest product of step and change of gradient, divided by the product of their lengths, for which the second
+derivative is updated."""
 
 Function = Callable[[Array], tuple[Array, Array]]
-"""Values (K,) and gradients (K, n) at points (K, n)."""
+"""Function that returns values (K,) and gradients (K, n) at points (K, n)."""
 
 
 def descend_in_box(function: Function, start: Array, low: Array, high: Array) -> tuple[Array, Array]:
-    """Finds a local minimum from each start.
+    """Finds a local minimum from each start point.
 
     Args:
-        function: The function, which is called with some of the points at a time.
-        start: Starts, shape (K, n).
+        function: Function to minimise; it is called with the points that have not converged.
+        start: Start points, shape (K, n).
         low: Lower bounds, shape (n,).
         high: Upper bounds, shape (n,).
 
     Returns:
-        Minima, shape (K, n), and values there, shape (K,).
+        Minima, shape (K, n), and the values of the function there, shape (K,).
     """
     x = np.clip(start, low, high)
     value, gradient = function(x)
@@ -84,7 +86,7 @@ def descend_in_box(function: Function, start: Array, low: Array, high: Array) ->
 
 
 def _step(x: Array, gradient: Array, curvature: Array, low: Array, high: Array) -> Array:
-    """Quasi-Newton steps of the variables that no bound holds, zero for the others, shape (K, n)."""
+    """Quasi-Newton steps, shape (K, n); zero for variables that are held at a bound."""
     held = ((x <= low) & (gradient > 0.0)) | ((x >= high) & (gradient < 0.0))
     free = ~held
     matrix = curvature * (free[:, :, None] & free[:, None, :])
@@ -95,7 +97,7 @@ def _step(x: Array, gradient: Array, curvature: Array, low: Array, high: Array) 
 def _searched(
     function: Function, x: Array, value: Array, gradient: Array, step: Array, low: Array, high: Array
 ) -> tuple[Array, Array, Array, NDArray[np.bool_]]:
-    """Points along the projected paths with enough fall, their values and gradients, and flags of those found."""
+    """Points along the projected steps with enough decrease; values and gradients there; mask of those found."""
     found = np.zeros(len(x), dtype=bool)
     best, best_value, best_gradient = x.copy(), value.copy(), gradient.copy()
     share = 1.0

@@ -1,10 +1,10 @@
-"""Small conic programs, solved by Clarabel and checked here.
+"""Small conic programs: they are solved by Clarabel, and the solution is checked.
 
     minimise cᵀx + ½ Σ_k s_k x_k²    so that for every cone K    A x + b ∈ K
 
-The solver's status, objective and gap are not relied on [Goulart2024]. The violation of each cone, for semidefinite
-cones by eigenvalues, and the gap between the objective and the dual bound -½ Σ_k s_k x_k² - Σ bᵀz are computed here
-from the variables and multipliers z.
+Status, objective and gap of the solver [Goulart2024] are not used. Two quantities are computed here from the
+variables x and the multipliers z: the violation of each cone (for semidefinite cones from eigenvalues), and the gap
+between the objective and the dual bound -½ Σ_k s_k x_k² - Σ bᵀz.
 """
 
 from __future__ import annotations
@@ -23,24 +23,26 @@ from armid.errors import UnsolvedError
 from armid.values import Array
 
 SOLVER_TOLERANCE = 1e-9
-"""Gap and infeasibility required of the solver: a tenth of what a certificate states."""
+"""Gap and infeasibility that are required of the solver: a tenth of those that a certificate states."""
 
 ACCEPTED = 1e-6
-"""Largest gap and violation of an accepted solution, over the size of objective and cone: what the solver reaches on
-badly scaled problems. A worse solution is refused for any status."""
+"""Largest gap and violation of an accepted solution, relative to the size of the objective and of the rows of the
+cone. The solver reaches this accuracy on badly scaled problems. A less accurate solution is rejected, whatever the
+status of the solver."""
 
 
 LARGEST = 1e100
-"""Size from which a variable is invalid: its square must be finite."""
+"""Absolute value from which a variable is invalid: its square must be finite."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Cone:
-    """Rows A x + b that must lie in a cone.
+    """Condition that the rows A x + b lie in a cone.
 
     Attributes:
-        kind: `nonnegative`; `norm`, where the first row is at least the Euclidean norm of the others; or
-            `semidefinite`, where the rows are the upper triangle of a symmetric matrix, column by column.
+        kind: `nonnegative`: no row is negative. `norm`: the first row is at least the Euclidean norm of the others.
+            `semidefinite`: the rows are the upper triangle, column by column, of a symmetric matrix that is positive
+            semidefinite.
         matrix: Matrix A, shape (rows, variables).
         offset: Offset b, shape (rows,).
     """
@@ -50,11 +52,11 @@ class Cone:
     offset: Array
 
     def leaves(self, x: Array) -> float:
-        """Violation at x over the size of the rows; zero or negative inside."""
+        """Violation at x, divided by the size of the rows; zero or negative if the condition holds."""
         return self.outside(self.matrix @ x + self.offset)
 
     def outside(self, rows: Array) -> float:
-        """Violation of rows or multipliers over their size; each cone is its own dual."""
+        """Violation of given rows or multipliers, divided by their size; each cone is its own dual."""
         size = max(1.0, float(np.abs(rows).max()))
         if self.kind == "nonnegative":
             return float(-rows.min()) / size
@@ -65,15 +67,15 @@ class Cone:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class SparseColumns:
-    """Matrix by compressed sparse columns, with the attributes of SciPy's that the solver reads.
+    """Matrix in compressed sparse column format, with those attributes of a SciPy matrix that the solver reads.
 
-    SciPy's own takes longer to import than most programs to solve.
+    The sparse matrices of SciPy are not used, because their import takes longer than the solution of most programs.
 
     Attributes:
-        shape: Rows and columns.
-        data: Entries that are not zero, column by column, shape (entries,).
-        indices: Their rows, increasing in each column, shape (entries,).
-        indptr: First entry of each column, and the number of entries, shape (columns + 1,).
+        shape: Numbers of rows and columns.
+        data: Nonzero entries, column by column, shape (entries,).
+        indices: Row of each entry, increasing within each column, shape (entries,).
+        indptr: Index of the first entry of each column, and the number of entries, shape (columns + 1,).
         has_sorted_indices: Whether rows increase in each column.
         has_canonical_format: Whether there is at most one entry for each row and column.
     """
@@ -92,7 +94,7 @@ class SparseColumns:
 
     @classmethod
     def of(cls, matrix: Array) -> SparseColumns:
-        """Compress a dense matrix (rows, columns)."""
+        """Compresses a dense matrix (rows, columns)."""
         column, row = np.nonzero(matrix.T)
         ends = np.concatenate([[0], np.bincount(column, minlength=matrix.shape[1]).cumsum()])
         data = np.ascontiguousarray(matrix[row, column])
@@ -106,9 +108,9 @@ class ConeSolution:
     Attributes:
         x: The variables.
         objective: Objective at x.
-        gap: Objective less the dual bound, over its size.
+        gap: Difference between the objective and the dual bound, divided by the size of the objective.
         slope: Dual residual, shape (variables,). A change d of the variables may lower the minimum by slope · d.
-        violation: Largest violation of a cone by variables or multipliers, over the size of its rows.
+        violation: Largest violation of a cone by variables or multipliers, divided by the size of the rows.
     """
 
     x: Array
@@ -118,7 +120,7 @@ class ConeSolution:
     violation: float
 
     def doubt(self, size: Array) -> float:
-        """Upper bound of objective less minimum, for variables up to a size (variables,)."""
+        """Upper bound of objective minus minimum, if no variable exceeds `size`, shape (variables,)."""
         return self.gap * max(1.0, abs(self.objective)) + float(np.abs(self.slope) @ size)
 
 
@@ -130,7 +132,7 @@ def upper_triangle(size: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
 
 
 def symmetric(entries: Array) -> Array:
-    """Symmetric matrices (..., m, m) from upper triangles (..., entries), column by column."""
+    """Symmetric matrices (..., m, m) from the entries of their upper triangles (..., entries), column by column."""
     order = _order(entries.shape[-1])
     i, j = upper_triangle(order)
     result = np.zeros((*entries.shape[:-1], order, order))
@@ -139,16 +141,16 @@ def symmetric(entries: Array) -> Array:
 
 
 def solve_cones(cost: Array, cones: Sequence[Cone], squares: Array | None = None) -> ConeSolution:
-    """Solve, and check the solution.
+    """Solves a conic program and checks the solution.
 
     Args:
         cost: Linear cost c, shape (variables,).
-        cones: At least one cone.
-        squares: Quadratic cost s, not negative, shape (variables,); zero where not given. It is meant for the norm of
-            a residual that a `norm` cone bounds, not for single parameters.
+        cones: Cones, at least one.
+        squares: Quadratic cost s, not negative, shape (variables,); zero if not given. Its purpose is the cost of a
+            norm that a `norm` cone bounds, not of single parameters.
 
     Raises:
-        UnsolvedError: The solution fails its check; the message has the solver's status, the gap and the violation.
+        UnsolvedError: The solution fails its check. The message gives the status of the solver, gap and violation.
     """
     clarabel: Any = import_module("clarabel")
     settings = clarabel.DefaultSettings()
@@ -172,7 +174,8 @@ def solve_cones(cost: Array, cones: Sequence[Cone], squares: Array | None = None
     if not (gap <= ACCEPTED and violation <= ACCEPTED):
         raise UnsolvedError(
             f"The conic solver found no solution ({answer.status}; gap {gap:.1e}, violation {violation:.1e}).",
-            remedy="check the size of the values: parameters of one arm should not differ by more than 1e8.",
+            remedy="check the size of the values: the parameters of an arm should not differ by more than a factor "
+            "of 1e8.",
         )
     return ConeSolution(x, objective, gap, slope, violation)
 
@@ -189,7 +192,7 @@ def _worst(cones: Sequence[Cone], x: Array, z: Array) -> float:
 
 
 def _for_solver(cone: Cone, clarabel: Any) -> tuple[Array, Array, Any]:
-    """A and b with A x + s = b, and the solver's cone; it scales off-diagonal entries by √2."""
+    """Matrix A and offset b with A x + s = b, and the cone of the solver, which scales off-diagonal entries by √2."""
     if cone.kind == "nonnegative":
         return -cone.matrix, cone.offset, clarabel.NonnegativeConeT(len(cone.offset))
     if cone.kind == "norm":

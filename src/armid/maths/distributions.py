@@ -1,4 +1,7 @@
-"""Student's t and chi-squared distributions; SciPy has the same, but its import takes a fifth of a second."""
+"""Student's t and chi-squared distributions.
+
+The distributions of SciPy are not used, because their import takes a fifth of a second.
+"""
 
 from __future__ import annotations
 
@@ -11,26 +14,28 @@ from numpy.typing import ArrayLike
 from armid.values import Array
 
 NORMAL = 1.959963984540054
-"""Quantile of the normal distribution for two-sided 95 % intervals."""
+"""Quantile 0.975 of the normal distribution, for two-sided 95 % intervals."""
 
 NODES = 32
-"""Nodes of the quadrature over the density, whose error is then below rounding from one degree of freedom on."""
+"""Number of nodes of the quadrature of the density. With this number, its error is below rounding for one degree of
+freedom and more."""
 
 SHIFT = 20
-"""Steps by which the argument of a ratio of gamma functions is enlarged, so that five terms of its series suffice."""
+"""Integer that is added to the argument of a ratio of gamma functions, so that five terms of its series are
+enough."""
 
 MANY = 1e30
-"""Degrees of freedom that stand for infinitely many."""
+"""Finite number of degrees of freedom that replaces infinity in the computation."""
 
 STEPS = 20
-"""Largest number of Newton steps; ten suffice."""
+"""Largest number of Newton steps; ten are enough."""
 
 
 def student_quantile(freedom: ArrayLike) -> Array:
     """Quantile 0.975 of Student's t distribution, the factor of two-sided 95 % intervals.
 
-    With t = √ν tan θ the distribution is the integral of cos^(ν-1) θ, which a quadrature gives to rounding. It is
-    concave, so that Newton's method converges from below without overshooting.
+    With t = √ν tan θ, the distribution function is the integral of cos^(ν-1) θ, which is computed by quadrature to
+    rounding accuracy. This function is concave, so Newton's method converges from below without overshooting.
 
     Args:
         freedom: Degrees of freedom ν, any shape; may be infinite.
@@ -58,11 +63,11 @@ def student_quantile(freedom: ArrayLike) -> Array:
 
 
 def chi_squared_survival(freedom: int, x: float) -> float:
-    """Probability that chi-squared exceeds x, by the finite sum for a whole number of degrees of freedom.
+    """Probability that a chi-squared variable exceeds x, by the finite sum for integer degrees of freedom.
 
     Args:
-        freedom: Degrees of freedom, at least one.
-        x: Value of the statistic.
+        freedom: Degrees of freedom, an integer of at least one.
+        x: Threshold.
     """
     half = x / 2.0
     if half <= 0.0:
@@ -74,7 +79,7 @@ def chi_squared_survival(freedom: int, x: float) -> float:
 
 
 def _gamma_ratio(a: Array) -> Array:
-    """Γ(a + 1/2) / Γ(a) for a > 0, without the difference of two large logarithms."""
+    """Ratio Γ(a + 1/2) / Γ(a) for a > 0, computed without the difference of two large logarithms."""
     ratio, x = np.ones_like(a), a + SHIFT
     for k in range(SHIFT):
         ratio *= (a + k) / (a + k + 0.5)

@@ -1,8 +1,8 @@
-"""Ten inertial parameters of a rigid body and their equivalent forms.
+"""Ten inertial parameters of a rigid body, and equivalent descriptions of the body.
 
-Order everywhere (Pinocchio's): m, m·x, m·y, m·z, Ixx, Ixy, Iyy, Ixz, Iyz, Izz, the inertia about the origin
-of the body's frame. The pseudo-inertia [Wensing2018] is J = ∫ [p; 1][p; 1]ᵀ dm, a symmetric 4 x 4 matrix; a
-body is physically consistent exactly when J is positive semidefinite.
+The parameters always have the order of Pinocchio: m, m·x, m·y, m·z, Ixx, Ixy, Iyy, Ixz, Iyz, Izz. The inertia is
+about the origin of the body frame. The pseudo-inertia [Wensing2018] is J = ∫ [p; 1][p; 1]ᵀ dm, a symmetric 4 x 4
+matrix; a body is physically consistent exactly when J is positive semidefinite.
 """
 
 from __future__ import annotations
@@ -13,11 +13,11 @@ from armid.maths.spatial import skew
 from armid.values import Array
 
 INERTIA_INDEX = ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))
-"""Row and column of each of the six inertia entries, in parameter order."""
+"""Row and column in the inertia matrix of each of its six entries, in parameter order."""
 
 
 def _of_units() -> Array:
-    """Pseudo-inertia of each unit parameter, from Σ = ½ tr(I)·1 - I."""
+    """Pseudo-inertias of the ten unit vectors of parameters, with Σ = ½ tr(I)·1 - I."""
     result = np.zeros((10, 4, 4))
     result[0, 3, 3] = 1.0
     for k in range(3):
@@ -45,16 +45,16 @@ def inertia_vector(matrix: Array) -> Array:
 
 
 def spatial_inertia(vector: Array) -> Array:
-    """Spatial inertia (6, 6) about the frame's origin, angular part first [Featherstone2008].
+    """Spatial inertia (6, 6) about the origin of the frame, angular part first [Featherstone2008].
 
-    I = [[I_o, S(h)], [S(h)ᵀ, m·1]] with h the first moment.
+    It is [[I_o, S(h)], [S(h)ᵀ, m·1]] with the inertia I_o about the origin, the first moment h and the mass m.
     """
     m, h, inertia = vector[0], vector[1:4], inertia_matrix(vector[4:])
     return np.block([[inertia, skew(h)], [skew(h).T, m * np.eye(3)]])
 
 
 def pseudo_inertia(vector: Array) -> Array:
-    """Pseudo-inertia (..., 4, 4): [[½ tr(I)·1 - I, h], [hᵀ, m]]."""
+    """Pseudo-inertia (..., 4, 4) of parameters (..., 10): [[½ tr(I)·1 - I, h], [hᵀ, m]]."""
     vector = np.asarray(vector)
     return (vector @ PSEUDO_INERTIA_OF.reshape(10, 16)).reshape(*vector.shape[:-1], 4, 4)
 
@@ -67,11 +67,11 @@ def vector_from_pseudo_inertia(J: Array) -> Array:
 
 
 def transform(vector: Array, rotation: Array, translation: Array) -> Array:
-    """Parameters of the same body seen from another frame: J' = T J Tᵀ.
+    """Parameters of the same body in another frame, by the pseudo-inertia J' = T J Tᵀ.
 
     Args:
         vector: Parameters in frame B, shape (..., 10).
-        rotation: R_AB, shape (3, 3).
+        rotation: Rotation matrix R_AB from B to A, shape (3, 3).
         translation: Origin of B in A, shape (3,) [m].
 
     Returns:
@@ -83,13 +83,13 @@ def transform(vector: Array, rotation: Array, translation: Array) -> Array:
 
 
 def com_inertia_to_vector(mass: float, com: Array, inertia_about_com: Array) -> Array:
-    """Parameters (10,) from mass [kg], centre of mass (3,) [m] and inertia about it (3, 3) [kg·m²]."""
+    """Parameters (10,) from mass [kg], centre of mass (3,) [m] and inertia (3, 3) about this point [kg·m²]."""
     S = skew(np.asarray(com))
     return np.concatenate([[mass], mass * np.asarray(com), inertia_vector(inertia_about_com - mass * S @ S)])
 
 
 def vector_to_com_inertia(vector: Array) -> tuple[float, Array, Array]:
-    """Mass [kg], centre of mass (3,) [m] and inertia about it (3, 3); the mass must not be zero."""
+    """Mass [kg], centre of mass (3,) [m] and inertia (3, 3) about it [kg·m²]; the mass must not be zero."""
     mass = float(vector[0])
     com = vector[1:4] / mass
     S = skew(com)
@@ -97,7 +97,10 @@ def vector_to_com_inertia(vector: Array) -> tuple[float, Array, Array]:
 
 
 def about_com(vector: Array) -> Array:
-    """Mass, centre of mass and inertia about it (10,), in parameter order; NaN from the second on without a mass."""
+    """Mass, centre of mass and inertia about it, shape (10,), in parameter order.
+
+    If the mass is zero, all values except the mass are NaN.
+    """
     mass, h = float(vector[0]), np.asarray(vector[1:4])
     if not mass > 0.0:
         return np.concatenate([[mass], np.full(9, np.nan)])
@@ -106,7 +109,7 @@ def about_com(vector: Array) -> Array:
 
 
 def about_com_slope(vector: Array) -> Array:
-    """Derivative (10, 10) of `about_com` by the ten parameters; the mass must be positive."""
+    """Derivative (10, 10) of the result of `about_com` by the ten parameters; the mass must be positive."""
     mass, h = float(vector[0]), np.asarray(vector[1:4])
     parallel = (h @ h * np.eye(3) - np.outer(h, h)) / mass
     slope = np.eye(10)

@@ -1,4 +1,4 @@
-"""Condition numbers, rank and covariance from tall or triangular matrices."""
+"""Condition number, null space, inverse and square root of matrices."""
 
 from __future__ import annotations
 
@@ -9,39 +9,43 @@ import numpy as np
 from armid.values import Array
 
 LEAST = 1e-15
-"""Ratio of an eigenvalue to the largest one, rows and columns scaled, below which it is rounding."""
+"""Ratio of an eigenvalue to the largest eigenvalue below which it is rounding, after scaling of rows and columns."""
 
 FAR_FROM_LEAST = 1e5
-"""Largest entry of the inverse Cholesky factor for which all eigenvalues are well above `LEAST`."""
+"""Largest entry of the inverse Cholesky factor for which all eigenvalues are certainly above `LEAST`."""
 
 CLEAR = 1e6
-"""Largest entry of the inverse of a triangular factor with columns of unit length for which the rank is full."""
+"""Largest entry of the inverse of a triangular factor, whose columns have unit length, for which the rank is full."""
 
 RANK_TOLERANCE = 1e-10
-"""Ratio of singular values of unit columns below which the rank counts as deficient. Rounding of the factors is
-1e-15; with ratios between the two, no digit of the estimate would be right."""
+"""Ratio of the smallest to the largest singular value, for columns of unit length, below which the rank counts as
+deficient. Rounding errors of the factors are 1e-15. For ratios between 1e-15 and this limit, no digit of the estimate
+would be correct."""
 
 
 def unit_columns(A: Array) -> tuple[Array, Array]:
-    """Columns scaled to unit length, and the lengths (b,); zero columns stay zero with length one."""
+    """Columns scaled to unit length, and their lengths, shape (b,).
+
+    A zero column is kept; its length is given as one.
+    """
     length = np.linalg.norm(A, axis=0)
     length = np.where(length > 0.0, length, 1.0)
     return A / length, length
 
 
 def condition(A: Array) -> float:
-    """Condition number: ratio of the largest to the smallest singular value; infinite where the smallest is zero."""
+    """Condition number: ratio of the largest to the smallest singular value; infinite if the smallest is zero."""
     values = np.linalg.svd(A, compute_uv=False)
     return float(values[0] / values[-1]) if values[-1] > 0.0 and A.shape[0] >= A.shape[1] else float("inf")
 
 
 def scaled_condition(A: Array) -> float:
-    """Condition number with columns scaled to unit length, independent of the units."""
+    """Condition number after scaling of the columns to unit length; it does not depend on the units."""
     return condition(unit_columns(A)[0])
 
 
 def null_directions(A: Array, tolerance: float = RANK_TOLERANCE) -> Array:
-    """Null space of A in coordinates scaled to unit columns: directions (k, b) of unit length."""
+    """Orthonormal basis (k, b) of the null space of A, after its columns are scaled to unit length."""
     scaled, _ = unit_columns(A)
     rows = max(scaled.shape)
     padded = np.zeros((rows, scaled.shape[1]))
@@ -56,7 +60,7 @@ def null_directions(A: Array, tolerance: float = RANK_TOLERANCE) -> Array:
 def orthonormal(A: Array) -> tuple[Array, Array, Array] | None:
     """Factors Q (rows, b), R (b, b) and R⁻¹ of unit columns A = Q R; `None` unless all are clearly independent.
 
-    This is much faster than singular values, which are needed only in the other case.
+    This is much faster than a singular value decomposition, which is needed only if the result is `None`.
     """
     if len(A) < A.shape[1]:
         return None
@@ -69,7 +73,7 @@ def orthonormal(A: Array) -> tuple[Array, Array, Array] | None:
 
 
 def inverse_of(matrix: Array) -> Array:
-    """Inverse of a positive definite matrix; rounding of the matrix leaves it symmetric and positive definite."""
+    """Inverse of a positive definite matrix; it stays symmetric and positive definite in spite of rounding."""
     half = half_of(matrix)
     return half @ half.T
 
@@ -87,7 +91,10 @@ def half_of(matrix: Array) -> Array:
 
 
 def root_of(covariance: Array) -> Array:
-    """Factor r (b, b) of a covariance r rᵀ, from its correlations; negative eigenvalues are set to zero."""
+    """Factor r, shape (b, b), of a covariance r rᵀ.
+
+    It is computed from the correlation matrix, whose negative eigenvalues are set to zero.
+    """
     size = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     size = np.where(size > 0.0, size, 1.0)
     values, vectors = np.linalg.eigh(covariance / np.outer(size, size))

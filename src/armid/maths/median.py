@@ -1,4 +1,8 @@
-"""Median of samples: that of NumPy loads its masked arrays, which takes longer than most medians."""
+"""Median of samples.
+
+The median of NumPy is not used, because it imports masked arrays, which takes longer than the computation of most
+medians.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +13,7 @@ from armid.values import Array
 
 
 def median(x: ArrayLike) -> Array:
-    """Medians along axis 0, NaN where a sample is NaN or there are none.
+    """Medians along axis 0; NaN if a sample is NaN or if there are no samples.
 
     Args:
         x: Samples, shape (N, ...).

@@ -1,6 +1,6 @@
-"""Resampling, bandwidth and delay of sampled signals.
+"""Resampling, automatic cut-off and delay of sampled signals.
 
-Signals run along axis 0: shape (N,) or (N, ...).
+Time is axis 0 of every signal: shape (N,) or (N, ...).
 """
 
 from __future__ import annotations
@@ -13,51 +13,55 @@ from armid.maths.spline import spline
 from armid.values import Array
 
 MOTION_ENERGY = 0.99
-"""Share of the velocity's energy that lies in the band of the motion."""
+"""Share of the energy of the velocity that defines the band of the motion."""
 
 NOISE_RATIO = 10.0
-"""Ratio of a frequency's power to the noise above which it belongs to the motion."""
+"""Ratio of power to noise at a frequency above which this frequency belongs to the motion."""
 
 MOTION_FACTOR = 10.0
-"""Automatic cut-off over the band of the motion. Inertial torques have products of three sines, and so three times
-its highest frequency; friction has higher ones at reversals; and a zero-phase Butterworth filter of order four is
-flat to 2e-4 only up to a third of its cut-off."""
+"""Ratio of the automatic cut-off to the highest frequency of the band of the motion. Inertial torques contain
+products of three sines, so they have up to three times this frequency. Friction has still higher frequencies at
+reversals. The gain of a zero-phase Butterworth filter of order four is one, to 2e-4, only up to a third of its
+cut-off."""
 
 CUTOFF_RANGE = (2.0, 0.1)
-"""Limits of the automatic cut-off: the lower one [Hz], because friction reverses quickly on slow motions too; the
-upper one over the sample rate, so that central differences have ten samples in each period."""
+"""Limits of the automatic cut-off. The lower limit is in Hz: friction changes quickly at reversals of slow motions,
+too. The upper limit is a share of the sample rate: central differences then have ten samples in each period."""
 
 NEWTON_STEPS = 20
-"""Largest number of Newton steps; three are usual, since a correlation is nearly a parabola at its maximum."""
+"""Largest number of Newton steps; three are usual, because a correlation is nearly a parabola at its maximum."""
 
 DELAY_PRECISION = 1e-9
-"""Change of the delay that ends the iteration [samples], far below the effect of noise."""
+"""Change of the delay [samples] below which the iteration ends; it is far below the effect of noise."""
 
 
 def resample(time: Array, x: Array, grid: Array, *, longest: float = np.inf) -> Array:
-    """Interpolates signals with uneven sample times at other times, by a cubic spline.
+    """Interpolates signals with uneven sample times by a cubic spline.
 
-    On the clocks of three recorded arms, with motion up to a tenth of the rate, its error is 40 times smaller than
-    that of Akima's spline and 100 times smaller than that of a shape-preserving or linear one; a quintic spline gains
-    nothing above the noise and overshoots long steps.
+    With the sample times of recordings of three arms, and motion up to a tenth of the sample rate, the error of the
+    cubic spline is 40 times smaller than that of Akima's spline, and 100 times smaller than that of shape-preserving
+    or linear interpolation. A quintic spline is not better within the noise, and it overshoots at long steps.
 
     Args:
         time: Increasing sample times, shape (N,) [s].
         x: Signals, shape (N, ...).
         grid: Times of the result, shape (M,) [s], within `time`.
-        longest: Longest step that may be bridged [s].
+        longest: Longest step between samples over which signals are interpolated [s].
 
     Raises:
-        ArmidError: Time does not increase, a step is longer than `longest`, or the grid exceeds the recorded time.
+        ArmidError: The time does not increase, a step is longer than `longest`, or the grid exceeds the recorded
+            time.
     """
     steps = np.diff(time)
     if not (steps > 0).all():
-        raise ArmidError(f"Time must increase; it does not after sample {int(np.argmin(steps > 0))}.")
+        raise ArmidError(
+            f"The time must increase from sample to sample; it does not after sample {int(np.argmin(steps > 0))}."
+        )
     if len(steps) and steps.max() > longest:
         raise ArmidError(
-            f"There is a gap of {steps.max():g} s after sample {int(steps.argmax())}; only {longest:g} s can be "
-            "bridged.",
-            remedy="split the signal there.",
+            f"There is a gap of {steps.max():g} s after sample {int(steps.argmax())}; signals are interpolated over "
+            f"at most {longest:g} s.",
+            remedy="split the signal at this gap.",
         )
     margin = 1e-9 * (time[-1] - time[0])  # allows for rounding of the grid
     if len(grid) and (grid[0] < time[0] - margin or grid[-1] > time[-1] + margin):
@@ -71,14 +75,14 @@ def resample(time: Array, x: Array, grid: Array, *, longest: float = np.inf) -> 
 def automatic_cutoff(q: Array, rate: float) -> float:
     """Automatic cut-off of the low-pass, from the spectrum of the motion [Hz].
 
-    The band of a joint's motion contains `MOTION_ENERGY` of the energy of its velocity. Frequencies count up to the
-    first one where the power of the position falls below `NOISE_RATIO` times the noise, which is the mean of the
-    upper half of the spectrum, where no arm moves. The cut-off is `MOTION_FACTOR` times the widest band of all
-    joints, within `CUTOFF_RANGE`.
+    The band of the motion of a joint contains the share `MOTION_ENERGY` of the energy of its velocity. Only
+    frequencies below the first one at which the power of the position is less than `NOISE_RATIO` times the noise are
+    considered. The noise is the mean of the upper half of the spectrum, where no arm moves. The cut-off is
+    `MOTION_FACTOR` times the widest band of all joints, limited to `CUTOFF_RANGE`.
 
     Args:
-        q: Positions at an even rate, shape (N, n) [rad].
-        rate: Samples a second [Hz].
+        q: Positions at a constant sample rate, shape (N, n) [rad or m].
+        rate: Sample rate [Hz].
     """
     samples = len(q)
     line = np.linspace(q[0], q[-1], samples)  # a drift must not count as a frequency
@@ -99,10 +103,11 @@ def automatic_cutoff(q: Array, rate: float) -> float:
 
 
 def periodic_delay(reference: Array, x: Array) -> float:
-    """Delay of `x` behind `reference`, both one period, shape (N, n).
+    """Delay of `x` relative to `reference`, each one period of a periodic signal, shape (N, n).
 
-    It maximises the circular cross-correlation, summed over the columns: the maximum-likelihood estimate in white
-    noise. Whole samples are found by search, the fraction by Newton's method on the exact trigonometric sum.
+    The delay maximises the sum over the columns of the circular cross-correlation. In white noise this is the
+    maximum-likelihood estimate. The integer part in samples is found by search, the fraction by Newton's method on
+    the exact trigonometric sum.
 
     Returns:
         Delay in samples, in [-N/2, N/2).
@@ -127,7 +132,10 @@ def periodic_delay(reference: Array, x: Array) -> float:
 
 
 def periodic_shift(x: Array, delay: float) -> Array:
-    """Delays one period of a signal by a number of samples, which may have a fraction; shape of `x`."""
+    """Delays one period of a periodic signal by a number of samples, which need not be an integer.
+
+    The result has the shape of `x`.
+    """
     samples = len(x)
     turn = np.exp(-2j * np.pi * frequencies(samples) * delay)
     return inverse(spectrum(x) * turn.reshape((-1,) + (1,) * (x.ndim - 1)), samples)

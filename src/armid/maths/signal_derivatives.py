@@ -1,4 +1,4 @@
-"""Derivatives of sampled signals: by differences, or exact for periodic signals."""
+"""Derivatives of sampled signals: by central differences, or exactly for periodic signals."""
 
 from __future__ import annotations
 
@@ -10,19 +10,21 @@ from armid.values import Array
 
 
 def central_difference(x: Array, rate: float, order: int = 1, *, periodic: bool = False) -> Array:
-    """First or second derivative by the three-point formula, shape of `x`.
+    """First or second derivative by the three-point formula, in the shape of `x`.
 
-    The second derivative is the three-point formula, not the first derivative applied twice: that uses only every
-    second sample, has four times the error (ω/rate)²/12 and is insensitive to half the band.
+    For the second derivative, the three-point formula is used, not the first derivative twice. The first derivative
+    twice would use only every second sample. Its error would be four times as large as the error (ω/rate)²/12 of the
+    three-point formula, and it would be insensitive to the upper half of the band.
 
     Args:
         x: Signals, shape (N, ...).
-        rate: Samples a second [Hz].
-        order: 1 or 2.
-        periodic: Whether differences wrap around; else the two ends use one-sided formulas of the same order.
+        rate: Sample rate [Hz].
+        order: Order of the derivative, 1 or 2.
+        periodic: If true, the signals are one or more whole periods, and differences wrap around. Otherwise one-sided
+            formulas of the same order are used at the two ends.
     """
     if order not in (1, 2):
-        raise ArmidError(f"Central differences give the first or second derivative; found order {order}.")
+        raise ArmidError(f"The order of the derivative must be 1 or 2; found {order}.")
     if periodic:
         forward, backward = np.roll(x, -1, axis=0), np.roll(x, 1, axis=0)
         return (forward - backward) * (rate / 2) if order == 1 else (forward - 2 * x + backward) * rate**2
@@ -41,6 +43,6 @@ def central_difference(x: Array, rate: float, order: int = 1, *, periodic: bool 
 
 
 def periodic_derivative(x: Array, rate: float, order: int = 1) -> Array:
-    """Exact derivative of signals over a whole number of periods, shape (N, ...)."""
+    """Exact derivative of signals (N, ...) that contain a whole number of periods."""
     jw = (2j * np.pi * rate * frequencies(len(x))).reshape(-1, *(1,) * (x.ndim - 1))
     return inverse(spectrum(x) * jw**order, len(x))

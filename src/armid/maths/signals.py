@@ -1,12 +1,12 @@
 """Zero-phase filters of sampled signals, and band-limited derivatives.
 
-A *filter* is an array whose shape gives its kind: second-order sections, shape (k, 6), run forwards and backwards, or
-symmetric FIR taps, shape (2h+1,), centred on the sample. Both have zero phase and a real gain, so one routine applies
-both: the signal is continued at its ends (by odd reflection, or periodically) and multiplied by the gain in the
-frequency domain. This equals the forward-backward recursion without its initial transient, takes the same time for
-every order, and gives band-limited derivatives by the factor jω.
+A *filter* is an array, and its shape gives its kind: second-order sections, shape (k, 6), which are applied forwards
+and backwards, or symmetric FIR taps, shape (2h+1,), which are centred on the sample. Both kinds have zero phase and a
+real gain, so the same routine applies both. The signal is continued at its ends, by odd reflection or periodically,
+and multiplied by the gain in the frequency domain. The result is that of the forward-backward recursion without its
+initial transient. The time does not depend on the order, and a factor jω gives band-limited derivatives.
 
-Signals run along axis 0 unless stated otherwise: shape (N,) or (N, ...).
+Time is axis 0 of a signal, shape (N,) or (N, ...), unless stated otherwise.
 """
 
 from __future__ import annotations
@@ -21,45 +21,49 @@ from armid.maths.spectrum import fast_length, frequencies, inverse, spectrum
 from armid.values import Array
 
 BLOCK = 40_000
-"""Numbers that a filter processes at a time: intermediate arrays then stay in the cache of a core."""
+"""Number of values that are filtered at a time: the intermediate arrays then fit into the cache of a core."""
 
 SETTLED = 1e-9
-"""Decay of a filter's slowest pole at which it counts as settled: the effect of the reflected end is then below the
+"""Decay of the slowest pole at which a filter counts as settled. The effect of the reflected end is then below the
 rounding of 32-bit logs."""
 
 EDGE = 1e-2
-"""Largest share of the impulse response's absolute weight beyond the end of a run in a kept row. The reflected end is
-a good guess (value and slope are right), so the error is far less than a hundredth."""
+"""Largest share of the sum of the absolute impulse response that lies beyond the end of the run, for a row that is
+kept. Beyond the end, the signal is continued by reflection with the correct value and slope, so the error is far less
+than this share."""
 
 FIR_ATTENUATION = 60.0
-"""Stop-band attenuation of `fir` [dB]: 0.001, below the noise of joint torques, for the shortest impulse response."""
+"""Stop-band attenuation of `fir` [dB]. It is a factor of 0.001, below the noise of joint torques; a larger
+attenuation would need a longer impulse response."""
 
 DECIMATION_ATTENUATION = 100.0
-"""Stop-band attenuation of the decimation filter [dB]: aliases are 1e-5, below a 16-bit resolution."""
+"""Stop-band attenuation of the decimation filter [dB]. Aliases are attenuated by a factor of 1e-5, below 16-bit
+resolution."""
 
 DECIMATION_PASS_BAND = 0.5
-"""Share of the new Nyquist frequency over which decimation has a gain of one (to 2e-5) and no aliases."""
+"""Upper end of the pass band of a decimation, divided by the new Nyquist frequency. In the pass band the gain is one,
+to 2e-5, and there are no aliases."""
 
 OVERSAMPLING = 8.0
-"""Lowest intermediate rate over the cut-off: the decimation then has a gain of one up to twice the cut-off, where the
-gain of a fourth-order zero-phase Butterworth filter is 0.4 %."""
+"""Smallest ratio of the intermediate sample rate to the cut-off. The decimation then has a gain of one up to twice
+the cut-off. At this frequency, a zero-phase Butterworth filter of order four has a gain of 0.4 %."""
 
 
 # Filters -------------------------------------------------------------------------------------------------------
 
 
 def butterworth(order: int, cutoff: float, rate: float) -> Array:
-    """Butterworth low-pass as second-order sections, shape (k, 6).
+    """Butterworth low-pass filter as second-order sections, shape (k, 6).
 
-    The transfer-function form of a high order at a low cut-off overflows in double precision.
+    Sections are used because the transfer function of a high order at a low cut-off overflows in double precision.
 
     Args:
-        order: Order of one pass; forwards and backwards the slope is twice as steep.
-        cutoff: Cut-off [Hz]: -3 dB in one pass, -6 dB in two.
-        rate: Samples a second [Hz].
+        order: Order of one pass. The filter is applied forwards and backwards, which doubles the slope [dB/octave].
+        cutoff: Cut-off [Hz]; the gain there is -3 dB for one pass and -6 dB for both passes.
+        rate: Sample rate [Hz].
 
     Raises:
-        ArmidError: The cut-off is not between zero and half the rate, or the order not at least one.
+        ArmidError: The cut-off is not between zero and half the sample rate, or the order is less than one.
     """
     _check_cutoff(order, cutoff, rate)
     # Poles on a circle in the left half plane, moved to the unit disk by the bilinear transform, which maps
@@ -80,9 +84,9 @@ def butterworth(order: int, cutoff: float, rate: float) -> Array:
 
 
 def fir(periods: float, cutoff: float, rate: float) -> Array:
-    """Windowed-sinc low-pass over a number of periods of the cut-off, taps of shape (2h+1,).
+    """FIR low-pass filter, a windowed sinc over a number of periods of the cut-off; taps of shape (2h+1,).
 
-    The gain is -6 dB at the cut-off, as for `butterworth` in both directions, and exactly one at zero frequency.
+    The gain is -6 dB at the cut-off, as for both passes of `butterworth`, and exactly one at zero frequency.
     """
     _check_cutoff(periods, cutoff, rate)
     half = max(1, round(0.5 * periods * rate / cutoff))
@@ -90,7 +94,7 @@ def fir(periods: float, cutoff: float, rate: float) -> Array:
 
 
 def low_pass(family: str, order: int, cutoff: float, rate: float) -> Array | None:
-    """Filter of a family, order and cut-off [Hz]; `None` for the family `none`."""
+    """Low-pass filter of a family, order and cut-off [Hz] for a sample rate [Hz]; `None` for the family `none`."""
     if family == "none":
         return None
     return (butterworth if family == "butterworth" else fir)(order, cutoff, rate)
@@ -99,20 +103,22 @@ def low_pass(family: str, order: int, cutoff: float, rate: float) -> Array | Non
 def decimation_filter(
     step: int, *, pass_band: float = DECIMATION_PASS_BAND, attenuation: float = DECIMATION_ATTENUATION
 ) -> Array:
-    """Linear-phase low-pass before keeping every `step`-th sample, taps of shape (2h+1,).
+    """Linear-phase low-pass filter for a decimation to every `step`-th sample; taps of shape (2h+1,).
 
-    The gain is one up to `pass_band` of the new Nyquist frequency; frequencies that alias into that band are
-    attenuated. The transition band aliases onto itself only, so it may be twice as wide as without aliases.
+    The gain is one up to `pass_band` times the new Nyquist frequency, and frequencies that alias into this band are
+    attenuated. Aliases of the transition band fall only into the transition band, so it may be twice as wide as for a
+    filter that attenuates all frequencies above the new Nyquist frequency.
 
     Args:
-        step: Samples from one kept sample to the next.
-        pass_band: Share of the new Nyquist frequency with a gain of one, in (0, 1).
-        attenuation: Attenuation of aliases [dB]; the gain of the pass band is one to twice that ratio.
+        step: Number of samples from one kept sample to the next.
+        pass_band: Upper end of the pass band, divided by the new Nyquist frequency, in (0, 1).
+        attenuation: Attenuation of aliases [dB]. In the pass band, the gain differs from one by at most twice this
+            factor.
     """
     if not (step >= 1 and 0 < pass_band < 1):
         raise ArmidError(
-            f"Decimation by {step} with a pass band of {pass_band} is impossible.",
-            remedy="decimate less, or lower the cut-off.",
+            f"Decimation by {step} with a pass band of {pass_band} times the new Nyquist frequency is impossible.",
+            remedy="decimate by a smaller factor, or lower the cut-off.",
         )
     if step == 1:
         return np.ones(1)
@@ -123,18 +129,21 @@ def decimation_filter(
 
 
 def decimation_step(rate: float, cutoff: float, step: int) -> int:
-    """Largest divisor of `step` by which to decimate before the sharp filter of this cut-off [Hz]."""
+    """Largest divisor of `step` by which a signal may be decimated before it is filtered with this cut-off [Hz]."""
     allowed = [d for d in range(1, step + 1) if step % d == 0 and rate >= d * OVERSAMPLING * cutoff]
     return max(allowed, default=1)
 
 
 def coarsest_step(rate: float, cutoff: float) -> int:
-    """Largest step that loses nothing of a signal filtered at `cutoff` [Hz]."""
+    """Largest decimation step that keeps all frequencies of a signal that is filtered with `cutoff` [Hz]."""
     return max(1, int(rate / (OVERSAMPLING * cutoff)))
 
 
 def gain(filter: Array, frequency: Array) -> Array:
-    """Real zero-phase gain at `frequency` [cycles a sample]: |H|² of sections, the cosine sum of taps."""
+    """Real gain of a zero-phase filter at `frequency` [cycles per sample].
+
+    It is the squared magnitude of the transfer function of sections, or the cosine sum of taps.
+    """
     if filter.ndim == 1:
         half = len(filter) // 2
         return (
@@ -150,7 +159,10 @@ def gain(filter: Array, frequency: Array) -> Array:
 
 
 def settling_samples(filter: Array, decay: float = SETTLED) -> int:
-    """Settling time in samples: until the slowest pole has decayed to `decay`, or the taps have ended."""
+    """Settling time of a filter in samples.
+
+    After this time the slowest pole of the sections has decayed to `decay`, or the taps have ended.
+    """
     if filter.ndim == 1:
         return len(filter) // 2
     a0, a1, a2 = filter[:, 3:].T
@@ -160,7 +172,7 @@ def settling_samples(filter: Array, decay: float = SETTLED) -> int:
 
 
 def edge_samples(filter: Array, share: float = EDGE) -> int:
-    """Number of samples at the end of a run with more than `share` of the impulse response beyond it."""
+    """Number of samples at the end of a run whose impulse response lies beyond the end by more than `share`."""
     length = fast_length(2 * settling_samples(filter) + 1)
     kernel = np.abs(inverse(_grid_gain(filter, length).astype(np.complex128), length))[: length // 2]
     tail = kernel[::-1].cumsum()[::-1]
@@ -171,16 +183,16 @@ def edge_samples(filter: Array, share: float = EDGE) -> int:
 
 
 def zero_phase(filter: Array, x: Array, axis: int = 0, pad: int | None = None) -> Array:
-    """Low-pass filters a run; its ends are continued by odd reflection (equal value and slope).
+    """Filters one run of signals, whose ends are continued by odd reflection (with the same value and slope).
 
     Args:
         filter: Sections or taps.
         x: Signals.
-        axis: Axis of time.
-        pad: Samples of continuation; by default the settling time of the filter.
+        axis: Index of the time axis.
+        pad: Number of samples by which each end is continued; by default the settling time of the filter.
 
     Returns:
-        Array like `x`. Straight lines pass exactly; the two end samples are kept.
+        Filtered signals in the shape of `x`. Straight lines are not changed, and the first and last samples are kept.
     """
     x = _along(x, axis)
     if x.ndim != 2:
@@ -192,7 +204,7 @@ def zero_phase(filter: Array, x: Array, axis: int = 0, pad: int | None = None) -
 
 
 def periodic_filter(filter: Array, x: Array, axis: int = 0) -> Array:
-    """Low-pass filters signals over a whole number of periods, exactly and without end effects."""
+    """Filters signals that contain a whole number of periods, exactly and without end effects."""
     x = _along(x, axis)
     return _back(_circular(_grid_gain(filter, x.shape[-1]), x, (0,))[0], axis)
 
@@ -200,16 +212,16 @@ def periodic_filter(filter: Array, x: Array, axis: int = 0) -> Array:
 def filtered_derivatives(
     filter: Array, x: Array, rate: float, *, periodic: bool = False
 ) -> tuple[Array, Array, Array]:
-    """Low-pass filtered signals with their first and second derivatives, all through the same filter.
+    """Filtered signals with their first and second derivatives, all by the same low-pass filter.
 
-    The derivative is exact within the band, since it is computed as (jω)·gain; a difference quotient has a relative
-    error of (ω/rate)²/6 in velocity and half as much in acceleration.
+    The derivatives are exact within the band, because they are computed by the factor jω in the frequency domain. A
+    difference quotient has a relative error of (ω/rate)²/6 in velocity, and half of it in acceleration.
 
     Args:
         filter: Sections or taps.
         x: Signals, shape (N, ...).
-        rate: Samples a second [Hz].
-        periodic: Whether the run is a whole number of periods; else its ends are reflected.
+        rate: Sample rate [Hz].
+        periodic: If true, the run is a whole number of periods; otherwise its ends are reflected.
     """
     if periodic:
         parts = _circular(_grid_gain(filter, len(x)), _along(x), (0, 1, 2))
@@ -220,17 +232,17 @@ def filtered_derivatives(
 
 
 def decimate(x: Array, taps: Array, step: int, offset: int = 0, *, periodic: bool = False) -> Array:
-    """Samples `offset`, `offset + step`, … of a signal filtered by symmetric taps.
+    """Filters a signal with symmetric taps and keeps the samples `offset`, `offset + step`, ….
 
     Args:
         x: Signals, shape (N, ...).
         taps: Taps of `decimation_filter`.
-        step: Samples from one kept sample to the next.
-        offset: First kept sample.
-        periodic: Whether the signal is continued periodically; else by odd reflection.
+        step: Number of samples from one kept sample to the next.
+        offset: Index of the first kept sample.
+        periodic: If true, the signal is continued periodically, otherwise by odd reflection.
 
     Returns:
-        Array of shape (ceil((N - offset) / step), ...).
+        Filtered samples, shape (ceil((N - offset) / step), ...).
     """
     half = len(taps) // 2
     rows = len(range(offset, len(x), step))
@@ -242,15 +254,16 @@ def decimate(x: Array, taps: Array, step: int, offset: int = 0, *, periodic: boo
 
 
 def interpolate(x: Array, factor: int, *, periodic: bool = False) -> Array:
-    """Interpolates band-limited signals to `factor` times their rate, with the filter of decimation.
+    """Interpolates band-limited signals to `factor` times their sample rate, with the filter of the decimation.
 
     Args:
-        x: Signals along their last axis, shape (..., N), without content above half their Nyquist frequency.
-        factor: Number of new samples for each given one.
-        periodic: Whether the signals are continued periodically; else by odd reflection.
+        x: Signals, time on the last axis, shape (..., N), without frequencies above half the Nyquist frequency.
+        factor: Number of new samples for each given sample.
+        periodic: If true, the signals are continued periodically, otherwise by odd reflection.
 
     Returns:
-        Signals of shape (..., factor N); every `factor`-th sample is a given one, to the filter's ripple.
+        Signals of shape (..., factor N). Every `factor`-th sample is a given sample, to the accuracy of the pass
+        band.
     """
     if factor == 1:
         return x
@@ -266,17 +279,17 @@ def interpolate(x: Array, factor: int, *, periodic: bool = False) -> Array:
 
 
 def _along(x: Array, axis: int = 0) -> Array:
-    """Contiguous signals with time as the last axis, the fastest layout for a transform."""
+    """Signals with time moved to the last axis, contiguous, which is the fastest layout for a transform."""
     return np.ascontiguousarray(np.moveaxis(x, axis, -1))
 
 
 def _back(x: Array, axis: int = 0) -> Array:
-    """Contiguous signals with time moved from the last axis to another."""
+    """Signals with time moved from the last axis to `axis`, contiguous."""
     return np.ascontiguousarray(np.moveaxis(x, -1, axis))
 
 
 def _reflected(filter: Array, x: Array, pad: int | None, orders: Sequence[int]) -> list[Array]:
-    """Derivatives, for unit sample time, of filtered signals (..., N) with reflected ends."""
+    """Derivatives of given orders of filtered signals (..., N) with reflected ends, for a sample time of 1."""
     samples = x.shape[-1]
     if samples < 2:
         return [x * (order == 0) for order in orders]
@@ -294,7 +307,10 @@ def _reflected(filter: Array, x: Array, pad: int | None, orders: Sequence[int]) 
 
 
 def _circular(response: Array, x: Array, orders: Sequence[int]) -> list[Array]:
-    """Derivatives for unit sample time of periodic signals (..., N) times a gain on the grid of their real FFT."""
+    """Derivatives of given orders of periodic signals (..., N), for a sample time of 1.
+
+    `response` is the gain of the filter at the frequencies of the real FFT.
+    """
     samples = x.shape[-1]
     transform = np.moveaxis(spectrum(np.moveaxis(x, -1, 0)), 0, -1)
     jw = 2j * np.pi * frequencies(samples)
@@ -306,13 +322,13 @@ def _circular(response: Array, x: Array, orders: Sequence[int]) -> list[Array]:
 
 
 def _grid_gain(filter: Array, length: int) -> Array:
-    """Gain on the grid of a real FFT of `length`; longer taps wrap around. The last few are remembered."""
+    """Gain at the frequencies of a real FFT of `length` samples; longer taps wrap around. The last 16 are cached."""
     return _gain_of(filter.tobytes(), filter.shape, length)
 
 
 @lru_cache(maxsize=16)
 def _gain_of(content: bytes, shape: tuple[int, ...], length: int) -> Array:
-    """The same from the numbers of a filter."""
+    """Gain, as of `_grid_gain`, of a filter that is given by its bytes and shape."""
     filter = np.frombuffer(content).reshape(shape)
     if filter.ndim == 2:
         return gain(filter, frequencies(length))
@@ -339,7 +355,7 @@ def _extend(x: Array, before: int, after: int, *, periodic: bool) -> Array:
 
 
 def _windowed_sinc(half: int, cutoff: float, attenuation: float) -> Array:
-    """Kaiser-windowed low-pass of 2·half+1 taps, cut-off in cycles a sample, sum one."""
+    """Kaiser-windowed low-pass filter of 2·half+1 taps with sum one; cut-off in cycles per sample."""
     k = np.arange(-half, half + 1)
     beta = 0.1102 * (attenuation - 8.7)  # Kaiser's formula, valid above 50 dB
     taps = np.sinc(2.0 * cutoff * k) * np.kaiser(2 * half + 1, beta)
@@ -349,7 +365,7 @@ def _windowed_sinc(half: int, cutoff: float, attenuation: float) -> Array:
 def _check_cutoff(order: float, cutoff: float, rate: float) -> None:
     if not (order >= 1 and 0 < cutoff < rate / 2):
         raise ArmidError(
-            f"A low-pass of order {order} at {cutoff:g} Hz is impossible for a signal with {rate:g} samples/s.",
+            f"A low-pass filter of order {order} at {cutoff:g} Hz is impossible for a signal of {rate:g} samples/s.",
             possible=f"an order of at least 1 and a cut-off between 0 and {rate / 2:g} Hz (half the rate)",
-            remedy="lower the cut-off, or record at a higher rate.",
+            remedy="lower the cut-off, or record at a higher sample rate.",
         )

@@ -1,6 +1,6 @@
 """Rotations and cross products.
 
-R_AB maps coordinates in frame B to frame A; p_AB is the origin of B in A. Angles are in radians.
+R_AB is the rotation matrix from frame B to frame A; p_AB is the origin of B in frame A. Angles are in radians.
 """
 
 from __future__ import annotations
@@ -14,39 +14,39 @@ from armid.values import Array
 
 
 def skew(v: ArrayLike) -> Array:
-    """S(v), shape (..., 3, 3), with S(v) w = v × w."""
+    """Skew-symmetric matrix S(v) of a vector, shape (..., 3, 3), with S(v) w = v × w."""
     x, y, z = np.moveaxis(np.asarray(v, dtype=np.float64), -1, 0)
     o = np.zeros_like(x)
     return np.stack([np.stack([o, -z, y], -1), np.stack([z, o, -x], -1), np.stack([-y, x, o], -1)], -2)
 
 
 def axis_rotation(axis: Array, angle: ArrayLike) -> Array:
-    """Rodrigues' rotation about a unit axis (3,) by angles (...,): shape (..., 3, 3)."""
+    """Rotation matrices (..., 3, 3) about a unit axis (3,) by angles (...,), by Rodrigues' formula."""
     S = skew(axis)
     s, c = np.sin(angle)[..., None, None], np.cos(angle)[..., None, None]
     return np.eye(3) + s * S + (1.0 - c) * (S @ S)
 
 
 def rotation_x(angle: float) -> Array:
-    """Rotation about x, exact where the angle is a multiple of 15°."""
+    """Rotation matrix about the x axis, exact if the angle is a multiple of 15°."""
     c, s = _cos_sin(angle)
     return np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
 
 
 def rotation_y(angle: float) -> Array:
-    """Rotation about y, exact where the angle is a multiple of 15°."""
+    """Rotation matrix about the y axis, exact if the angle is a multiple of 15°."""
     c, s = _cos_sin(angle)
     return np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
 
 
 def rotation_z(angle: float) -> Array:
-    """Rotation about z, exact where the angle is a multiple of 15°."""
+    """Rotation matrix about the z axis, exact if the angle is a multiple of 15°."""
     c, s = _cos_sin(angle)
     return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
 def rpy_rotation(rpy: ArrayLike) -> Array:
-    """Rz(yaw) Ry(pitch) Rx(roll), the convention of URDF."""
+    """Rotation matrix Rz(yaw) Ry(pitch) Rx(roll) of the angles (roll, pitch, yaw), as in URDF."""
     roll, pitch, yaw = np.asarray(rpy, dtype=np.float64)
     return rotation_z(yaw) @ rotation_y(pitch) @ rotation_x(roll)
 
@@ -59,7 +59,7 @@ def homogeneous(rotation: Array, translation: ArrayLike) -> Array:
 
 
 def _cos_sin(angle: float) -> tuple[float, float]:
-    """Cosine and sine; multiples of 15° are exact or correctly rounded, so that geometry stays exact."""
+    """Cosine and sine of an angle; for multiples of 15° they are exact or correctly rounded."""
     steps = angle / (np.pi / 12.0)
     nearest = round(steps)
     if abs(steps - nearest) <= 4.0 * np.finfo(float).eps * max(1, abs(nearest)):

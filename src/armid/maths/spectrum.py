@@ -1,4 +1,7 @@
-"""Real Fourier transform along axis 0, by NumPy, since SciPy's import takes longer than most transforms."""
+"""Real Fourier transform along axis 0.
+
+The transforms are those of NumPy, because the import of SciPy takes longer than most transforms.
+"""
 
 from __future__ import annotations
 
@@ -8,21 +11,21 @@ from numpy.typing import NDArray
 from armid.values import Array
 
 BLACKMAN_HARRIS = (0.35875, -0.48829, 0.14128, -0.01168)
-"""Blackman-Harris window of four cosines [Harris1978], with side lobes below -92 dB."""
+"""Coefficients of the four-term Blackman-Harris window [Harris1978], whose side lobes are below -92 dB."""
 
 
 def spectrum(x: Array) -> NDArray[np.complex128]:
-    """Real FFT of signals (N, ...), shape (N // 2 + 1, ...)."""
+    """Real FFT, shape (N // 2 + 1, ...), of signals (N, ...)."""
     return np.asarray(np.fft.rfft(x, axis=0), dtype=np.complex128)
 
 
 def inverse(spectrum: NDArray[np.complex128], samples: int) -> Array:
-    """Signals (samples, ...) of a real FFT."""
+    """Signals (samples, ...) from their real FFT."""
     return np.asarray(np.fft.irfft(spectrum, samples, axis=0), dtype=np.float64)
 
 
 def frequencies(samples: int) -> Array:
-    """Frequencies of the rows of `spectrum`, shape (samples // 2 + 1,) [cycles a sample]."""
+    """Frequencies of the rows of `spectrum`, shape (samples // 2 + 1,) [cycles per sample]."""
     return np.arange(samples // 2 + 1) / samples
 
 
@@ -40,14 +43,14 @@ def fast_length(samples: int) -> int:
 
 
 def power_spectrum(x: Array, rate: float, segment: int) -> tuple[Array, Array]:
-    """Power spectral density by the mean over segments that overlap by half [Welch1967].
+    """Power spectral density, averaged over segments that overlap by half [Welch1967].
 
     The mean of each segment is subtracted, and a Blackman-Harris window is applied.
 
     Args:
         x: Signals, shape (N, n), N ≥ `segment`.
-        rate: Samples a second [Hz].
-        segment: Number L of samples of a segment.
+        rate: Sample rate [Hz].
+        segment: Number L of samples in a segment.
 
     Returns:
         Frequencies, shape (L // 2 + 1,) [Hz]; one-sided density, shape (L // 2 + 1, n) [square of the unit / Hz].

@@ -1,4 +1,7 @@
-"""Cubic splines through samples at uneven times; SciPy has the same, but its import takes half a second."""
+"""Cubic splines through samples at uneven times.
+
+The splines of SciPy are not used, because their import takes half a second.
+"""
 
 from __future__ import annotations
 
@@ -11,13 +14,13 @@ LEAST = 4
 
 
 def spline_slopes(time: Array, x: Array) -> Array:
-    """First derivative at the samples of the cubic spline through them, shape of `x` [1/s].
+    """First derivative of the cubic spline through samples, at these samples, in the shape of `x` [unit of `x` / s].
 
-    The spline is twice continuously differentiable, and its third derivative is continuous at the second and the last
-    but one sample ("not a knot" [DeBoor1978]). Three samples give a parabola, two a line.
+    The spline is twice continuously differentiable. Its third derivative is continuous at the second and at the
+    second to last sample ("not a knot" condition [DeBoor1978]). Three samples give a parabola, two samples a line.
 
     Args:
-        time: Increasing, shape (N,), N ≥ 2 [s].
+        time: Sample times, increasing, shape (N,), N ≥ 2 [s].
         x: Signals, shape (N, ...).
     """
     h, samples = np.diff(time), len(time)
@@ -54,7 +57,7 @@ def spline_slopes(time: Array, x: Array) -> Array:
 def _tridiagonal(below: Array, diagonal: Array, above: Array, right: Array) -> Array:
     """Solution of a diagonally dominant tridiagonal system by cyclic reduction [Hockney1965].
 
-    Every other row is eliminated, repeatedly, until one row remains.
+    Every second row is eliminated, and this is repeated until one row remains.
 
     Args:
         below: Entries left of the diagonal, zero in the first row, shape (N,).
@@ -85,12 +88,13 @@ def _tridiagonal(below: Array, diagonal: Array, above: Array, right: Array) -> A
 
 
 def spline(time: Array, x: Array, at: Array) -> Array:
-    """Values of the cubic spline through samples at other times.
+    """Values of the cubic spline through samples, at given times.
 
     Args:
-        time: Increasing, shape (N,), N ≥ 2 [s].
+        time: Sample times, increasing, shape (N,), N ≥ 2 [s].
         x: Signals, shape (N, ...).
-        at: Times, shape (M,) [s]; beyond the ends the first and last cubic are extrapolated.
+        at: Times of the values, shape (M,) [s]. Outside the sample times, the first or the last cubic is
+            extrapolated.
 
     Returns:
         Values, shape (M, ...).
@@ -107,7 +111,7 @@ def spline(time: Array, x: Array, at: Array) -> Array:
 
 
 def _short(h: Array, chord: Array) -> Array:
-    """Slopes of the line through two or the parabola through three samples."""
+    """Slopes of the line through two samples, or of the parabola through three samples."""
     if len(h) == 1:
         return np.repeat(chord, 2, axis=0)
     bend = (chord[1] - chord[0]) / (h[0] + h[1])

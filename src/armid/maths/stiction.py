@@ -1,11 +1,12 @@
-"""Dry friction over one time step: the sliding and sticking joints with their friction torque.
+"""Dry friction over one time step: which joints slide or stick, and their friction torque.
 
-A joint slides with the torque of its bound, or sticks with any torque between its two bounds:
+The friction torque f of a sliding joint is at its bound; that of a sticking joint has any value between the bounds:
 
     v = free - G f,   f = -lower where v < 0,   f = upper where v > 0,   -lower <= f <= upper where v = 0
 
-with G the symmetric positive definite mobility (change of velocity in the step for unit torque). These are the
-optimality conditions of a convex program with bounds, so the solution is unique [Moreau1988].
+Here v is the velocity at the end of the step, `free` is this velocity without dry friction, and G is the mobility,
+the change of velocity in the step for unit torque, a symmetric positive definite matrix. These are the optimality
+conditions of a convex program with bounds, so the solution is unique [Moreau1988].
 """
 
 from __future__ import annotations
@@ -15,23 +16,24 @@ import numpy as np
 from armid.values import Array
 
 ROUNDS = 20
-"""Largest number of changes of the active set before Gauss-Seidel sweeps; on arms one to four are enough."""
+"""Largest number of changes of the active set. Then Gauss-Seidel sweeps are used. For arms one to four changes are
+enough."""
 
 SWEEPS = 400
-"""Gauss-Seidel sweeps where the active set cycles; a few sweeps halve the error."""
+"""Number of Gauss-Seidel sweeps, which are used if the active set does not converge; a few sweeps halve the error."""
 
 
 def solve_stiction(mobility: Array, free: Array, lower: Array, upper: Array) -> tuple[Array, Array]:
-    """Friction torque and velocity at the end of a step, for W arms at once.
+    """Friction torque in a time step and velocity at the end of the step, for W arms at once.
 
     Args:
-        mobility: G, shape (W, n, n) [rad/s/(N·m)].
-        free: Velocity without this friction, shape (W, n) [rad/s or m/s].
+        mobility: Mobility G, shape (W, n, n) [rad/s/(N·m) or m/s/N].
+        free: Velocity at the end of the step without dry friction, shape (W, n) [rad/s or m/s].
         lower: Largest friction torque against negative motion, shape (W, n), not negative [N·m or N].
         upper: Largest friction torque against positive motion, shape (W, n), not negative [N·m or N].
 
     Returns:
-        Torque f (W, n) and velocity (W, n), which is exactly zero where a joint sticks.
+        Friction torque f, shape (W, n), and velocity v, shape (W, n), which is exactly zero if a joint sticks.
     """
     stiffness = 1.0 / np.einsum("wjj->wj", mobility)
     identity = np.eye(free.shape[1], dtype=bool)
@@ -58,7 +60,7 @@ def solve_stiction(mobility: Array, free: Array, lower: Array, upper: Array) -> 
 
 
 def _swept(mobility: Array, free: Array, f: Array, lower: Array, upper: Array) -> Array:
-    """Solution by Gauss-Seidel, which always converges."""
+    """Friction torque by Gauss-Seidel sweeps, which always converge."""
     f = f.copy()
     for _ in range(SWEEPS):
         for j in range(f.shape[1]):

@@ -1,4 +1,4 @@
-"""Formulas of base parameters in the usual notation as text, LaTeX and JSON, from the regrouping matrix.
+"""Formulas of base parameters in the usual notation, as text, LaTeX and JSON, from the regrouping matrix.
 
 ZZR_1 = ZZ_1 + YY_2                             a base parameter by its standard parameters
 Y_{MZ_3} = Y_{MY_2} + 0.409 (Y_{XX_2} + …)      a removed column by the kept columns
@@ -17,11 +17,12 @@ from armid.model.parameter_name import ParameterName
 from armid.values import Array
 
 RECORD_DIGITS = 14
-"""Digits of coefficients in JSON: a few less than a float has, so that 0.42 is not written 0.42000000000000004."""
+"""Number of significant digits of coefficients in JSON. A float has a few more; without rounding, 0.42 could be
+written as 0.42000000000000004."""
 
 
 class ParameterRecord(TypedDict):
-    """One base parameter in JSON."""
+    """JSON object of one base parameter."""
 
     name: str
     unit: str
@@ -30,7 +31,7 @@ class ParameterRecord(TypedDict):
 
 
 class BaseRecord(TypedDict):
-    """Base parameters in JSON."""
+    """JSON object of all base parameters."""
 
     count: int
     zero_columns: list[str]
@@ -46,7 +47,7 @@ def base_formulas(base: BaseParameters, style: Style = "text") -> tuple[str, ...
 
 
 def base_sums(base: BaseParameters, style: Style = "text") -> tuple[str, ...]:
-    """Right-hand side of each base parameter's formula, for instance `MY_2 + MZ_3 + 0.2045 M_3`."""
+    """Right-hand side of the formula of each base parameter, for instance `MY_2 + MZ_3 + 0.2045 M_3`."""
     names = [_WRITERS[style](name) for name in base.standard_names]
     return tuple(
         linear_combination(row, names, own, style) for own, row in zip(base.kept, base.regrouping, strict=True)
@@ -54,23 +55,23 @@ def base_sums(base: BaseParameters, style: Style = "text") -> tuple[str, ...]:
 
 
 def column_formulas(base: BaseParameters, style: Style = "text") -> tuple[str, ...]:
-    """Formula of each removed column by the kept ones, for instance `Y_{YY_2} = Y_{ZZ_1} - Y_{XX_2}`."""
+    """Formula of each removed column by the kept columns, for instance `Y_{YY_2} = Y_{ZZ_1} - Y_{XX_2}`."""
     names = column_names(base, style)
     sums = column_sums(base, names, style)
     return tuple(f"{names[k]} = {right}" for k, right in zip(base.removed, sums, strict=True))
 
 
 def column_names(base: BaseParameters, style: Style = "text") -> list[str]:
-    """Columns of the standard parameters in formulas, for instance `Y_{YY_2}`."""
+    """Name in formulas of the column of each standard parameter, for instance `Y_{YY_2}`."""
     return [f"Y_{{{_WRITERS[style](name)}}}" for name in base.standard_names]
 
 
 def column_sums(base: BaseParameters, names: tuple[str, ...] | list[str], style: Style = "text") -> tuple[str, ...]:
-    """Right-hand side of each removed column's formula, for instance `Y_{ZZ_1} - Y_{XX_2}`.
+    """Right-hand side of the formula of each removed column, for instance `Y_{ZZ_1} - Y_{XX_2}`.
 
     Args:
         base: Base parameters.
-        names: What stands for the column of each standard parameter, p of them.
+        names: Name of the column of each of the p standard parameters.
         style: Style of the numbers.
     """
     kept = [names[k] for k in base.kept]
@@ -78,7 +79,10 @@ def column_sums(base: BaseParameters, names: tuple[str, ...] | list[str], style:
 
 
 def base_record(base: BaseParameters) -> BaseRecord:
-    """Base parameters as one JSON object; `dependencies` of a zero column are empty."""
+    """Base parameters as one JSON object.
+
+    The entry of a zero column in `dependencies` is empty.
+    """
     names = base.standard_names
     kept = [names[k] for k in base.kept]
     return BaseRecord(
@@ -100,7 +104,7 @@ def _nonzeros(names: tuple[str, ...] | list[str], row: Array) -> dict[str, float
 
 
 def parameter_latex(name: ParameterName) -> str:
-    """`ZZR_{1}` for `ZZR_1`, `FV_{1}^{(2)}` for `FV_1[2]`."""
+    """Name of a parameter in LaTeX: `ZZR_{1}` for `ZZR_1`, `FV_{1}^{(2)}` for `FV_1[2]`."""
     symbol = name.symbol + "R" * name.grouped
     return f"{symbol}_{{{name.number}}}" + ("" if name.recording is None else f"^{{({name.recording})}}")
 

@@ -1,8 +1,8 @@
 """Base parameters of a model: the combinations of standard parameters that the torque depends on.
 
-The parameters of rigid bodies are regrouped by the geometry of the tree (`identifiable_structure`). Dependences with
-the columns of other terms are found numerically, on random states, hysteresis states included. The result is checked
-on other random states.
+The parameters of rigid bodies are regrouped from the geometry of the tree (`identifiable_structure`). Dependences on
+the columns of other torque terms are found numerically, at random motion and hysteresis states. The result is checked
+at other random states.
 """
 
 from __future__ import annotations
@@ -27,43 +27,47 @@ from armid.threads import one_blas_thread
 from armid.values import Array, array
 
 TERM_FLOOR = 1e-9
-"""Coefficients between unit columns on random states that are smaller than this are rounding: 1e-16 times a condition
-number, which stays below 1e5 on arms."""
+"""Size below which a coefficient between columns of unit length, computed at random states, is rounding. Rounding
+errors are 1e-16 times a condition number, which is below 1e5 for arms."""
 
 REGROUPING_TOLERANCE = 1e-8
-"""Largest entry of Y - Y_base · regrouping over the largest of Y, in the arm's own unit of length: ten times the
-tolerance of the structure (`SPAN_TOLERANCE`). A wrong regrouping gives a far larger error."""
+"""Largest allowed entry of Y - Y_base · regrouping, divided by the largest entry of Y, with lengths in units of the
+arm size. It is ten times the tolerance of the structure (`SPAN_TOLERANCE`). A wrong regrouping gives a far larger
+error."""
 
 RANK_TOLERANCE = 1e-11
-"""Smallest ratio of singular values of base columns of unit length that counts as full rank. The ratio is 1e-4 and
-more on real geometry, 1e-9 where the structure kept a direction just above its tolerance, 1e-15 where it is wrong."""
+"""Smallest ratio of the smallest to the largest singular value of the base columns, scaled to unit length, that
+counts as full rank. The ratio is 1e-4 or more for real geometry, 1e-9 if the structure has kept a direction just
+above its tolerance, and 1e-15 if the structure is wrong."""
 
 ZERO_COLUMN = 1e-13
-"""Length of a column, over that of the longest, below which it counts as zero."""
+"""Ratio of the length of a column to the length of the longest column below which the column counts as zero."""
 
 RANDOM_BOUNDS = (np.pi, 2.0, 4.0)
-"""Bounds of positions [rad or m], velocities and accelerations of random states, with which gravity, centrifugal and
-inertial torques have the same size."""
+"""Bounds of the positions [rad or m], velocities [rad/s or m/s] and accelerations [rad/s² or m/s²] of random states.
+With them, gravity, centrifugal and inertial torques have a similar size."""
 
 RANDOM_SPEEDS = (1e-4, 10.0)
-"""Range of velocities [rad/s or m/s] of further random states, uniform in the logarithm, for laws that are nonlinear
-in the velocity: it covers Stribeck velocities of a thousandth and knots of ten."""
+"""Range of velocities [rad/s or m/s] of further random states, distributed uniformly in the logarithm. These states
+are used for laws that are nonlinear in the velocity. The range includes Stribeck velocities of 0.001 and knots of
+10."""
 
 LINEAR = frozenset({"add", "mul", "sign", "abs"})
-"""Functions without a velocity scale."""
+"""Functions of expressions that have no velocity scale."""
 
 
 @dataclass(frozen=True, eq=False, slots=True, repr=False)
 class BaseParameters(Displayed):
-    """Kept standard columns and the regrouping matrix: base = regrouping · standard.
+    """Base parameters: kept columns and regrouping matrix, with base = regrouping · standard.
 
-    Y = Y[:, kept] · regrouping: column k of the regrouping gives the column of standard parameter k by the kept ones;
-    row j gives base parameter j by the standard parameters.
+    The regressor is Y = Y[:, kept] · regrouping. Column k of the regrouping matrix contains the coefficients of the
+    kept columns that give the column of standard parameter k. Row j contains the coefficients of the standard
+    parameters that give base parameter j.
 
     Attributes:
         standard_names: Names of the p standard parameters.
         standard_units: Units of the standard parameters.
-        kept: Positions of the kept parameters, ascending, shape (b,).
+        kept: Indices of the standard parameters whose columns are kept, ascending, shape (b,).
         regrouping: Regrouping matrix, shape (b, p).
         gravity: Acceleration of gravity in the base frame for which the regrouping holds, shape (3,) [m/s²].
     """
@@ -84,7 +88,7 @@ class BaseParameters(Displayed):
         object.__setattr__(self, "gravity", array(self.gravity, (3,), "gravity"))
 
     def summary(self) -> Summary:
-        """Base parameters with their formulas."""
+        """Table of the base parameters with their formulas."""
         sums = [
             linear_combination(row, self.standard_names, own)
             for own, row in zip(self.kept, self.regrouping, strict=True)
@@ -100,7 +104,7 @@ class BaseParameters(Displayed):
 
     @property
     def names(self) -> tuple[ParameterName, ...]:
-        """Usual names: an R marks a parameter with others regrouped into it, as in `ZZR_1`."""
+        """Usual names; the letter R, as in `ZZR_1`, marks a parameter into which other parameters are regrouped."""
         return tuple(
             self.standard_names[k].regrouped() if np.count_nonzero(row) > 1 else self.standard_names[k]
             for k, row in zip(self.kept, self.regrouping, strict=True)
@@ -113,16 +117,16 @@ class BaseParameters(Displayed):
 
     @property
     def zero_columns(self) -> NDArray[np.intp]:
-        """Standard parameters without any effect on the torques."""
+        """Indices of the standard parameters that have no effect on the torque."""
         return np.flatnonzero(~self.regrouping.any(axis=0))
 
     @property
     def removed(self) -> NDArray[np.intp]:
-        """Standard parameters that are not kept, zero columns included."""
+        """Indices of the standard parameters that are not kept, including those of zero columns."""
         return np.setdiff1d(np.arange(len(self.standard_names)), self.kept)
 
     def values_of(self, standard: ArrayLike) -> Array:
-        """Base parameters (b,) of standard parameters (p,)."""
+        """Values of the base parameters, shape (b,), for values of the standard parameters, shape (p,)."""
         return self.regrouping @ array(standard, (len(self.standard_names),), "standard parameters")
 
 
@@ -131,12 +135,14 @@ _recent: deque[tuple[Robot, tuple[Term, ...], BaseParameters]] = deque(maxlen=8)
 
 
 def find_base_parameters(model: DynamicsModel) -> BaseParameters:
-    """Base parameters of a model under its robot's gravity; of dependent columns the one nearest to the base is kept.
+    """Finds the base parameters of a model with the gravity of its robot.
+
+    Of dependent columns, those nearest to the base are kept.
 
     Those of the last few models are remembered, by their arm and terms.
 
     Raises:
-        ModelError: The geometry and the torques on random states disagree.
+        ModelError: The geometry and the torques at random states give different results.
     """
     if model.load_parameters is not None:
         return _find(model)
@@ -175,10 +181,10 @@ def _find(model: DynamicsModel) -> BaseParameters:
 
 
 def _columns(model: DynamicsModel, count: int, seed: int) -> Array:
-    """Columns (rows, p) on enough random states to find the rank of `count` columns.
+    """Columns (rows, p) of the regressor at enough random states to find the rank of `count` columns.
 
-    Where a law needs the load and the model has none yet, random bodies give it: the dependence of columns does not
-    depend on its values.
+    If a law needs the load and the model has no load parameters yet, random ones are used: their values have no
+    effect on the dependence of the columns.
     """
     rng = np.random.default_rng(seed)
     shape = (10 + 3 * count // model.n, model.n)
@@ -199,7 +205,7 @@ def _columns(model: DynamicsModel, count: int, seed: int) -> Array:
 
 
 def _dependence(columns: Array) -> tuple[NDArray[np.intp], Array]:
-    """Earliest independent columns (r,), and E (r, c), which gives all columns by them."""
+    """Indices (r,) of the first independent columns, and the matrix E (r, c) that gives all columns by these."""
     unit = columns / _norms(columns)
     kept, E = echelon(unit, SPAN_TOLERANCE)
     for j in np.setdiff1d(np.arange(len(E.T)), kept):
@@ -211,10 +217,10 @@ def _dependence(columns: Array) -> tuple[NDArray[np.intp], Array]:
 
 
 def _verify(model: DynamicsModel, base: BaseParameters) -> None:
-    """Check the regrouping by torques on states that it was not computed from.
+    """Checks the regrouping with torques at other random states than those from which it was computed.
 
     Raises:
-        ModelError: The regrouping or the rank disagrees.
+        ModelError: The regrouping or the rank is wrong at these states.
     """
     columns = _columns(model, base.count, seed=2)
     scale = np.ones(columns.shape[1])
@@ -225,15 +231,15 @@ def _verify(model: DynamicsModel, base: BaseParameters) -> None:
     error /= max(np.abs(columns * scale).max(initial=0.0), np.finfo(float).tiny)
     if error > REGROUPING_TOLERANCE or _rank(own) < base.count:
         raise ModelError(
-            f"{model.robot.name}: the geometry gives {base.count} base parameters, the torques on random states "
-            f"{_rank(columns)}; the relative error of the regrouped regressor is {error:.1e}.",
-            remedy="look for placements or axes that differ from a special position by less than a thousandth, and "
-            "round them; if there are none, this is a bug of armid.",
+            f"{model.robot.name}: the geometry gives {base.count} base parameters, but the torques at random states "
+            f"give {_rank(columns)}; the relative error of the regrouped regressor is {error:.1e}.",
+            remedy="look in the description for placements or axes that differ by less than a thousandth from a "
+            "parallel or perpendicular position, and round them; if there are none, this is a bug of armid.",
         )
 
 
 def _rank(columns: Array) -> int:
-    """Number of independent columns, each scaled to unit length."""
+    """Number of independent columns, after scaling of each column to unit length."""
     if not columns.size:
         return 0
     sizes = np.linalg.svd(columns / _norms(columns), compute_uv=False)
@@ -241,6 +247,6 @@ def _rank(columns: Array) -> int:
 
 
 def _norms(columns: Array) -> Array:
-    """Length of each column; 1 where it is zero to rounding."""
+    """Length of each column, or 1 if the column is zero to rounding."""
     norms = np.linalg.norm(columns, axis=0)
     return np.where(norms > ZERO_COLUMN * norms.max(initial=0.0), norms, 1.0)

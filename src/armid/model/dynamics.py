@@ -1,9 +1,10 @@
-"""Dynamics model: an arm with its torque terms, linear in the standard parameters.
+"""Dynamics model: an arm with torque terms, whose torque is linear in the standard parameters.
 
     τ = Y(q, q̇, q̈) θ = M(q) q̈ + C(q, q̇) q̇ + g(q) + friction
 
-Parameters are ordered link by link: the ten inertial ones in Pinocchio's order, then those of the other terms. Laws
-with hysteresis depend on the earlier motion: `remember` computes their states along a contiguous run at full rate.
+Parameters are ordered link by link: the ten inertial parameters in the order of Pinocchio, then the parameters of the
+other torque terms. Laws with hysteresis depend on the earlier motion. The method `remember` computes their states
+along a contiguous run at full rate.
 """
 
 from __future__ import annotations
@@ -35,11 +36,11 @@ class Parameter:
 
     Attributes:
         symbol: Usual symbol, for instance `MX` or `FV`.
-        number: Number of its link or joint, from 1.
-        unit: SI unit.
-        kind: Name of its torque term.
-        joint: Name of its joint.
-        nonnegative: Whether physics forbids negative values.
+        number: Number of the link or joint, counted from 1.
+        unit: Unit of the parameter (SI).
+        kind: Name of the torque term.
+        joint: Name of the joint.
+        nonnegative: True if negative values are physically impossible.
     """
 
     symbol: str
@@ -51,17 +52,18 @@ class Parameter:
 
     @property
     def name(self) -> ParameterName:
-        """Symbol and number, for instance `MX_2`."""
+        """Name of the parameter, made of symbol and number, for instance `MX_2`."""
         return ParameterName(self.symbol, self.number)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class TermColumns:
-    """Columns of the terms other than rigid bodies, each for one row of the regressor.
+    """Regressor columns of the torque terms except rigid bodies, each for the row of one joint.
 
     Attributes:
-        joint: Joint (row of the regressor) of each column, shape (e,).
-        parameter: Parameter of each column, shape (e,); a coupling's parameter occurs twice.
+        joint: Index of the joint (row of the regressor) of each column, shape (e,).
+        parameter: Index of the standard parameter of each column, shape (e,). A parameter of a coupling occurs once
+            for each of its joints.
         values: Entries of the columns, shape (e, N).
     """
 
@@ -76,10 +78,11 @@ class DynamicsModel(Displayed):
 
     Attributes:
         robot: The arm.
-        terms: Torque terms; rigid bodies, viscous and Coulomb friction and offset where none are given. A term may
-            occur several times, for instance with other shapes on other joints, if its parameters differ.
-        load_parameters: Inertial parameters (n, 10) of an earlier estimate, or others with the same torque. The
-            symbol `load` of laws is the torque of these rigid bodies, never a measured one. `None` where unknown.
+        terms: Torque terms; if not given, rigid bodies, viscous and Coulomb friction, and offset. A term may occur
+            several times if its parameters differ, for instance with different shapes on different joints.
+        load_parameters: Inertial parameters of the links, shape (n, 10), from an earlier estimate, or other inertial
+            parameters that give the same torque. In a law, the symbol `load` is the torque that is computed with
+            them; it is never a measured torque. `None` if no such parameters are known.
     """
 
     robot: Robot
@@ -97,12 +100,12 @@ class DynamicsModel(Displayed):
         twice = sorted({name for name in names if names.count(name) > 1})
         if twice:
             raise ModelError(
-                f"Two terms have the same parameters: {', '.join(twice)}.",
-                remedy="give each term once, or restrict terms to different joints.",
+                f"The same parameters belong to two torque terms: {', '.join(twice)}.",
+                remedy="give each term only once, or restrict the terms to different joints.",
             )
 
     def summary(self) -> Summary:
-        """Terms with their number of parameters and their law."""
+        """Table of the torque terms with their number of parameters and their law."""
         counts = Counter(parameter.kind for parameter in self.parameters)
         laws = {name: f"{law.symbol} · {text(law.expression)}" for name, law in reversed(self.laws)}
         rows = tuple((name, str(count), laws.get(name, "links as rigid bodies")) for name, count in counts.items())
@@ -116,23 +119,23 @@ class DynamicsModel(Displayed):
 
     @cached_property
     def tree(self) -> Tree:
-        """The arm's geometry."""
+        """Geometry of the arm in the form of the kernel."""
         return self.robot.tree
 
     @cached_property
     def has_rigid_bodies(self) -> bool:
-        """Checks whether the inertial parameters of the links are among the parameters."""
+        """True if the inertial parameters of the links are among the parameters."""
         return any(isinstance(term, RigidBody) for term in self.terms)
 
     @cached_property
     def laws(self) -> tuple[tuple[str, Law], ...]:
-        """Laws with the names of their terms, ordered by joint, then by term."""
+        """Pairs of the name of a torque term and one of its laws, ordered by joint, then by term."""
         laws = [(term.name, law) for term in self.terms for law in term.laws(self.robot)]
         return tuple(sorted(laws, key=lambda named: named[1].joint))
 
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:
-        """The p standard parameters, link by link."""
+        """Standard parameters, p of them, ordered link by link."""
         result: list[Parameter] = []
         for i, joint in enumerate(self.robot.joints):
             if self.has_rigid_bodies:
@@ -147,17 +150,17 @@ class DynamicsModel(Displayed):
 
     @cached_property
     def inertial_columns(self) -> NDArray[np.intp]:
-        """Positions of the inertial parameters among all, link by link, shape (10 n,) or (0,)."""
+        """Indices in `parameters` of the inertial parameters, shape (10 n,); (0,) without rigid bodies."""
         return np.flatnonzero([p.kind == RigidBody.name for p in self.parameters])
 
     @cached_property
     def law_columns(self) -> NDArray[np.intp]:
-        """Positions of the laws' parameters among all, in the order of `laws`."""
+        """Index in `parameters` of the parameter of each law, in the order of `laws`."""
         return np.flatnonzero([p.kind != RigidBody.name for p in self.parameters])
 
     @cached_property
     def entries(self) -> tuple[tuple[int, int, Law, float], ...]:
-        """Joint, parameter, law and weight of every column of the terms other than rigid bodies."""
+        """Joint, parameter, law and weight of every column of the torque terms except rigid bodies."""
         return tuple(
             (j, int(column), law, weight)
             for column, (_, law) in zip(self.law_columns, self.laws, strict=True)
@@ -166,7 +169,7 @@ class DynamicsModel(Displayed):
 
     @cached_property
     def nodes(self) -> tuple[MemoryNode, ...]:
-        """Hysteresis states of the laws, m of them, in the order of the laws."""
+        """Nodes of the hysteresis states of the laws, m of them, in the order of the laws."""
         found: dict[tuple[Coordinate, object], MemoryNode] = {}
         for name, law in self.laws:
             if law.memory is not None:
@@ -174,21 +177,21 @@ class DynamicsModel(Displayed):
         return tuple(found.values())
 
     def remember(self, motion: Motion) -> Motion:
-        """Adds the states of all memory nodes to a motion, which counts as one contiguous run at full rate."""
+        """Adds the hysteresis states of all nodes to a motion, which must be one contiguous run at full rate."""
         return self.remembered(motion)[0] if self.nodes else motion
 
     def remembered(self, motion: Motion) -> tuple[Motion, NDArray[np.int64]]:
-        """Motion with its states, and the first sample at which each node's state is known, shape (m,).
+        """Motion with its hysteresis states, and the first sample at which each node's state is known, shape (m,).
 
-        A state is known from the sample on at which the motion determines it for every initial state; N where that
-        never happens. Before that sample it is the middle of its possible range.
+        A state is known from the sample on at which it no longer depends on its unknown initial value; N if it always
+        depends on it. Before that sample, the state is the middle of its possible range.
         """
         self._check(motion)
         states, known = kernel.play(*self._driven(motion.q), np.array([node.memory.width for node in self.nodes]))
         return motion.with_memory(states), known
 
     def _driven(self, q: Array) -> tuple[Array, NDArray[np.int32]]:
-        """Coordinates (N, k) that drive the nodes (joints, then combinations), and the coordinate of each node."""
+        """Coordinates (N, k) that drive the nodes (joints, then combinations), and the index of that of each node."""
         columns = {((j, 1.0),): j for j in range(self.n)}
         combined = [node.coordinate for node in self.nodes if node.coordinate not in columns]
         columns |= {coordinate: self.n + k for k, coordinate in enumerate(dict.fromkeys(combined))}
@@ -197,10 +200,11 @@ class DynamicsModel(Displayed):
         return np.column_stack([q, *more]) if more else q, follows
 
     def term_columns(self, motion: Motion, kept: NDArray[np.integer] | None = None) -> TermColumns:
-        """Columns of all terms other than rigid bodies along a motion, or of those in `kept`.
+        """Columns of all torque terms except rigid bodies along a motion; only those with indices `kept` if given.
 
         Raises:
-            ModelError: A law has hysteresis, but the motion has no states; or it depends on an unknown load.
+            ModelError: A law has hysteresis, but the motion has no hysteresis states; or a law depends on an unknown
+                load.
         """
         entries = self.entries if kept is None else [self.entries[e] for e in kept]
         values = np.empty((len(entries), motion.samples))
@@ -214,7 +218,7 @@ class DynamicsModel(Displayed):
         return TermColumns(joint, parameter, values)
 
     def _of_joints(self, motion: Motion, names: set[str]) -> dict[str, Array]:
-        """Values of the named symbols, joint by joint or node by node, shape (n or m, N)."""
+        """Values of the named symbols for each joint, shape (n, N), or for each node, shape (m, N)."""
         found = {"q": motion.q, "dq": motion.dq, "ddq": motion.ddq}
         if "load" in names:
             found["load"] = self._load(motion)
@@ -223,29 +227,29 @@ class DynamicsModel(Displayed):
         return {name: np.ascontiguousarray(x.T) for name, x in found.items() if name in names}
 
     def _load(self, motion: Motion) -> Array:
-        """Torque (N, n) of the rigid bodies of `load_parameters`."""
+        """Torque (N, n) of the rigid bodies with the parameters `load_parameters`."""
         if self.load_parameters is None:
             term = next(name for name, law in self.laws if "load" in symbols(law.expression))
             raise ModelError(
                 f"The term {term!r} depends on the load of the joints, but the model has no estimate of it.",
-                remedy=f"identify without {term!r} first, and pass the inertial parameters of that estimate as "
+                remedy=f"first identify without {term!r}, then pass the inertial parameters of that estimate as "
                 "load_parameters.",
             )
         return kernel.inverse_dynamics(self.tree, self.load_parameters, motion.q, motion.dq, motion.ddq)
 
     def _states(self, motion: Motion) -> Array:
-        """States (N, m) of the memory nodes."""
+        """Hysteresis states (N, m) of a motion."""
         if motion.memory is None or motion.memory.shape[1] != len(self.nodes):
             found = "none" if motion.memory is None else f"{motion.memory.shape[1]}"
             raise ModelError(
-                f"The term {self.nodes[0].term!r} needs the motion with {len(self.nodes)} states; the motion has "
-                f"{found}.",
-                remedy="call remember on the whole contiguous run first.",
+                f"The term {self.nodes[0].term!r} needs a motion with {len(self.nodes)} hysteresis states; the "
+                f"motion has {found}.",
+                remedy="first add the states with `DynamicsModel.remember` to the whole contiguous run.",
             )
         return motion.memory
 
     def _environment(self, law: Law, of_joints: dict[str, Array]) -> dict[str, Array]:
-        """Values of a law's symbols: those of its coordinate and of its hysteresis state."""
+        """Values of the symbols of a law: of its coordinate and of its hysteresis state."""
 
         def combined(x: Array) -> Array:
             parts = [x[j] if w == 1.0 else w * x[j] for j, w in law.coordinate]
@@ -262,7 +266,10 @@ class DynamicsModel(Displayed):
         return {(node.coordinate, node.memory): k for k, node in enumerate(self.nodes)}
 
     def regressor(self, motion: Motion) -> Array:
-        """Regressor Y with τ = Y θ, shape (N, n, p). A motion without states counts as one contiguous run."""
+        """Regressor Y with τ = Y θ, shape (N, n, p).
+
+        A motion without hysteresis states is taken as one contiguous run.
+        """
         motion = self._prepared(motion)
         Y = np.zeros((motion.samples, self.n, len(self.parameters)))
         if self.has_rigid_bodies:
@@ -273,9 +280,9 @@ class DynamicsModel(Displayed):
         return Y
 
     def torque(self, motion: Motion, parameters: ArrayLike) -> Array:
-        """Joint torque (N, n) [N·m or N] for standard parameters (p,).
+        """Joint torque, shape (N, n) [N·m or N], for standard parameters, shape (p,).
 
-        A motion without states counts as one contiguous run.
+        A motion without hysteresis states is taken as one contiguous run.
         """
         motion = self._prepared(motion)
         theta = self._standard(parameters)
@@ -289,7 +296,7 @@ class DynamicsModel(Displayed):
         return tau
 
     def mass_matrix(self, q: ArrayLike, parameters: ArrayLike) -> Array:
-        """M(q) of links and rotors, shape (N, n, n), at positions (N, n)."""
+        """Mass matrix M(q) of links and rotors, shape (N, n, n), at positions (N, n)."""
         theta, q = self._standard(parameters), self._positions(q)
         M = np.zeros((len(q), self.n, self.n))
         if self.has_rigid_bodies:
@@ -306,27 +313,30 @@ class DynamicsModel(Displayed):
         return M
 
     def coriolis_matrix(self, q: ArrayLike, dq: ArrayLike, parameters: ArrayLike) -> Array:
-        """C(q, q̇) by Christoffel symbols, shape (N, n, n); dM/dt - 2 C is skew-symmetric."""
+        """Coriolis matrix C(q, q̇) with Christoffel symbols, shape (N, n, n); dM/dt - 2 C is skew-symmetric."""
         q, dq = self._positions(q), self._positions(dq)
         return kernel.coriolis_matrix(self.tree, self._inertial(self._standard(parameters)), q, dq)
 
     def gravity_torque(self, q: ArrayLike, parameters: ArrayLike) -> Array:
-        """g(q), shape (N, n) [N·m or N]."""
+        """Gravity torque g(q), shape (N, n) [N·m or N]."""
         q = self._positions(q)
         return kernel.gravity_torque(self.tree, self._inertial(self._standard(parameters)), q)
 
     def kinetic_energy(self, q: ArrayLike, dq: ArrayLike, parameters: ArrayLike) -> Array:
-        """½ q̇ᵀ M q̇, shape (N,) [J]."""
+        """Kinetic energy ½ q̇ᵀ M q̇, shape (N,) [J]."""
         dq = self._positions(dq)
         return 0.5 * np.einsum("ni,nij,nj->n", dq, self.mass_matrix(q, parameters), dq)
 
     def potential_energy(self, q: ArrayLike, parameters: ArrayLike) -> Array:
-        """Potential energy of gravity, shape (N,) [J]; zero for masses at the origin of the base."""
+        """Potential energy of gravity, shape (N,) [J]; a mass at the origin of the base frame has energy zero."""
         q = self._positions(q)
         return kernel.potential_energy(self.tree, self._inertial(self._standard(parameters)), q)
 
     def nominal_parameters(self) -> Array | None:
-        """Standard parameters (p,) of the description, other terms zero; `None` where it gives none."""
+        """Standard parameters (p,) with the inertial parameters of the description; all others are zero.
+
+        `None` if the description has no inertial parameters.
+        """
         inertial = self.robot.inertial_vector
         if inertial is None or not self.has_rigid_bodies:
             return None
@@ -346,7 +356,7 @@ class DynamicsModel(Displayed):
         return array(q, (None, self.n), "joint positions or velocities")
 
     def _prepared(self, motion: Motion) -> Motion:
-        """Motion after its checks, with states where the laws need them."""
+        """Checks a motion and adds hysteresis states if the laws need them."""
         self._check(motion)
         return motion if motion.memory is not None else self.remember(motion)
 

@@ -1,8 +1,8 @@
 """Expressions of torque laws.
 
-One expression gives the values of a regressor column (`evaluate`), its derivative with respect to any symbol
-(`derivative`) and its printed forms (`text`, `latex`). An expression is a number, a symbol or a function of
-expressions; `FUNCTIONS` lists the functions.
+From one expression follow the values of a regressor column (`evaluate`), its derivative by any symbol (`derivative`)
+and its printed forms (`text`, `latex`). An expression is a number, a symbol or a function of expressions; `FUNCTIONS`
+lists the functions.
 """
 
 from __future__ import annotations
@@ -20,7 +20,11 @@ from armid.values import Array
 
 @dataclass(frozen=True, slots=True)
 class Expression:
-    """Node of an expression: a number (float `head`), a symbol (name `head`) or a function of `arguments`."""
+    """Expression: a number, a symbol, or a function of other expressions.
+
+    `head` is a float for a number, or the name of the symbol or function. `arguments` are the arguments of a
+    function.
+    """
 
     head: float | str
     arguments: tuple[Expression, ...] = ()
@@ -54,12 +58,12 @@ class Expression:
 
 
 def number(value: Expression | float) -> Expression:
-    """Constant as an expression; an expression stays the same."""
+    """Converts a float to a constant expression; an expression is returned unchanged."""
     return value if isinstance(value, Expression) else Expression(float(value))
 
 
 def symbol(name: str) -> Expression:
-    """Variable: `q`, `dq`, `ddq`, `load` or `state` of a law's coordinate, or a shape parameter."""
+    """Variable: `q`, `dq`, `ddq`, `load` or `state` of the coordinate of a law, or a shape parameter."""
     return Expression(name)
 
 
@@ -120,7 +124,7 @@ def _sum(a: Expression, b: Expression) -> Expression:
 
 
 def _product(a: Expression, b: Expression) -> Expression:
-    """Product with its numerical factor, if any, in front."""
+    """Product, in which a numerical factor, if there is one, comes first."""
     x, y = _constant(a), _constant(b)
     if x is None and y is not None:
         return _product(b, a)
@@ -149,12 +153,12 @@ def _power(a: Expression, b: Expression) -> Expression:
 
 @dataclass(frozen=True, slots=True)
 class Function:
-    """Description of a function.
+    """Function that an expression may use.
 
     Attributes:
-        value: Evaluation on arrays.
-        partials: Partial derivative by each argument, as a function of the tuple of arguments.
-        text: Pattern of the plain form.
+        value: Function that computes the values for arrays.
+        partials: For each argument, a function that returns the partial derivative by it for the tuple of arguments.
+        text: Pattern of the form in plain text.
         latex: Pattern of the LaTeX form.
     """
 
@@ -194,13 +198,14 @@ FUNCTIONS: dict[str, Function] = {
         np.minimum, (lambda x: _step(x[1] - x[0]), lambda x: _step(x[0] - x[1])), "min({}, {})", r"\min({}, {})"
     ),
 }
-"""Functions of expressions by name. The exponent of `pow` must not depend on the symbol of a derivative."""
+"""Functions of expressions, by name. The exponent of `pow` must not depend on the symbol by which is
+differentiated."""
 
 LATEX_SYMBOLS = {"q": "q", "dq": r"\dot{q}", "ddq": r"\ddot{q}", "load": r"\tau_{\mathrm{load}}", "state": "z"}
 
 
 def evaluate(expression: Expression, environment: Mapping[str, Array | float]) -> Array:
-    """Value of an expression, broadcast over arrays of symbols.
+    """Value of an expression for arrays or numbers that are given for its symbols, which are broadcast.
 
     Raises:
         ModelError: A symbol has no value in `environment`.
@@ -210,13 +215,20 @@ def evaluate(expression: Expression, environment: Mapping[str, Array | float]) -
         return np.asarray(head)
     if not arguments:
         if head not in environment:
-            raise ModelError(f"The symbol {head!r} has no value.", possible=", ".join(sorted(environment)))
+            raise ModelError(
+                f"No value is given for the symbol {head!r} of the expression.",
+                possible=", ".join(sorted(environment)),
+            )
         return np.asarray(environment[head])
     return np.asarray(FUNCTIONS[head].value(*(evaluate(a, environment) for a in arguments)))
 
 
 def derivative(expression: Expression, by: str) -> Expression:
-    """Derivative with respect to a symbol; for `sign` it is zero everywhere, at a kink the mean of both sides."""
+    """Derivative of an expression by a symbol.
+
+    The derivative of `sign` is zero everywhere. At a kink, the derivative is the mean of the derivatives on both
+    sides.
+    """
     head, arguments = expression.head, expression.arguments
     if not isinstance(head, str) or not arguments:
         return _ONE if head == by else _ZERO
@@ -237,14 +249,14 @@ def symbols(expression: Expression) -> frozenset[str]:
 
 
 def functions(expression: Expression) -> frozenset[str]:
-    """Names of the functions in an expression, rows of `FUNCTIONS`."""
+    """Names of the functions in an expression, which are keys of `FUNCTIONS`."""
     if not isinstance(expression.head, str) or not expression.arguments:
         return frozenset()
     return frozenset({expression.head}).union(*(functions(a) for a in expression.arguments))
 
 
 def text(expression: Expression) -> str:
-    """Plain form, for instance `tanh(dq / 0.02)` written `tanh(50 dq)`."""
+    """Expression in plain text, for instance `tanh(50 dq)` for tanh(dq / 0.02)."""
     head, arguments = expression.head, expression.arguments
     if not isinstance(head, str):
         return f"{head:g}"
@@ -252,7 +264,7 @@ def text(expression: Expression) -> str:
 
 
 def latex(expression: Expression) -> str:
-    """LaTeX form."""
+    """Expression in LaTeX."""
     head, arguments = expression.head, expression.arguments
     if not isinstance(head, str):
         return f"{head:g}"
@@ -262,7 +274,10 @@ def latex(expression: Expression) -> str:
 
 
 def _operands(expression: Expression, write: Callable[[Expression], str], brackets: str) -> list[str]:
-    """Text of the arguments; the base of a power gets brackets where the exponent would seem to apply to a part."""
+    """Arguments as text.
+
+    The base of a power is put in brackets if the exponent would seem to apply only to a part of it.
+    """
     written = [write(argument) for argument in expression.arguments]
     base = expression.arguments[0]
     if expression.head == "pow" and (base.head in ("mul", "pow") or (_constant(base) or 0.0) < 0.0):

@@ -1,7 +1,7 @@
-"""Hysteresis states of torque laws, which depend on the motion before the present sample.
+"""Hysteresis states of torque laws, which depend on the motion before the current sample.
 
-The state of a memory node is updated from sample to sample along a contiguous run. Its initial value is unknown, so a
-state is used only from the sample on at which all initial values have led to the same state.
+The state of a node is updated from sample to sample along a contiguous run. Its initial value is unknown. Therefore a
+state is used only from the sample on at which all possible initial values lead to the same state.
 """
 
 from __future__ import annotations
@@ -12,14 +12,15 @@ from armid.errors import ModelError
 from armid.model.expression import Expression, maximum, minimum, symbol
 
 Coordinate = tuple[tuple[int, float], ...]
-"""Pairs of joint index and weight w_j of a coordinate c = Σ w_j q_j."""
+"""Coordinate c = Σ w_j q_j, as pairs of joint index j and weight w_j."""
 
 
 @dataclass(frozen=True, slots=True)
 class Play:
-    """Play operator: the centre z of a window of half-width r that the coordinate q drags along.
+    """Play operator: its state z is the centre of a window of half-width r that the coordinate q moves with it.
 
-    The initial z is unknown within r of q. It is known once q has moved over more than 2 r and so has dragged it.
+    The initial z is unknown; it differs from q by at most r. As soon as q has moved over more than 2 r, it has moved
+    the window, and z is known.
 
     Attributes:
         width: Half-width r of the window [rad or m].
@@ -29,28 +30,28 @@ class Play:
 
     def __post_init__(self) -> None:
         if not 0.0 < self.width < float("inf"):
-            raise ModelError(f"The width of a play operator must be positive; found {self.width}.")
+            raise ModelError(f"The half-width of a play operator must be positive; found {self.width}.")
 
     @property
     def update(self) -> Expression:
-        """Next `state` from the last one and the new `q`: min(max(z, q - r), q + r)."""
+        """Expression of the next `state` from the previous `state` z and the new `q`: min(max(z, q - r), q + r)."""
         q = symbol("q")
         return minimum(maximum(symbol("state"), q - self.width), q + self.width)
 
     @property
     def deflection(self) -> Expression:
-        """(q - z) / r, from -1 to 1."""
+        """Expression of the normalised deflection (q - z) / r, from -1 to 1."""
         return (symbol("q") - symbol("state")) * (1.0 / self.width)
 
 
 @dataclass(frozen=True, slots=True)
 class MemoryNode:
-    """Hysteresis state of a model: an operator and the coordinate that drives it, shared by laws.
+    """Node of a hysteresis state: an operator and the coordinate that drives it; laws may share it.
 
     Attributes:
         coordinate: Coordinate that drives the state.
         memory: Operator that updates the state.
-        term: Name of the first term that uses it.
+        term: Name of the first torque term that uses the state.
     """
 
     coordinate: Coordinate

@@ -1,18 +1,20 @@
-"""Identifiable combinations of a tree's inertial parameters, from its geometry alone.
+"""Identifiable combinations of the inertial parameters of a tree, computed from its geometry.
 
-Torque is zero for all motions exactly when the kinetic energy is zero and the potential energy constant for all q,
-q̇. Both are linear in the parameters. In the frame of link i they are functionals on R¹⁰ [Wensing2024]: ½ vᵀ I v for
-an attainable velocity v, and g·h for an attainable direction of gravity g. Let W_p be the span of the parent's
-attainable functionals, V_p the span of its velocities, S the axis of the joint, and X(q) and K(q) its transforms of
-velocities and of parameters (π_parent = K π). With v_i = X v_p + S q̇_i, the torque of joint i depends on its link
-through
+The torque is zero for all motions if and only if, for all q and q̇, the kinetic energy is zero and the potential
+energy is constant. Both energies are linear in the parameters. In the frame of link i they are linear functionals of
+its ten parameters [Wensing2024]: ½ vᵀ I v for a velocity v that the link can have, and g·h for a direction of gravity
+g that is possible in the frame. For joint i, let V_p be the span of the velocities that the parent link can have, and
+W_p the span of the functionals of the parent link. S is the axis of the joint. X(q) transforms velocities from the
+parent link to link i. K(q) transforms parameters from link i to the parent link (π_parent = K π). With v_i = X v_p +
+S q̇_i, the torque of joint i depends on the parameters of link i through
 
-    SᵀI S,   SᵀI X(q) v  for v in V_p,   and all of w K(q), w in W_p, that varies with q.
+    SᵀI S,   SᵀI X(q) v  for v in V_p,   and the part of w K(q) that depends on q, for w in W_p.
 
-The other combinations cannot be distinguished from a change of the parent link, and are moved there: π_parent += K(0)
-π. Since K and X are polynomials in cos q and sin q (or in q), "for all q" is a condition on finitely many
-coefficients. Attainable velocities are a union of subspaces, not one subspace; spans suffice, because every condition
-is linear in w or v.
+All other combinations have the same effect on the torque as a change of the parameters of the parent link. They are
+therefore added to the parameters of the parent link: π_parent += K(0) π. K and X are polynomials in cos q and sin q
+(or in q), so a condition for all q is a condition on a finite number of coefficients. The possible velocities are a
+union of subspaces, not one subspace. It is sufficient to use their spans, because every condition is linear in w or
+v.
 """
 
 from __future__ import annotations
@@ -29,16 +31,16 @@ from armid.maths.spatial import homogeneous, skew
 from armid.values import Array
 
 SPAN_TOLERANCE = 1e-9
-"""Size, in the arm's own unit of length, below which a direction of a span is rounding. Geometry is exact to 1e-16,
-and a direction of size s has a relative rounding error of 1e-16/s in the next joint, so that lengths of a millionth
-of the arm still leave a margin of a factor 1000."""
+"""Singular value below which a direction of a span is rounding, with lengths in units of the arm size. Geometry is
+exact to 1e-16. A direction of size s has a relative rounding error of 1e-16/s in the next joint. So for lengths of a
+millionth of the arm size there is still a margin of a factor 1000."""
 
 PREFERRED_DISTANCE = 1e-4
-"""Distance from the span of earlier columns above which a column is preferred to later ones. Small offsets of real
-arms are at least a hundredth of the unit of length, and enter squared."""
+"""Distance from the span of earlier columns above which a column is preferred to later columns. Small offsets of real
+arms are at least a hundredth of the arm size, and their square determines the distance."""
 
 COEFFICIENT_FLOOR = 1e-12
-"""Size, in the arm's own unit of length, below which a coefficient of the regrouping is rounding."""
+"""Absolute value below which a coefficient of the regrouping is rounding, with lengths in units of the arm size."""
 
 _BODIES = np.array([spatial_inertia(e) for e in np.eye(10)])
 
@@ -57,11 +59,11 @@ _FOURIER = np.array(
 
 
 def structural_base(tree: Tree) -> tuple[NDArray[np.intp], Array]:
-    """Base parameters of the rigid bodies of a tree.
+    """Finds the base parameters of the rigid bodies of a tree.
 
     Returns:
-        Positions of the kept parameters among the 10 n, shape (b,): the earliest independent ones from base to tip;
-        and the regrouping (b, 10 n) with base = regrouping · standard.
+        Indices of the kept inertial parameters, shape (b,), which are the first independent ones from base to tip;
+        and the regrouping matrix, shape (b, 10 n), with base = regrouping · standard.
     """
     length = _unit_of_length(tree)
     joints = [_joint(tree, i, length) for i in range(tree.n)]
@@ -81,23 +83,24 @@ def structural_base(tree: Tree) -> tuple[NDArray[np.intp], Array]:
 
 
 def parameter_units(tree: Tree) -> Array:
-    """Units 1, l, l² of mass, first moments and inertias (10 n,) for the arm's own unit of length l."""
+    """Units 1, l, l² of mass, first moments and inertias, shape (10 n,), for the arm size l as unit of length."""
     length = _unit_of_length(tree)
     return np.tile(np.repeat([1.0, length, length**2], [1, 3, 6]), tree.n)
 
 
 def echelon(matrix: Array, tolerance: float) -> tuple[NDArray[np.intp], Array]:
-    """Earliest independent columns, and all columns in terms of them.
+    """Finds the first independent columns of a matrix, and expresses all columns by these.
 
-    A column nearer to the span of earlier ones than `PREFERRED_DISTANCE` is kept only where later columns do not
-    complete the span, since it would give very large coefficients.
+    A column whose distance from the span of earlier columns is less than `PREFERRED_DISTANCE` would give very large
+    coefficients. It is kept only if the span is incomplete without it.
 
     Args:
-        matrix: Matrix of shape (m, c), entries of the order of one.
-        tolerance: A column is dependent when its distance to the span of the kept ones is at most this.
+        matrix: Matrix of shape (m, c) with entries of the order of one.
+        tolerance: Largest distance from the span of the kept columns for which a column counts as dependent.
 
     Returns:
-        Kept columns (r,) and E (r, c) with matrix = matrix[:, kept] · E and E[:, kept] the identity.
+        Indices of the kept columns, shape (r,), and E, shape (r, c), with matrix = matrix[:, kept] · E; E[:, kept] is
+        the identity.
     """
     rows, count = matrix.shape
     basis = np.zeros((min(rows, count), rows))
@@ -120,14 +123,14 @@ def echelon(matrix: Array, tolerance: float) -> tuple[NDArray[np.intp], Array]:
 
 
 def clean(matrix: Array, floor: float = COEFFICIENT_FLOOR) -> Array:
-    """Sets entries that are rounding to zero, with a larger floor in rows with entries above 100."""
+    """Sets entries below `floor` to zero; in rows with entries above 100, `floor` is increased in proportion."""
     largest = np.abs(matrix).max(axis=1, keepdims=True, initial=100.0)
     return np.where(np.abs(matrix) < floor * largest / 100.0, 0.0, matrix)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Joint:
-    """Joint as polynomials in cos q and sin q, or in q, by their coefficients, the constant one first."""
+    """Transforms of a joint: coefficients of polynomials in cos q and sin q, or in q, the constant one first."""
 
     subspace: Array  # (6,)
     velocities: Array  # X, (h, 6, 6), parent to link
@@ -136,7 +139,7 @@ class _Joint:
 
 
 def _conditions(tree: Tree, joints: list[_Joint]) -> list[Array]:
-    """Orthonormal functionals (r_i, 10) of each link, through which its joint's torque depends on it."""
+    """Orthonormal functionals (r_i, 10) of each link through which the torque of its joint depends on the link."""
     nothing = np.zeros((0, 6))
     weight = np.zeros((1, 10))
     if tree.gravity.any():
@@ -165,7 +168,7 @@ def _span(rows: Array) -> Array:
 
 
 def _joint(tree: Tree, i: int, length: float) -> _Joint:
-    """Polynomials of joint i in the arm's unit of length."""
+    """Transforms of joint i, with lengths in units of the arm size."""
     R, p, a = tree.rotation[i], tree.translation[i] / length, tree.axis[i]
     placed = homogeneous(R, p)
     if tree.prismatic[i]:
@@ -185,7 +188,7 @@ def _joint(tree: Tree, i: int, length: float) -> _Joint:
 
 
 def _products(powers: list[Array]) -> list[Array]:
-    """Maps of parameters (10, 10) for the pairs of coefficients of T in J' = T J Tᵀ."""
+    """Matrices (10, 10) that transform parameters, for all pairs of coefficients of T in J' = T J Tᵀ."""
     result: list[Array] = []
     for T, U in combinations_with_replacement(powers, 2):
         moved = T @ PSEUDO_INERTIA_OF @ U.T
@@ -196,16 +199,16 @@ def _products(powers: list[Array]) -> list[Array]:
 
 
 def _velocity_map(rotation: Array, shifted: Array) -> Array:
-    """[[Rᵀ, 0], [-RᵀS(p), Rᵀ]] from R and RᵀS(p): spatial velocity seen from a frame at R, p."""
+    """Transform [[Rᵀ, 0], [-RᵀS(p), Rᵀ]] of spatial velocity to a frame at (R, p), from R and RᵀS(p)."""
     return np.block([[rotation.T, np.zeros((3, 3))], [-shifted, rotation.T]])
 
 
 def _block(rotation: Array, translation: Array) -> Array:
-    """Coefficient (4, 4) of a homogeneous transform, without the one in the corner."""
+    """Coefficient (4, 4) of a homogeneous transform; its last row is zero."""
     return np.block([[rotation, translation[:, None]], [np.zeros((1, 4))]])
 
 
 def _unit_of_length(tree: Tree) -> float:
-    """Power of two just above the longest offset, so that the division by it is exact [m]."""
+    """Arm size [m], the power of two just above the longest offset, so that a division by it is exact."""
     longest = float(np.abs(tree.translation).max())
     return float(2.0 ** np.ceil(np.log2(longest))) if longest > 0.0 else 1.0

@@ -12,19 +12,19 @@ from armid.values import Array
 Style = Literal["text", "latex"]
 
 PRINT_AGREEMENT = 1e-11
-"""Largest relative rounding of a printed coefficient. Sums and products of lengths have rounding errors of 1e-16 to
-1e-12, and lengths are given with far fewer digits. Coefficients without a short decimal, such as cosines, get 11 or
-12 digits."""
+"""Largest relative rounding error of a printed coefficient. Sums and products of lengths have rounding errors of
+1e-16 to 1e-12, and lengths are given with far fewer digits. Coefficients without a short decimal form, such as
+cosines, are printed with 11 or 12 digits."""
 
 
 def linear_combination(row: Array, names: Sequence[str], own: int | None = None, style: Style = "text") -> str:
-    """Text of a linear combination: own parameter first, then coefficients ±1, then groups of equal ones.
+    """Writes a linear combination: the leading parameter, terms with coefficients ±1, groups of equal coefficients.
 
     Args:
         row: Coefficients, shape (p,).
         names: Names of the parameters or columns, p of them.
-        own: Position of the one that stands first.
-        style: Style of numbers and products.
+        own: Index of the parameter that is written first, without its coefficient; `None` if there is none.
+        style: Style of numbers and products: `text` or `latex`.
     """
     groups: dict[str, list[str]] = {}
     single: list[str] = []
@@ -45,7 +45,7 @@ def linear_combination(row: Array, names: Sequence[str], own: int | None = None,
 
 
 def _group(signed: str, members: list[str], style: Style) -> str:
-    """`+0.42 (M_4 + M_5)` from `+0.42` and its members."""
+    """Group of parameters with the same coefficient, for instance `+0.42 (M_4 + M_5)`."""
     text = " + ".join(members)
     if len(members) > 1:
         text = f"({text})"
@@ -57,7 +57,7 @@ def _group(signed: str, members: list[str], style: Style) -> str:
 
 
 def _number(size: float) -> str:
-    """Shortest decimal that agrees with a positive number to `PRINT_AGREEMENT`."""
+    """Shortest decimal number whose relative difference from a positive number is at most `PRINT_AGREEMENT`."""
     digits = 1
     while abs(float(f"{size:.{digits}g}") - size) > PRINT_AGREEMENT * size:
         digits += 1

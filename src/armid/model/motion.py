@@ -1,4 +1,4 @@
-"""Motion of the joints over time."""
+"""Motion of the joints of an arm."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ class Motion(Displayed):
         q: Joint positions, shape (N, n) [rad or m].
         dq: Joint velocities, shape (N, n) [rad/s or m/s].
         ddq: Joint accelerations, shape (N, n) [rad/s² or m/s²].
-        memory: Hysteresis states of a model along the run that this is a part of, shape (N, m), computed by
-            `DynamicsModel.remember`; `None` without states.
+        memory: Hysteresis states of a model at the samples, shape (N, m), computed by `DynamicsModel.remember` along
+            the whole contiguous run; `None` if there are none.
     """
 
     time: Array
@@ -41,14 +41,14 @@ class Motion(Displayed):
             object.__setattr__(self, "memory", array(self.memory, (len(q), None), "memory"))
 
     def summary(self) -> Summary:
-        """Range of positions and speeds of each joint."""
+        """Table of the ranges of position, velocity and acceleration of each joint."""
         rows = tuple((str(j), *row) for j, row in enumerate(spans(self.q, self.dq, self.ddq), 1))
         seconds = float(np.ptp(self.time)) if self.samples else 0.0
         return Summary(f"{self.samples} samples over {seconds:.4g} s", ("joint", "q", "dq", "ddq"), rows, "SI units")
 
     @classmethod
     def of_states(cls, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike) -> Motion:
-        """Motion of separate states (N, n), one each second, for samples that are not consecutive."""
+        """Motion of separate states (N, n), which are not consecutive; their times are one second apart."""
         q = array(q, (None, None), "q")
         return cls(range(len(q)), q, dq, ddq)  # pyright: ignore[reportArgumentType]
 
@@ -63,7 +63,7 @@ class Motion(Displayed):
         return self.q.shape[1]
 
     def __getitem__(self, rows: slice) -> Motion:
-        """Selects samples and their hysteresis states, without a copy."""
+        """Selects samples with their hysteresis states; the arrays are not copied."""
         part = object.__new__(Motion)
         for name in ("time", "q", "dq", "ddq", "memory"):
             values = getattr(self, name)
@@ -71,9 +71,12 @@ class Motion(Displayed):
         return part
 
     def with_memory(self, memory: Array) -> Motion:
-        """Adds hysteresis states (N, m), which become read-only; nothing is copied."""
+        """Adds hysteresis states (N, m); this array becomes read-only and is not copied."""
         if memory.ndim != 2 or len(memory) != self.samples or memory.dtype != np.float64:
-            raise ArmidError(f"memory must have shape ({self.samples}, any); found {memory.shape} of {memory.dtype}.")
+            raise ArmidError(
+                f"memory must have shape ({self.samples}, any) and type float64; found {memory.shape} "
+                f"of {memory.dtype}."
+            )
         memory.setflags(write=False)
         whole = self[:]
         object.__setattr__(whole, "memory", memory)

@@ -1,4 +1,4 @@
-"""Numbers of parameters of bodies, rotors and friction: `43 inertial + 14 friction`."""
+"""Numbers of inertial, rotor inertia and friction parameters, for instance `43 inertial + 14 friction`."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from armid.model.terms.rigid_body import RIGID_BODY_SYMBOLS
 from armid.model.terms.rotor_inertia import RotorInertia
 
 ROTOR = "IA"
-"""Symbol of the parameter of `RotorInertia`."""
+"""Symbol of the parameter of the torque term `RotorInertia`."""
 
 
 def count_text(names: Iterable[ParameterName]) -> str:
-    """Numbers of parameters by kind in words, without the kinds that have none.
+    """Numbers of parameters of each kind as text; kinds without parameters are left out.
 
     Args:
-        names: Names of parameters, grouped or not, such as `ZZR_1` or `FV_2[1]`.
+        names: Names of standard or base parameters, such as `ZZR_1` or `FV_2[1]`.
     """
     kinds = {"inertial": 0, RotorInertia.name.replace("-", " "): 0, "friction": 0}
     inertial, rotor, friction = kinds
@@ -27,7 +27,7 @@ def count_text(names: Iterable[ParameterName]) -> str:
 
 
 def by_joint(names: Iterable[ParameterName]) -> dict[int, list[int]]:
-    """Positions of parameters by the number of their joint, ascending; 0 for those of no joint."""
+    """Indices of parameters by the number of their joint, ascending; number 0 for parameters without a joint."""
     groups: dict[int, list[int]] = {}
     for k, name in enumerate(names):
         groups.setdefault(name.number or 0, []).append(k)

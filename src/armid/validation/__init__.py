@@ -1,1 +1,1 @@
-"""Prediction on unseen motion."""
+"""Validation of estimated parameters: torque error, rollout and physical consistency."""

@@ -1,8 +1,8 @@
-"""Certificate of physical consistency: distance of parameters to the nearest consistent ones.
+"""Certificate of physical consistency: distance of given parameters from the nearest consistent parameters.
 
-Parameters are consistent if the pseudo-inertia of every link is positive semidefinite [Wensing2018] and friction and
-rotor inertia are not negative. This set is a convex cone in the standard parameters θ, and base parameters are linear
-in θ, so the smallest distance |L θ - values| is a small convex program.
+Parameters are consistent if the pseudo-inertia of every link is positive semidefinite [Wensing2018], and friction and
+rotor inertia are not negative. The set of consistent standard parameters θ is a convex cone, and base parameters are
+linear in θ. Therefore the smallest distance |L θ - values| is the solution of a small convex program.
 """
 
 from __future__ import annotations
@@ -21,16 +21,16 @@ from armid.threads import one_blas_thread
 from armid.values import Array, array
 
 FEASIBLE = 1e-6
-"""Relative distance up to which values count as consistent: the accuracy of the solver."""
+"""Largest relative distance for which values count as consistent. It is the accuracy of the solver."""
 
 
 @dataclass(frozen=True, slots=True)
 class Blame:
-    """Difference of one value from the nearest consistent one.
+    """Difference between one given value and the nearest consistent value.
 
     Attributes:
-        name: The parameter.
-        change: Nearest less given.
+        name: Name of the parameter.
+        change: Nearest consistent value minus given value.
     """
 
     name: str
@@ -39,18 +39,19 @@ class Blame:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Certificate:
-    """Physical consistency of values.
+    """Result of a check of values for physical consistency.
 
     Attributes:
-        feasible: Whether the values are consistent.
-        distance: Euclidean distance to the nearest consistent values, in SI units.
-        relative_distance: Distance over the norm of the values.
-        inertial_distance: The same for the values that depend on inertial parameters.
-        blame: Change of every value to the nearest consistent one, largest first.
-        nearest: The nearest consistent values, in the order given.
-        witness: Standard parameters (p,) of a consistent arm with these nearest values.
-        masses: Masses of its links, shape (n,) [kg].
-        gap: Bound on how much nearer other consistent values can be, over the distance or 1 if that is larger.
+        feasible: True if the values are consistent.
+        distance: Euclidean distance from the values to the nearest consistent values, in SI units.
+        relative_distance: `distance` divided by the norm of the values.
+        inertial_distance: Relative distance of those values that depend on inertial parameters.
+        blame: Difference of every value from the nearest consistent value, largest first.
+        nearest: Nearest consistent values, in the order of the given values.
+        witness: Standard parameters of a consistent arm that has the values `nearest`, shape (p,).
+        masses: Masses of the links of this arm, shape (n,) [kg].
+        gap: Bound of the difference between `distance` and the smallest possible distance, divided by `distance` or
+            by 1, whichever is larger.
     """
 
     feasible: bool
@@ -74,23 +75,25 @@ def certify_values(
     epsilon: float = EPSILON,
     heaviest: float | None = None,
 ) -> Certificate:
-    """Certifies values that are linear in the standard parameters.
+    """Checks values that are linear in the standard parameters for physical consistency.
 
     Args:
         model: Arm and torque terms.
         names: Names of the values.
-        values: Shape (k,).
-        linear: L with values = L θ, shape (k, p): the regrouping for base parameters, the identity for standard ones.
-        epsilon: Smallest eigenvalue of a pseudo-inertia.
-        heaviest: Largest mass of a link [kg].
+        values: Values that are checked, shape (k,).
+        linear: Matrix L with values = L θ, shape (k, p): the regrouping for base parameters, the identity for
+            standard parameters.
+        epsilon: Smallest allowed eigenvalue of a pseudo-inertia.
+        heaviest: Largest allowed mass of a link [kg].
 
     Raises:
-        EstimationError: The program could not be solved to a certificate, or no body is as light as `heaviest`.
+        EstimationError: The program could not be solved accurately enough, or no link can be as light as `heaviest`.
     """
     if heaviest is not None and heaviest <= epsilon:
         raise EstimationError(
-            f"With links of at most {heaviest:g} kg there is no body: the smallest counts from {epsilon:g} kg on.",
-            remedy="give a heaviest that a link of the arm may weigh.",
+            f"A link cannot have a mass of {heaviest:g} kg or less, because the smallest mass of a link is "
+            f"{epsilon:g} kg.",
+            remedy="give `heaviest` a mass that a link of this arm can have.",
         )
     values = array(values, (len(names),), "values")
     p = len(model.parameters)

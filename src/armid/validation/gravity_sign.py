@@ -1,9 +1,9 @@
-"""Detection of the opposite sign of gravity or torque from identified parameters alone.
+"""Detection of a wrong sign of gravity or torque from the identified parameters.
 
 A regrouped first moment such as MYR_2 = MY_2 + 0.2045 M_3 + 0.42 (M_4 + …) contains the masses of all links that a
-joint carries, times lengths of the arm. Masses are positive and centres of mass lie within their links, so its sign
-is that of the lengths. Under gravity of the opposite sign these moments have the opposite sign, while friction and
-inertias keep theirs.
+joint carries, multiplied by lengths of the arm. Masses are positive and centres of mass lie within their links, so
+the sign of the moment is the sign of the lengths. If gravity has the wrong sign, these moments are identified with
+the wrong sign, but friction and inertias keep the correct sign.
 """
 
 from __future__ import annotations
@@ -19,18 +19,18 @@ from armid.robot import Robot
 from armid.values import array
 
 STRONGEST_GRAVITY = 15.0
-"""Acceleration above which a stated gravity is a mistake [m/s²]."""
+"""Largest plausible acceleration of gravity [m/s²]. A larger value in a study or description is a mistake."""
 
 WEIGHTY = 0.1
-"""Share of the largest of these moments below which one is ignored: in a wrist a link's own moment can exceed that of
-the carried masses."""
+"""Share of the largest of these moments below which a moment is ignored. In a wrist, the first moment of a link
+itself can exceed the contribution of the masses that it carries."""
 
 MOMENTS = ("MX", "MY", "MZ")
 FRICTION = ("FV", "FS")
 
 
 def gravity_finding(robot: Robot) -> Finding | None:
-    """Finding on an implausible strength of gravity, or `None`."""
+    """Finding about an implausible magnitude of gravity, or `None`."""
     strength = float(np.linalg.norm(robot.gravity))
     if strength <= STRONGEST_GRAVITY:
         return None
@@ -38,17 +38,17 @@ def gravity_finding(robot: Robot) -> Finding | None:
         "gravity-direction",
         "warning",
         "",
-        f"Gravity is {strength:.4g} m/s².",
-        "correct gravity: it is in m/s², for instance [0, 0, -9.81]",
+        f"The acceleration of gravity is {strength:.4g} m/s²; at most {STRONGEST_GRAVITY:g} m/s² is plausible.",
+        "correct the key `gravity`; its unit is m/s², for instance [0, 0, -9.81]",
     )
 
 
 def gravity_sign_finding(base: BaseParameters, values: ArrayLike) -> Finding | None:
-    """Finding that gravity or the torque seems to have the opposite sign, or `None`.
+    """Finding about a probably wrong sign of gravity or torque, or `None`.
 
     Args:
-        base: Base parameters, with their gravity.
-        values: Base parameters, shape (b,).
+        base: Base parameters and the gravity for which they hold.
+        values: Identified values of the base parameters, shape (b,).
     """
     values = array(values, (base.count,), "base parameters")
     symbols = np.array([name.symbol for name in base.standard_names])
@@ -63,20 +63,20 @@ def gravity_sign_finding(base: BaseParameters, values: ArrayLike) -> Finding | N
     turned = bool(len(friction)) and float(friction.sum()) < 0.0
     sign = "negative" if forced[against[0]] > 0.0 else "positive"
     evidence = (
-        f"{listed}: {sign}, although the lengths of the arm and positive masses force the other sign for any centre "
-        f"of mass within its link ({len(against)} of {len(telling)} such moments)."
+        f"{listed}: {sign}, but with positive masses the lengths of the arm give the other sign for any centre of "
+        f"mass within its link ({len(against)} of {len(telling)} such moments)."
     )
     if turned:
-        return Finding("torque-sign", "warning", "", f"{evidence} Friction is negative too.", lines(torque_sign=-1))
+        return Finding("torque-sign", "warning", "", f"{evidence} Friction is negative, too.", lines(torque_sign=-1))
     text = f"gravity = [{', '.join(f'{-x + 0.0:.4g}' for x in base.gravity)}]"
     opposite = Assignment(text, {"gravity": [float(f"{-x + 0.0:.4g}") for x in base.gravity]})
-    friction_text = " Friction has the right sign, so that gravity alone is turned." if len(friction) else ""
+    friction_text = " Friction has the correct sign, so only gravity has the wrong sign." if len(friction) else ""
     remedy = Remedy(opposite, table="robot")
     return Finding("gravity-direction", "warning", "", f"{evidence}{friction_text}", remedy)
 
 
 def _forced(base: BaseParameters, symbols: NDArray[np.str_]) -> NDArray[np.float64]:
-    """Sign that masses force on each base parameter, +1 or -1, and 0 where they force none, shape (b,)."""
+    """Sign that positive masses give to each base parameter, +1 or -1; 0 if it is not determined, shape (b,)."""
     masses = base.regrouping[:, symbols == "M"]
     moment = np.isin(symbols[base.kept], MOMENTS)
     up, down = (masses > 0.0).any(axis=1), (masses < 0.0).any(axis=1)

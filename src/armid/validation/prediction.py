@@ -1,4 +1,4 @@
-"""Torque error of a model on validation recordings, joint by joint, compared with that of the description."""
+"""Torque error of an estimate on validation recordings, for each joint, compared with that of the description."""
 
 from __future__ import annotations
 
@@ -18,14 +18,16 @@ from armid.validation.prediction_interval import band_of_rows
 from armid.values import Array, array
 
 CLOSE_TO_TRAINING = 3.0
-"""Largest ratio of the total error on held-out motion to that on training motion that passes."""
+"""Largest ratio of the total error on a validation recording to the total error on the training motion that
+passes."""
 
 SMALL_SHARE = 0.02
-"""Share of the torque's standard deviation up to which an error always passes: on clean data the training error is
-nearly zero."""
+"""Largest ratio of the error to the standard deviation of the torque that always passes. It is needed for noise-free
+data, for which the training error is nearly zero."""
 
 COVERED_ROWS = 20_000
-"""Largest number of rows on which prediction intervals are evaluated; of more rows, every k-th."""
+"""Approximate number of rows on which prediction intervals are evaluated; of a longer recording, every k-th row is
+used."""
 
 
 DOUBTED_UNIT = "torque-unit"
@@ -34,13 +36,13 @@ DOUBTED_UNIT = "torque-unit"
 
 @dataclass(frozen=True, slots=True)
 class Check:
-    """One named condition of the verdict.
+    """Condition of the verdict.
 
     Attributes:
         name: Name of the condition.
-        value: Value found.
+        value: Value of the checked quantity.
         bound: Largest value that passes.
-        ok: Whether it holds.
+        ok: True if the condition holds.
     """
 
     name: str
@@ -50,22 +52,23 @@ class Check:
 
 
 class JointCheck(Check):
-    """Condition on a parameter of one joint."""
+    """Condition for a parameter of one joint."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Score:
-    """Torque error on one recording, joint by joint (n,); NaN for a joint without rows that count.
+    """Torque error on one recording, for each joint, shape (n,); NaN for a joint of which no row is in use.
 
     Attributes:
-        path: The recording.
-        sha256: Its digest.
-        rms: RMS error in the study's band [N·m or N].
-        rms_raw: RMS error against the unfiltered torque [N·m or N].
-        spread: Standard deviation of the torque in the band [N·m or N].
-        peak: Largest error in the band [N·m or N].
+        path: Path of the recording.
+        sha256: Digest of the recording.
+        rms: RMS error of the torque in the band of the study [N·m or N].
+        rms_raw: RMS error of the unfiltered torque [N·m or N].
+        spread: Standard deviation of the measured torque in the band [N·m or N].
+        peak: Largest absolute error in the band [N·m or N].
         coverage95: Share of rows inside the 95 % prediction interval.
-        prior_rms: `rms` of the description's inertial parameters without friction; `None` where it has none.
+        prior_rms: RMS error, as `rms`, of the inertial parameters of the description without friction; `None` if the
+            description has no inertial parameters.
     """
 
     path: str
@@ -85,7 +88,7 @@ class Score:
 
     @property
     def relative(self) -> Array:
-        """`rms` over the standard deviation of the torque, shape (n,)."""
+        """RMS error divided by the standard deviation of the measured torque, shape (n,)."""
         with np.errstate(divide="ignore", invalid="ignore"):
             return self.rms / self.spread
 
@@ -96,9 +99,9 @@ class Validation(Displayed):
 
     Attributes:
         joints: Names of the joints.
-        recordings: A score for each recording.
+        recordings: Torque error on each recording.
         verdict: `pass` if every check holds, `fail` if one does not, `not judged` without validation recordings.
-        checks: The named conditions.
+        checks: Conditions of the verdict.
     """
 
     joints: tuple[str, ...]
@@ -114,18 +117,18 @@ class Validation(Displayed):
             (joint, *(f"{each.rms[j]:.4g}" for each in self.recordings)) for j, joint in enumerate(self.joints)
         )
         failed = ", ".join(check.name for check in self.checks if not check.ok)
-        note = f"does not hold: {failed}" if failed else "N·m or N, in the study's band"
+        note = f"not fulfilled: {failed}" if failed else "N·m or N, in the band of the study"
         return Summary(f"verdict on held-out motion: {self.verdict}", columns, rows, note)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class PredictedRecording:
-    """Torque of an estimate along one recording, with prediction intervals.
+    """Torque that an estimate predicts along one recording, with prediction intervals.
 
     Attributes:
         runs: Measured and predicted torque of each contiguous run.
-        every: Intervals are known on every k-th row of a run; this is k.
-        half_widths: Half width of the 95 % prediction interval on these rows of all runs, shape (M, n) [N·m or N].
+        every: Intervals are computed for every k-th row of a run; this is k.
+        half_widths: Half width of the 95 % prediction interval on these M rows of all runs, shape (M, n) [N·m or N].
     """
 
     runs: tuple[Comparison, ...]
@@ -134,7 +137,7 @@ class PredictedRecording:
 
 
 def predict_recording(model: DynamicsModel, estimate: Estimate, observations: Observations) -> PredictedRecording:
-    """Predicts the torque along a recording, with intervals on some ten thousand rows."""
+    """Predicts the torque along a recording, with prediction intervals on some ten thousand rows."""
     theta = torque_parameters(estimate.base, estimate.fit)
     runs = tuple(compare(model, theta, run, observations.band) for run in observations.runs)
     every = max(1, sum(len(run.rows) for run in observations.runs) // COVERED_ROWS)
@@ -150,7 +153,10 @@ def score(
     sha256: str = "",
     prediction: PredictedRecording | None = None,
 ) -> Score:
-    """Compares the estimate's torque with that of one recording; `prediction` is computed where it is not given."""
+    """Compares the torque of an estimate with the measured torque of a recording.
+
+    If `prediction` is not given, it is computed.
+    """
     prediction = prediction or predict_recording(model, estimate, observations)
     found = _together(prediction.runs)
     residual = np.where(found.mask, found.residual, np.nan)
@@ -172,7 +178,7 @@ def score(
 
 
 def validate(joints: Sequence[str], scores: Sequence[Score], estimate: Estimate) -> Validation:
-    """Checks scores on validation recordings and gives the verdict."""
+    """Checks the torque errors on validation recordings and derives the verdict."""
     checks: list[Check] = []
     training = float(np.linalg.norm(estimate.fit.residual_rms))
     for each in scores:
@@ -220,18 +226,18 @@ def _together(parts: Sequence[Comparison]) -> Comparison:
 
 
 def _of_known(function: Callable[[Array], Any], values: Array) -> Array:
-    """Function of the values of each column that are not NaN; NaN for a column without any."""
+    """Function of those values of each column that are not NaN; NaN for a column that has only NaN."""
     columns = [column[~np.isnan(column)] for column in values.T]
     return np.array([float(function(column)) if len(column) else np.nan for column in columns])
 
 
 def _rms(residual: Array) -> Array:
-    """Root mean square of each column, without NaN."""
+    """Root mean square of each column, in which NaN is ignored."""
     return np.sqrt(_of_known(np.mean, residual**2))
 
 
 def _coverage(prediction: PredictedRecording, residual: Array) -> Array:
-    """Share of rows (n,) whose error lies inside the 95 % prediction interval."""
+    """Share of the rows of each joint whose error lies inside the 95 % prediction interval, shape (n,)."""
     ends = np.cumsum([len(run.mask) for run in prediction.runs])[:-1]
     residual = np.concatenate([part[:: prediction.every] for part in np.split(residual, ends)])
     return _of_known(np.mean, np.where(np.isnan(residual), np.nan, np.abs(residual) <= prediction.half_widths))

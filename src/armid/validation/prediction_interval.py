@@ -1,7 +1,8 @@
-"""95 % prediction interval of a torque, from the uncertainty of the parameters and the noise.
+"""Prediction interval (95 %) of a torque, from the uncertainty of the parameters and the noise.
 
-With x the columns of a joint's row and Σ the parameters' covariance, the variance is xᵀ Σ x + σ². The first part has
-the degrees of freedom of the parameters, the noise has many [Satterthwaite1946].
+If x is a row of the regressor, Σ the covariance of the parameters and σ the noise of the joint, the variance is xᵀ Σ
+x + σ². The degrees of freedom of the first part are those of the parameters. The noise has many, so they are taken as
+infinite; the two are combined as in [Satterthwaite1946].
 """
 
 from __future__ import annotations
@@ -24,16 +25,17 @@ from armid.model.motion import Motion
 from armid.values import Array
 
 SMALLEST_SHARE = 1e-3
-"""Share of the parameters in the variance below which their degrees of freedom are taken as infinite."""
+"""Lower limit of the share of the variance that the uncertainty of the parameters contributes. It limits the degrees
+of freedom of the interval."""
 
 PART = 8192
-"""Samples of a motion whose columns are computed at a time."""
+"""Number of samples whose regressor columns are computed at a time."""
 
 
 def torque_band(model: DynamicsModel, estimate: Estimate, motion: Motion) -> Array:
     """Half width of the 95 % prediction interval along a motion, shape (N, n) [N·m or N].
 
-    It holds for the torque in the band of the estimate; sensor noise outside the band is not included.
+    The interval is valid for the torque in the band of the estimate. Sensor noise outside the band is not included.
 
     Args:
         model: Arm and torque terms of the estimate.
@@ -55,8 +57,8 @@ def band_of_rows(model: DynamicsModel, estimate: Estimate, observations: Observa
     Args:
         model: Arm and torque terms of the estimate.
         estimate: The estimate.
-        observations: Runs with their band.
-        every: k.
+        observations: Contiguous runs and the band of their filter.
+        every: Number k: the interval is computed on every k-th row.
     """
     base, fit = estimate.base, estimate.fit
     share = _parameter_variance(model, base, _covariance_of_means(base, fit), observations, every)
@@ -68,7 +70,8 @@ def band_of_rows(model: DynamicsModel, estimate: Estimate, observations: Observa
 def _covariance_of_means(base: BaseParameters, fit: Fit) -> Array:
     """Covariance (b, b) of the base parameters for the prediction of a recording.
 
-    Where each recording has its own values, it is the covariance of their mean plus the scatter of a new value.
+    If a parameter has one value for each recording, its covariance is that of the mean of these values. The variance
+    between recordings is added, because a new recording has a value of its own.
     """
     copies = [name.of_all for name in fit.names]
     mean = np.array([[name == copy for copy in copies] for name in base.names], dtype=np.float64)
@@ -83,7 +86,7 @@ def _covariance_of_means(base: BaseParameters, fit: Fit) -> Array:
 def _parameter_variance(
     model: DynamicsModel, base: BaseParameters, covariance: Array, observations: Observations, every: int
 ) -> Array:
-    """Variance of the predicted torque that the parameters' covariance makes, on every k-th row, shape (M, n)."""
+    """Variance of the predicted torque due to the covariance of the parameters, on every k-th row, shape (M, n)."""
     source = column_source(model, base)
     sparse = [
         replace(run, step=run.step * every, mask=run.mask[::every], block=run.block[::every], repetition=None)

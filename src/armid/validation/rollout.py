@@ -1,11 +1,12 @@
-"""Rollout of a model: forward simulation of windows of a recording from initial state and torque.
+"""Rollout of a model: forward simulation of windows of a recording, from the initial state and the recorded torque.
 
-The model's mass matrix and bias torque are integrated by leapfrog,
+The equations of motion with the mass matrix M and the bias torque of the model are integrated by leapfrog,
 
     (M + h/2 D) a = τ - bias(q, v̂) - rest(v̂) - dry,   v(k+1/2) = v(k-1/2) + h a,   q(k+1) = q(k) + h v(k+1/2)
 
-for many windows of a recording at once. Velocity dependence is linearised (D). Dry friction sticks or slides
-(`armid.maths.stiction`): the widths by which signs are smoothed for estimation are set to zero.
+for many windows of a recording at once. `rest` is friction without dry friction; the matrix D is its derivative by
+the velocity. With dry friction, a joint sticks or slides (`armid.maths.stiction`). For the estimation, the sign
+function is smoothed over a width; here this width is set to zero.
 """
 
 from __future__ import annotations
@@ -28,31 +29,33 @@ from armid.model.terms.term import smooths_sign
 from armid.values import Array, array
 
 LEAST_RATE = 1000.0
-"""Smallest rate of integration steps [Hz]. The error of leapfrog falls with its square; the fastest modes of arms are
-far below a tenth of it."""
+"""Smallest rate of the integration steps [Hz]. The error of leapfrog decreases with the square of the rate. The
+frequencies of the modes of arms are far below a tenth of this rate."""
 
 STABLE = 0.8
-"""Largest product of step and frequency of a feedback; leapfrog is stable below 2."""
+"""Largest product of the integration step and the angular frequency of the feedback; leapfrog is stable below 2."""
 
 REST = 1e-9
-"""Velocity [rad/s or m/s] on either side of zero at which dry friction is evaluated."""
+"""Absolute velocity [rad/s or m/s] at which dry friction is evaluated, on both sides of zero."""
 
 NUDGE = 1e-4
-"""Step of velocity [rad/s or m/s] for the slope of friction; laws change over a hundred times as much."""
+"""Velocity step [rad/s or m/s] of the difference quotient of friction. Friction laws change over velocities that are
+at least a hundred times as large."""
 
 RUNAWAY = 100.0
-"""Speed [rad/s or m/s] at which a window has diverged; arms reach ten at most."""
+"""Speed [rad/s or m/s] of a joint from which a window counts as diverged; joints of arms reach at most ten."""
 
 CHECK_EVERY = 50
-"""Steps from one check of the mass matrix to the next."""
+"""Number of integration steps between two checks of the mass matrix."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Feedback:
-    """Linear feedback of the recorded controller, τ = … + KP e + KD ė + KI ∫e, joint by joint.
+    """Linear feedback of the controller of the recording, τ = … + KP e + KD ė + KI ∫e, for each joint.
 
-    The controller's reference need not be known: at the recorded motion it gave the recorded torque, so on another
-    motion it gives that torque plus the feedback of the difference.
+    The reference motion of the controller need not be known. On the recorded motion, the controller gave the recorded
+    torque. On another motion it gives the recorded torque plus the feedback of the difference e from the recorded
+    motion.
 
     Attributes:
         proportional: KP, shape (n,) [N·m/rad or N/m].
@@ -70,20 +73,20 @@ class Feedback:
         object.__setattr__(self, "derivative", array(self.derivative, kp.shape, "derivative"))
         object.__setattr__(self, "integral", array(self.integral, kp.shape, "integral"))
         if any((gain < 0.0).any() for gain in (kp, self.derivative, self.integral)):
-            raise ArmidError("Gains of a feedback must not be negative.")
+            raise ArmidError("The gains of the feedback must not be negative.")
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Windows:
-    """Stretches of recorded motion, W of S samples each, one every `step` seconds.
+    """Windows of a recording: W stretches of S samples, with a sample time of `step` seconds.
 
     Attributes:
         q: Positions, shape (W, S, n) [rad or m].
-        dq: Velocities, shape (W, S, n).
-        ddq: Accelerations, shape (W, S, n).
-        torque: Torque of the joints, shape (W, S, n) [N·m or N].
-        memory: Hysteresis states at the first samples, shape (W, m).
-        step: Time from sample to sample [s].
+        dq: Velocities, shape (W, S, n) [rad/s or m/s].
+        ddq: Accelerations, shape (W, S, n) [rad/s² or m/s²].
+        torque: Joint torque, shape (W, S, n) [N·m or N].
+        memory: Hysteresis states at the first sample of each window, shape (W, m).
+        step: Sample time [s].
     """
 
     q: Array
@@ -95,7 +98,7 @@ class Windows:
 
 
 def sharpened(model: DynamicsModel) -> DynamicsModel:
-    """The model with exact signs in the place of smoothed ones, and the same parameters."""
+    """Model with the same parameters in which smoothed sign functions are replaced by exact ones."""
     terms: list[Any] = list(model.terms)
     sharp = [dataclasses.replace(term, width=0.0) if smooths_sign(term) else term for term in terms]
     return dataclasses.replace(model, terms=tuple(sharp))
@@ -106,9 +109,10 @@ class RolledOut:
     """Simulated motion of windows.
 
     Attributes:
-        q: Positions, shape (W, S, n) [rad or m]; NaN from where a window is lost.
-        ran_away: Flags of windows that diverged: a joint was faster than any arm, shape (W,).
-        indefinite: Flags of windows lost because the mass matrix was not positive definite, shape (W,).
+        q: Positions, shape (W, S, n) [rad or m]; NaN from the sample on at which the simulation of a window ended
+            early.
+        ran_away: Mask of windows that diverged: a joint reached the speed `RUNAWAY`, shape (W,).
+        indefinite: Mask of windows that ended early because the mass matrix was not positive definite, shape (W,).
     """
 
     q: Array
@@ -117,20 +121,20 @@ class RolledOut:
 
     @property
     def stayed(self) -> NDArray[np.bool_]:
-        """Flags of windows that were simulated to their end, shape (W,)."""
+        """Mask of windows that were simulated to their end, shape (W,)."""
         return ~(self.ran_away | self.indefinite)
 
 
 def roll_out(
     model: DynamicsModel, parameters: Array, windows: Windows, feedback: Feedback | None = None
 ) -> RolledOut:
-    """Simulates the motion of windows from their first states and the recorded torque.
+    """Simulates the motion in windows from their initial states with the recorded torque.
 
     Args:
         model: Arm and torque terms.
-        parameters: Standard parameters, shape (p,), or any with the same torque.
+        parameters: Standard parameters, or other values that give the same torque, shape (p,).
         windows: Recorded motion and torque.
-        feedback: Feedback of the recorded controller; without one the recorded torque acts alone.
+        feedback: Feedback of the controller of the recording; if not given, only the recorded torque acts.
     """
     run = _Rollout(_Dynamics(sharpened(model), parameters), windows, feedback)
     q = np.full_like(windows.q, np.nan)
@@ -148,10 +152,10 @@ class _State(NamedTuple):
 
     Attributes:
         q: Positions, shape (W, n) [rad or m].
-        half: Velocities half a step before, shape (W, n).
-        ddq: Accelerations one step before, shape (W, n).
+        half: Velocities half a step earlier, shape (W, n).
+        ddq: Accelerations one step earlier, shape (W, n).
         memory: Hysteresis states, shape (W, m).
-        integral: Position error of the feedback, integrated over time, shape (W, n).
+        integral: Time integral of the position error of the feedback, shape (W, n).
     """
 
     q: Array
@@ -183,18 +187,18 @@ class _Rollout:
         return max(1, math.ceil(rate * self.windows.step * (1.0 - 1e-9)))
 
     def _check_definite(self, mass: Array) -> None:
-        """Marks windows whose mass matrix (W, n, n) is not positive definite as lost."""
+        """Marks the windows whose mass matrix (W, n, n) is not positive definite."""
         positive = np.linalg.eigvalsh(mass)[:, 0] > 0.0
         self.indefinite |= self.alive & ~positive
         self.alive &= positive
 
     def advance(self, k: int) -> None:
-        """Integrates from sample k to the next."""
+        """Integrates from sample k to sample k + 1."""
         for step in range(k * self.substeps, (k + 1) * self.substeps):
             self._step(step)
 
     def _recorded(self, values: Array, step: int) -> Array:
-        """Recorded values (W, n) at a step, interpolated between two samples."""
+        """Recorded values (W, n) at an integration step, interpolated between two samples."""
         k, share = step // self.substeps, step % self.substeps / self.substeps
         return values[:, k] if share == 0.0 else (1.0 - share) * values[:, k] + share * values[:, k + 1]
 
@@ -251,11 +255,11 @@ class _Dynamics:
         return self.model.mass_matrix(q, self.theta)
 
     def bias(self, q: Array, dq: Array) -> Array:
-        """Torque (W, n) without acceleration and friction."""
+        """Torque (W, n) of the rigid bodies at zero acceleration, without friction."""
         return kernel.inverse_dynamics(self.model.tree, self.inertial, q, dq, np.zeros_like(q))
 
     def friction(self, q: Array, dq: Array, ddq: Array, memory: Array) -> tuple[Array, Array, Array]:
-        """Friction without its dry part, its slope, and the bound of the dry part, each (W, n)."""
+        """Friction without dry friction, its slope by the velocity, and the bound of dry friction, each (W, n)."""
         if not len(self.entries):
             return np.zeros_like(q), np.zeros_like(q), np.zeros_like(q)
         small = np.full_like(dq, REST)
@@ -268,7 +272,7 @@ class _Dynamics:
         return rest, np.where(dq == 0.0, 0.0, slope), dry
 
     def _torque(self, q: Array, velocities: list[Array], ddq: Array, memory: Array) -> Array:
-        """Torque of the friction columns at several velocities of the same positions, one after another."""
+        """Torque of the friction terms at the same positions for several velocities, concatenated."""
         times = len(velocities)
         many = np.tile(q, (times, 1))
         acceleration = np.tile(ddq, (times, 1)) if self.depends_on_load else np.zeros_like(many)
@@ -282,7 +286,7 @@ class _Dynamics:
         return torque.T
 
     def updated_memory(self, q: Array, memory: Array) -> Array:
-        """Hysteresis states (W, m) after a move to q."""
+        """Hysteresis states (W, m) after a motion to q."""
         if not self.model.nodes:
             return memory
         driven = np.stack([sum(w * q[:, j] for j, w in node.coordinate) for node in self.model.nodes], axis=1)

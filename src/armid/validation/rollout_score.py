@@ -1,4 +1,4 @@
-"""Position error of a model's rollout over windows of a recording."""
+"""Position error of the rollout of a model over windows of a recording."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ from armid.validation.rollout import Feedback, Windows, roll_out
 from armid.values import Array, array
 
 MOST_WINDOWS = 200
-"""Largest number of windows of a recording; of more, an evenly spread selection is used."""
+"""Largest number of windows of a recording; of more windows, an evenly spaced selection is used."""
 
 
 @dataclass(frozen=True, slots=True)
 class Losses:
-    """Numbers of lost windows, by cause.
+    """Numbers of lost windows (whose simulation ended early), by cause.
 
     Attributes:
-        ran_away: Windows that diverged.
-        indefinite: Windows that reached a mass matrix that is not positive definite.
-        nominal: Windows that the description's inertias without friction lost, by either cause.
+        ran_away: Number of windows that diverged.
+        indefinite: Number of windows in which the mass matrix was not positive definite.
+        nominal: Number of windows that are lost with the inertial parameters of the description without friction.
     """
 
     ran_away: int = 0
@@ -36,20 +36,22 @@ class Losses:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class MotionScore:
-    """Position error of the rolled-out model on one recording, joint by joint (n,).
+    """Position error of the rollout on one recording, for each joint, shape (n,).
 
     Attributes:
-        path: The recording.
-        rms: RMS error over all windows that were not lost [rad or m]; NaN if all were lost.
-        peak: Largest error [rad or m].
-        held: Median time until the error exceeds the tolerance; the window's length if it never does [s].
-        travelled: RMS distance from each window's start, which is the error of a constant position [rad or m].
-        prior_rms: `rms` of the description's inertias without friction, NaN if it loses a window; `None` without
-            described inertias.
+        path: Path of the recording.
+        rms: RMS error over all windows that are not lost [rad or m]; NaN if all are lost.
+        peak: Largest absolute error in these windows [rad or m].
+        held: Median over the windows of the time until the error exceeds `tolerance` [s]; the length of the window if
+            it never does.
+        travelled: RMS distance of the recorded position from the start of its window [rad or m], which is the error
+            of a model that predicts no motion.
+        prior_rms: RMS error, as `rms`, of the inertial parameters of the description without friction; NaN if a
+            window is lost with them; `None` if the description has no inertial parameters.
         windows: Number of windows.
         losses: Number of lost windows, by cause.
         seconds: Length of a window [s].
-        tolerance: The tolerance [rad or m].
+        tolerance: Tolerance of the position error [rad or m].
     """
 
     path: str
@@ -65,7 +67,7 @@ class MotionScore:
 
     @property
     def lost(self) -> int:
-        """Number of windows that the model lost."""
+        """Number of windows that are lost with the model."""
         return self.losses.ran_away + self.losses.indefinite
 
     def __post_init__(self) -> None:
@@ -89,18 +91,21 @@ def score_motion(
 
     Args:
         model: Arm and torque terms.
-        parameters: Standard parameters, shape (p,), or any with the same torque.
-        observations: The recording, processed.
+        parameters: Standard parameters, or other values that give the same torque, shape (p,).
+        observations: The processed recording.
         seconds: Length of a window [s].
-        tolerance: Position error that counts as lost [rad or m].
-        feedback: Feedback of the recorded controller; without one the recorded torque acts alone.
+        tolerance: Position error up to which the time `held` is counted [rad or m].
+        feedback: Feedback of the controller of the recording; if not given, only the recorded torque acts.
         path: The recording.
 
     Raises:
-        ArmidError: No window fits into a contiguous stretch of the recording.
+        ArmidError: Length or tolerance is not positive, no window fits into a contiguous stretch of the recording, or
+            the sample rates of its runs differ.
     """
     if not (seconds > 0.0 and tolerance > 0.0):
-        raise ArmidError(f"A window and a tolerance must be positive; found {seconds:g} s and {tolerance:g}.")
+        raise ArmidError(
+            f"The length of a window and the tolerance must be positive; found {seconds:g} s and {tolerance:g}."
+        )
     windows = _cut(model, observations, seconds)
     found = roll_out(model, parameters, windows, feedback)
     error = found.q - windows.q
@@ -144,12 +149,14 @@ def _cut(model: DynamicsModel, observations: Observations, seconds: float) -> Wi
         ]
     if not parts or length < 2:
         raise ArmidError(
-            f"No stretch of {seconds:g} s without a gap or a masked row is left to roll the model out over.",
-            remedy="choose a shorter window, or a recording whose rows follow each other.",
+            f"The rollout needs a stretch of {seconds:g} s without a gap or a masked row, but the recording has "
+            "none.",
+            remedy="choose a shorter window, or a recording with consecutive rows.",
         )
     if len({run.rate for run, _ in parts}) > 1:
         raise ArmidError(
-            "The runs of one recording differ in their rate.", remedy="give each rate a recording of its own."
+            "The runs of one recording have different sample rates.",
+            remedy="split the recording into one for each rate.",
         )
     if len(parts) > MOST_WINDOWS:
         parts = [parts[k] for k in np.linspace(0, len(parts) - 1, MOST_WINDOWS).astype(int)]
@@ -164,18 +171,18 @@ def _cut(model: DynamicsModel, observations: Observations, seconds: float) -> Wi
 
 
 def _whole(run: ObservedRun, first: int, length: int) -> bool:
-    """True if every row of a window counts."""
+    """True if no row of a window is masked."""
     inside = (run.rows >= first) & (run.rows < first + length)
     return bool(run.mask[inside].all())
 
 
 def _stayed(error: Array) -> NDArray[np.bool_]:
-    """Flags of windows that were not lost, shape (W,)."""
+    """Mask of windows that are not lost, shape (W,)."""
     return np.asarray(np.isfinite(error).all(axis=(1, 2)))
 
 
 def _rms(error: Array) -> Array:
-    """RMS over the windows that were not lost, joint by joint."""
+    """RMS error over the windows that are not lost, for each joint, shape (n,)."""
     there = _stayed(error)
     return np.sqrt((error[there] ** 2).mean(axis=(0, 1))) if there.any() else np.full(error.shape[2], np.nan)
 
@@ -186,7 +193,7 @@ def _peak(error: Array) -> Array:
 
 
 def _held(error: Array, tolerance: float, step: float) -> Array:
-    """Median over windows of the time until the error exceeds the tolerance, joint by joint [s]."""
+    """Median over the windows of the time until the error exceeds the tolerance, for each joint, shape (n,) [s]."""
     exceeded = ~(np.abs(error) <= tolerance)
     first = np.where(exceeded.any(axis=1), exceeded.argmax(axis=1), error.shape[1] - 1)
     return median(first) * step

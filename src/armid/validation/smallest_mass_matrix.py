@@ -1,8 +1,8 @@
 """Search within the joint limits for the pose with the smallest eigenvalue of the mass matrix.
 
-For consistent parameters M(q) is positive definite everywhere. For base parameters alone it need not be, and random
-sampling can miss the pose where it is not. So the smallest eigenvalue is minimised from many poses; its derivative is
-vᵀ (∂M/∂q) v with v the eigenvector [Lancaster1964].
+With physically consistent parameters, the mass matrix M(q) is positive definite in every pose. With base parameters
+only, it may be indefinite in some poses, and random sampling may not find them. Therefore the smallest eigenvalue is
+minimised from many start poses. Its derivative is vᵀ (∂M/∂q) v, where v is the eigenvector [Lancaster1964].
 """
 
 from __future__ import annotations
@@ -20,25 +20,26 @@ POSES = 4096
 """Number of random poses."""
 
 STARTS = 16
-"""Number of the worst of them that are refined."""
+"""Number of random poses with the smallest eigenvalues from which the search starts."""
 
 ALIKE = 1e-9
-"""Relative difference of eigenvalues below which poses count as equally bad, as they are where a joint does not
-matter; the first is named, so that rounding does not choose."""
+"""Relative difference of eigenvalues below which poses count as equally bad; the eigenvalue may not depend on some
+joints. The first of these poses is returned, so that the result does not depend on rounding."""
 
 STEP = 1e-6
-"""Step of the central difference of M [rad or m], with a truncation error of 1e-12."""
+"""Step of the central differences of M [rad or m]; the truncation error is 1e-12."""
 
 UNLIMITED = np.pi
-"""Half width of the range of a joint without limits: one turn of a revolute joint."""
+"""Limit of the position of a joint without position limits [rad or m], in both directions: one turn in total for a
+revolute joint."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Pose:
-    """Pose with the smallest eigenvalue.
+    """Pose in which the mass matrix has the smallest eigenvalue.
 
     Attributes:
-        min_eigenvalue: Smallest eigenvalue of the mass matrix there.
+        min_eigenvalue: Smallest eigenvalue of the mass matrix in this pose.
         q: The pose, shape (n,) [rad or m].
         unit: Unit of the eigenvalue: kg·m² if all joints are revolute, kg if all are prismatic, or both.
     """
@@ -49,11 +50,11 @@ class Pose:
 
 
 def worst_pose(model: DynamicsModel, standard: Array, *, seed: int = 0) -> Pose:
-    """Finds the pose within the joint limits with the smallest eigenvalue of the mass matrix, rotors included.
+    """Finds the pose within the joint limits in which the mass matrix, with rotors, has the smallest eigenvalue.
 
     Args:
         model: Arm and torque terms.
-        standard: Standard parameters, or any with the same torque, shape (p,).
+        standard: Standard parameters, or other values that give the same torque, shape (p,).
         seed: Seed of the random poses.
     """
     low, high = _box(model)
@@ -67,14 +68,14 @@ def worst_pose(model: DynamicsModel, standard: Array, *, seed: int = 0) -> Pose:
 
 
 def worst_along(model: DynamicsModel, standard: Array, motion: Motion) -> Pose:
-    """Finds the sample of a motion with the smallest eigenvalue of the mass matrix."""
+    """Finds the sample of a motion at which the mass matrix has the smallest eigenvalue."""
     smallest = np.linalg.eigvalsh(model.mass_matrix(motion.q, standard))[:, 0]
     k = int(np.argmin(smallest))
     return Pose(float(smallest[k]), motion.q[k], _unit(model))
 
 
 def _unit(model: DynamicsModel) -> str:
-    """Unit of the mass matrix's eigenvalues."""
+    """Unit of the eigenvalues of the mass matrix."""
     kinds = {joint.is_prismatic for joint in model.robot.joints}
     return "kg·m² or kg, SI units of the joints" if len(kinds) > 1 else "kg" if kinds == {True} else "kg·m²"
 
@@ -87,7 +88,7 @@ def _box(model: DynamicsModel) -> tuple[Array, Array]:
 
 
 def _eigenvalues(q: Array, model: DynamicsModel, standard: Array) -> tuple[Array, Array]:
-    """Smallest eigenvalues (K,) at poses (K, n) and their gradients (K, n)."""
+    """Smallest eigenvalues of the mass matrix at poses (K, n), shape (K,), and their gradients, shape (K, n)."""
     n = model.n
     steps = np.concatenate([np.zeros((1, n)), STEP * np.eye(n), -STEP * np.eye(n)])
     inertia = model.mass_matrix((q[:, None] + steps).reshape(-1, n), standard).reshape(len(q), 2 * n + 1, n, n)

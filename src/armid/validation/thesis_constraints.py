@@ -1,7 +1,8 @@
-"""Constraints of the thesis on physical parameters, (3.52) and (3.53), checked link by link.
+"""Constraints (3.52) and (3.53) of the thesis on physical parameters, checked for each link.
 
-They are heuristics. Unlike a positive definite pseudo-inertia they do not guarantee that a body exists, and a
-published model of the arm violates some of them. So they are reported, never enforced.
+These constraints are heuristic. In contrast to a positive definite pseudo-inertia, they do not guarantee that a body
+with these parameters exists, and a published model of the arm violates some of them. Therefore they are reported, but
+never enforced.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ import numpy as np
 from armid.values import Array, array
 
 ROUNDING = 5e-4
-"""Rounding error of values that are printed with three decimals."""
+"""Largest rounding error of values that are printed with three decimals."""
 
 LONG_ALONG_Z = (1, 3, 5)
 LONG_ALONG_Y = (2, 4)
@@ -21,15 +22,15 @@ LONG_ALONG_Y = (2, 4)
 
 @dataclass(frozen=True, slots=True)
 class Constraint:
-    """One constraint on one link, value ≥ bound.
+    """One constraint on one link, of the form value ≥ bound.
 
     Attributes:
-        constraint: Its number in the thesis.
+        constraint: Number of the constraint in the thesis.
         link: Number of the link, from 1.
-        value: Left-hand side.
-        bound: Right-hand side.
-        ok: Whether it holds.
-        rounding: Whether it could hold for values that round to the printed ones.
+        value: Left-hand side of the constraint.
+        bound: Right-hand side of the constraint.
+        ok: True if the constraint holds.
+        rounding: True if the constraint could hold for exact values that are rounded to the printed values.
     """
 
     constraint: str
@@ -41,12 +42,12 @@ class Constraint:
 
 
 def thesis_constraints(mass: Array, inertia: Array, rounding: float = ROUNDING) -> tuple[Constraint, ...]:
-    """Checks (3.52c), (3.52d) and (3.53a) to (3.53f).
+    """Checks the constraints (3.52c), (3.52d) and (3.53a) to (3.53f) of the thesis.
 
     Args:
         mass: Masses, shape (n,) [kg].
         inertia: Inertia tensors about the centres of mass, shape (n, 3, 3) [kg·m²].
-        rounding: Half of the last digit printed.
+        rounding: Half of one unit of the last printed digit.
     """
     mass, inertia = array(mass, (None,), "mass"), array(inertia, (len(mass), 3, 3), "inertia")
     result: list[Constraint] = []

@@ -73,7 +73,7 @@ def model_motion(arm, recorded) -> Motion:
 
 def test_columns_without_memory_are_refused(arm, recorded):
     model, motion = arm[0], recorded[0]
-    with pytest.raises(ModelError, match=r"'hysteresis' needs .* with 2 states; the motion has none"):
+    with pytest.raises(ModelError, match=r"'hysteresis' needs .* with 2 hysteresis states; the motion has none"):
         model.term_columns(motion)
     with pytest.raises(ModelError, match="has 1"):
         model.regressor(motion.with_memory(motion.q[:, :1]))
@@ -202,6 +202,6 @@ def test_a_load_that_is_not_known_is_asked_for(arm, recorded):
     base = find_base_parameters(model)  # the structure needs no load
     with pytest.raises(ModelError, match="'load-coulomb' depends on the load") as caught:
         accumulate_information(model, base, raw(one_run(*recorded, RATE)))
-    assert "identify without 'load-coulomb' first" in caught.value.remedy
+    assert "first identify without 'load-coulomb'" in caught.value.remedy
     with pytest.raises(ArmidError, match="load_parameters must have shape"):
         replace(model, load_parameters=np.zeros((3, 10)))

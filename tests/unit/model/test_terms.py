@@ -225,7 +225,7 @@ def test_shapes_without_a_meaning_are_refused(make, problem):
 
 
 def test_a_coupling_of_turning_and_sliding_joints_is_refused(robot):
-    with pytest.raises(ModelError, match="not both"):
+    with pytest.raises(ModelError, match="all revolute or all prismatic"):
         DynamicsModel(robot, (Coupling({"joint_2": 1.0, "joint_3": 1.0}),))
 
 

@@ -1,6 +1,6 @@
-"""Torque terms, one a file; `armid.model.catalogue` lists them.
+"""Torque terms. Each module defines one term; `armid.model.catalogue` lists them.
 
-The classes stand here, too, for code that names one; a new term needs no line here.
+The classes can also be imported from here. A new term needs no line in this module.
 """
 
 from armid.model.catalogue import TERMS
@@ -46,5 +46,5 @@ __all__ = [
 ]
 
 DEFAULT_TERMS: tuple[Term, ...] = (RigidBody(), Viscous(), Coulomb(width=0.02), Offset())
-"""Terms of a model for which none are given. The width of Coulomb friction [rad/s] keeps encoder noise from switching
-its sign at rest."""
+"""Torque terms of a model for which none are given. With the width [rad/s] of Coulomb friction, encoder noise does
+not change the sign of friction at rest."""

@@ -1,4 +1,4 @@
-"""Checks of shapes that several terms share."""
+"""Checks of shapes (options of torque terms) that several terms use."""
 
 from __future__ import annotations
 
@@ -8,17 +8,17 @@ from armid.errors import ModelError
 
 
 def require_width(what: str, width: float) -> None:
-    """Refuse a width that is negative or not a number.
+    """Raises an error if a width is negative or not a number.
 
     Raises:
-        ModelError: The width is neither zero nor positive.
+        ModelError: The width is negative or not a number.
     """
     if not _is_number(width) or not 0.0 <= width < float("inf"):
         raise ModelError(f"{what} must be zero or positive; found {width!r}.")
 
 
 def require_positive(what: str, value: float, least: float = 0.0) -> None:
-    """Refuse a value that is not positive, or below `least` where that is given.
+    """Raises an error if a value is not positive or, with `least`, if it is less than `least`.
 
     Raises:
         ModelError: The value is out of range.
@@ -29,10 +29,10 @@ def require_positive(what: str, value: float, least: float = 0.0) -> None:
 
 
 def require_rising(what: str, values: object) -> tuple[float, ...]:
-    """Check for at least one number, all positive and in ascending order.
+    """Checks that values are one or more positive numbers in ascending order.
 
     Raises:
-        ModelError: There are none, or they are not positive or not ascending.
+        ModelError: There are no values, or they are not positive, or not ascending.
     """
     if isinstance(values, tuple | list):
         numbers: tuple[float, ...] = tuple(values)

@@ -12,15 +12,15 @@ from armid.robot.robot import Robot
 
 @dataclass(frozen=True, slots=True)
 class Offset:
-    """Constant torque.
+    """Constant torque of a joint.
 
     Attributes:
-        joints: Names of the joints that have it; `None` for all.
+        joints: Names of the joints with this term; `None` for all joints.
     """
 
     joints: tuple[str, ...] | None = None
     name: ClassVar[str] = "offset"
 
     def laws(self, robot: Robot) -> tuple[Law, ...]:
-        """FO on each joint."""
+        """Law FO of each joint."""
         return single_joint_laws(robot, self.joints, "FO", number(1.0), units=("N·m", "N"), nonnegative=False)

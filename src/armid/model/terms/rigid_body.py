@@ -1,4 +1,4 @@
-"""Rigid links: the ten inertial parameters of every link, M MX MY MZ XX XY XZ YY YZ ZZ.
+"""Rigid links: the ten inertial parameters of every link, M MX MY MZ XX XY YY XZ YZ ZZ.
 
 The kernel computes these columns by the Newton-Euler recursion; this term only includes them in the model.
 """
@@ -12,21 +12,21 @@ from armid.model.terms.term import Law
 from armid.robot.robot import Robot
 
 RIGID_BODY_SYMBOLS = ("M", "MX", "MY", "MZ", "XX", "XY", "YY", "XZ", "YZ", "ZZ")
-"""Symbols in parameter order."""
+"""Symbols of the ten inertial parameters in parameter order."""
 
 
 def rigid_body_units() -> tuple[str, ...]:
-    """Units in parameter order."""
+    """Units of the ten inertial parameters in parameter order."""
     return ("kg", *("kg·m",) * 3, *("kg·m²",) * 6)
 
 
 @dataclass(frozen=True, slots=True)
 class RigidBody:
-    """Inertia and weight of the links."""
+    """Torque term of the inertia and weight of the links."""
 
     name: ClassVar[str] = "rigid-body"
 
     def laws(self, robot: Robot) -> tuple[Law, ...]:
-        """Empty: the columns come from the kernel."""
+        """Empty tuple, because the kernel computes the columns of the rigid bodies."""
         del robot
         return ()

@@ -1,7 +1,8 @@
 """Torque that is periodic in the angle of the joint or of its motor: τ = Σ RS_k sin(k q) + RC_k cos(k q).
 
-Sensors, gears and motors cause it. Where gravity acts on a joint, the first harmonic cannot be distinguished from its
-first moment; with few poses, neither can low harmonics. Choose harmonics by cross-validation.
+Sensors, gears and motors cause such torques. If gravity acts on a joint, the first harmonic cannot be distinguished
+from the first moments of the links. With few poses, the same is true for other low harmonics. Harmonics should be
+chosen by cross-validation.
 """
 
 from __future__ import annotations
@@ -25,13 +26,14 @@ seen in the recordings at hand."""
 
 @dataclass(frozen=True, slots=True)
 class Ripple:
-    """Torque that is periodic in the position.
+    """Torque that is periodic in the position of the joint or motor.
 
     Attributes:
-        harmonics: Multiples of the joint's angle, ascending; of a prismatic joint in rad/m.
-        motor_harmonics: Multiples of the motor's angle, ascending.
-        gear_ratio: Angle of the motor over that of the joint; required for `motor_harmonics`.
-        joints: Names of the joints that have it; `None` for all.
+        harmonics: Multiples of the angle of the joint, ascending; for a prismatic joint, multiples of its position in
+            rad/m.
+        motor_harmonics: Multiples of the angle of the motor, ascending.
+        gear_ratio: Angle of the motor divided by the angle of the joint; required for `motor_harmonics`.
+        joints: Names of the joints with this term; `None` for all joints.
     """
 
     harmonics: tuple[float, ...] = (2.0, 3.0, 4.0)
@@ -50,14 +52,20 @@ class Ripple:
             if getattr(self, which) != ():
                 object.__setattr__(self, which, require_rising(f"The {which} of ripple", getattr(self, which)))
         if not self.harmonics and not self.motor_harmonics:
-            raise ModelError("Ripple needs at least one harmonic.", remedy="for instance harmonics = [2.0, 3.0].")
+            raise ModelError(
+                "The torque term ripple needs at least one harmonic.",
+                remedy="give harmonics, for instance harmonics = [2.0, 3.0].",
+            )
         if self.motor_harmonics and self.gear_ratio is None:
-            raise ModelError("motor_harmonics needs the gear ratio.", remedy="give gear_ratio.")
+            raise ModelError(
+                "The option `motor_harmonics` of ripple needs the gear ratio, which is not given.",
+                remedy="give gear_ratio.",
+            )
         if self.gear_ratio is not None:
             require_positive("The gear ratio of ripple", self.gear_ratio)
 
     def laws(self, robot: Robot) -> tuple[Law, ...]:
-        """RS2, RC2, … for harmonics of the joint, RSM1, RCM1, … for those of the motor, on each joint."""
+        """Laws of RS2, RC2, … for harmonics of the joint, and RSM1, RCM1, … for those of the motor, of each joint."""
         angle = symbol("q")
         waves = [(f"{k:g}", angle * float(k)) for k in self.harmonics]
         waves += [(f"M{k:g}", angle * (float(k) * float(self.gear_ratio or 1.0))) for k in self.motor_harmonics]

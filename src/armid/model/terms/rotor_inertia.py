@@ -1,4 +1,4 @@
-"""Inertia of rotor and transmission, reflected to the joint: τ = IA · q̈."""
+"""Inertia of rotor and transmission, referred to the joint: τ = IA · q̈."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from armid.robot.robot import Robot
 
 @dataclass(frozen=True, slots=True)
 class RotorInertia:
-    """Reflected inertia of the drive; gyroscopic effects of the rotor are neglected.
+    """Inertia of the drive, referred to the joint; gyroscopic effects of the rotor are neglected.
 
     Attributes:
-        joints: Names of the joints that have it; `None` for all.
+        joints: Names of the joints with this term; `None` for all joints.
     """
 
     joints: tuple[str, ...] | None = None
     name: ClassVar[str] = "rotor-inertia"
 
     def laws(self, robot: Robot) -> tuple[Law, ...]:
-        """IA · ddq on each joint."""
+        """Law IA · ddq of each joint."""
         units = ("kg·m²", "kg")
         return single_joint_laws(robot, self.joints, "IA", symbol("ddq"), units=units, nonnegative=True)

@@ -1,10 +1,10 @@
-"""Torque terms: laws, each stated once as an expression.
+"""Interface of torque terms, and their laws, which are expressions.
 
-A law is τ = parameter · expression. The expression may use position `q`, velocity `dq` and acceleration `ddq` of one
-coordinate c = Σ w_j q_j, the torque `load` of the rigid bodies on it, and the hysteresis `state` of the law. For most
-laws the coordinate is a single joint (w = 1). A law on a combination of joints, such as the friction of a motor that
-drives two of them, acts on each with its weight: τ_j = w_j · parameter · expression (virtual work). Columns,
-derivatives and formulas all follow from the law.
+A law is τ = parameter · expression. The expression may contain the position `q`, velocity `dq` and acceleration `ddq`
+of one coordinate c = Σ w_j q_j, the torque `load` of the rigid bodies on this coordinate, and the hysteresis `state`
+of the law. For most laws the coordinate is a single joint (w = 1). A law may also use a combination of joints, for
+instance for the friction of a motor that drives two joints. It then acts on each joint with its weight: τ_j = w_j ·
+parameter · expression (virtual work). Regressor columns, derivatives and formulas are all computed from the law.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ class Law:
 
     Attributes:
         symbol: Usual symbol of the parameter, for instance `FV`.
-        joint: Index of the joint whose number the parameter has.
+        joint: Index of the joint from which the parameter has its number.
         unit: Unit of the parameter.
-        coordinate: Pairs of joint index and weight w_j.
-        expression: Expression in `q`, `dq`, `ddq` and `load` of the coordinate, and `state` with hysteresis.
-        nonnegative: Whether physics forbids negative values of the parameter.
-        memory: Operator with the hysteresis state `state` of the coordinate; `None` without hysteresis.
+        coordinate: Coordinate of the law, as pairs of joint index j and weight w_j.
+        expression: Expression in `q`, `dq`, `ddq` and `load` of the coordinate and, with hysteresis, `state`.
+        nonnegative: True if negative values of the parameter are physically impossible.
+        memory: Operator that computes the hysteresis state `state` of the coordinate; `None` without hysteresis.
     """
 
     symbol: str
@@ -43,20 +43,20 @@ class Law:
 
 @runtime_checkable
 class Term(Protocol):
-    """Torque term: a frozen dataclass whose fields are its shapes.
+    """Torque term: a frozen dataclass whose fields are its shapes, for instance widths or knots.
 
     A term may have three things more: `automatic`, its part in the automatic selection of friction
     (`armid.model.terms.automatic`); `describe`, its shapes in words; and `smooths_sign = True` if its shape `width`
     only smooths a sign, which a simulation sharpens.
 
     Attributes:
-        name: Name of the term in a study.
+        name: Name of the torque term in a study.
     """
 
     name: ClassVar[str]
 
     def laws(self, robot: Robot) -> tuple[Law, ...]:
-        """Laws of this term on an arm, joint by joint."""
+        """Laws of this term for an arm, joint by joint."""
         ...
 
 
@@ -84,7 +84,7 @@ def smooths_sign(term: Term) -> bool:
 
 
 def select_joints(robot: Robot, joints: Sequence[str] | None) -> tuple[int, ...]:
-    """Indices of the named joints; all where none are named.
+    """Indices of the named joints; of all joints if no names are given.
 
     Raises:
         RobotError: A joint is unknown.
@@ -104,16 +104,16 @@ def single_joint_laws(
     nonnegative: bool,
     memory: Play | None = None,
 ) -> tuple[Law, ...]:
-    """Same law on each joint separately.
+    """Laws with the same expression for each of several joints.
 
     Args:
         robot: The arm.
         joints: Names of the joints; `None` for all.
         symbol: Symbol of the parameter.
-        expression: The law.
-        units: Unit of the parameter on a revolute and on a prismatic joint.
-        nonnegative: Whether the parameter must not be negative.
-        memory: Operator with a hysteresis state of the joint's position.
+        expression: Expression of the law.
+        units: Units of the parameter for a revolute and for a prismatic joint.
+        nonnegative: True if negative values of the parameter are physically impossible.
+        memory: Operator that computes the hysteresis state of the position of the joint; `None` without hysteresis.
     """
 
     def unit(joint: Joint) -> str:

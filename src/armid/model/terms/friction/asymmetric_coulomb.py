@@ -1,6 +1,7 @@
-"""Coulomb friction that differs with the direction: τ = FSA · |sgn(q̇)|, beside FS · sgn(q̇) of `coulomb`.
+"""Coulomb friction that depends on the direction: τ = FSA · |sgn(q̇)|, in addition to FS · sgn(q̇) of `coulomb`.
 
-In the positive direction it is FS + FSA, in the negative FS - FSA. Physics requires |FSA| ≤ FS, not a sign of FSA.
+The friction is FS + FSA in the positive direction and FS - FSA in the negative direction. It is physically possible
+if |FSA| ≤ FS; FSA may have either sign.
 """
 
 from __future__ import annotations
@@ -18,13 +19,15 @@ from armid.robot.robot import Robot
 
 @dataclass(frozen=True, slots=True)
 class AsymmetricCoulomb:
-    """Excess of Coulomb friction in the positive direction over the mean of both.
+    """Difference of Coulomb friction in the positive direction from the mean of both directions.
 
-    It is constant while the joint moves, so only data near standstill distinguish it from an offset.
+    The torque is constant while the joint moves, so it can be distinguished from an offset only with data near
+    standstill.
 
     Attributes:
-        width: Velocity over which the sign changes [rad/s or m/s], best that of `coulomb`; 0 for a true sign.
-        joints: Names of the joints that have it; `None` for all.
+        width: Velocity over which the sign changes [rad/s or m/s]; 0 for the exact sign function. The width of
+            `coulomb` is recommended.
+        joints: Names of the joints with this term; `None` for all joints.
     """
 
     width: float = 0.0
@@ -40,7 +43,7 @@ class AsymmetricCoulomb:
         require_width("The width of asymmetric Coulomb friction", self.width)
 
     def laws(self, robot: Robot) -> tuple[Law, ...]:
-        """FSA · |sgn(dq)| on each joint."""
+        """Law FSA · |sgn(dq)| of each joint."""
         law = magnitude(coulomb_law(self.width))
         return single_joint_laws(robot, self.joints, "FSA", law, units=("N·m", "N"), nonnegative=False)
 

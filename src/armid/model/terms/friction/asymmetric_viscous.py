@@ -1,6 +1,7 @@
-"""Viscous friction that differs with the direction: τ = FVA · |q̇|, beside FV · q̇ of `viscous`.
+"""Viscous friction that depends on the direction: τ = FVA · |q̇|, in addition to FV · q̇ of `viscous`.
 
-In the positive direction it is FV + FVA, in the negative FV - FVA. Physics requires |FVA| ≤ FV, not a sign of FVA.
+The coefficient is FV + FVA in the positive direction and FV - FVA in the negative direction. It is physically
+possible if |FVA| ≤ FV; FVA may have either sign.
 """
 
 from __future__ import annotations
@@ -16,10 +17,10 @@ from armid.robot.robot import Robot
 
 @dataclass(frozen=True, slots=True)
 class AsymmetricViscous:
-    """Excess of viscous friction in the positive direction over the mean of both.
+    """Difference of viscous friction in the positive direction from the mean of both directions.
 
     Attributes:
-        joints: Names of the joints that have it; `None` for all.
+        joints: Names of the joints with this term; `None` for all joints.
     """
 
     joints: tuple[str, ...] | None = None
@@ -33,7 +34,7 @@ class AsymmetricViscous:
     )
 
     def laws(self, robot: Robot) -> tuple[Law, ...]:
-        """FVA · |dq| on each joint."""
+        """Law FVA · |dq| of each joint."""
         law, units = magnitude(symbol("dq")), ("N·m·s/rad", "N·s/m")
         return single_joint_laws(robot, self.joints, "FVA", law, units=units, nonnegative=False)
 

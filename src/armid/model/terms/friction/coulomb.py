@@ -1,4 +1,4 @@
-"""Coulomb friction: τ = FS · sgn(q̇), or FS · tanh(q̇ / width) where a width is given.
+"""Coulomb friction: τ = FS · sgn(q̇), or FS · tanh(q̇ / width) if the width is not zero.
 
 On arms that rest, the sign follows the noise of the encoder, which doubles the error. Where the true friction is a
 sign, a width costs a newton metre. So the width is a shape of the term, and 0 gives the sign with sgn(0) = 0.
@@ -16,18 +16,18 @@ from armid.robot.robot import Robot
 
 
 def coulomb_law(width: float) -> Expression:
-    """sgn(dq) for a width of zero, else tanh(dq / width)."""
+    """Expression sgn(dq) for a width of zero, otherwise tanh(dq / width)."""
     velocity = symbol("dq")
     return sign(velocity) if width == 0.0 else tanh(velocity * (1.0 / width))
 
 
 @dataclass(frozen=True, slots=True)
 class Coulomb:
-    """Friction of constant size against the motion.
+    """Friction of constant size against the direction of motion.
 
     Attributes:
-        width: Velocity over which the sign changes [rad/s or m/s]; 0 for a true sign.
-        joints: Names of the joints that have it; `None` for all.
+        width: Velocity over which the sign changes [rad/s or m/s]; 0 for the exact sign function.
+        joints: Names of the joints with this term; `None` for all joints.
     """
 
     width: float = 0.0
@@ -40,6 +40,6 @@ class Coulomb:
             raise ModelError(f"The width of Coulomb friction must be zero or positive; found {self.width}.")
 
     def laws(self, robot: Robot) -> tuple[Law, ...]:
-        """FS · sgn(dq) on each joint."""
+        """Law FS · sgn(dq) of each joint."""
         law = coulomb_law(self.width)
         return single_joint_laws(robot, self.joints, "FS", law, units=("N·m", "N"), nonnegative=True)

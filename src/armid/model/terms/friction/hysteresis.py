@@ -1,7 +1,8 @@
-"""Hysteresis at reversals by the Maxwell-slip model: τ = Σ FH_k · (q - z_k) / r_k, springs that slip at r_k.
+"""Hysteresis at reversals by the Maxwell-slip model: τ = Σ FH_k · (q - z_k) / r_k.
 
-Each element is a spring whose other end z_k is dragged along once its deflection is r_k: a play operator in q. After
-a reversal its torque changes from one limit to the other over 2 r_k, independent of the velocity [AlBender2005].
+Each element is a spring between the joint and a point z_k. If its deflection reaches r_k, the point z_k slips, so it
+is the state of a play operator in q. After a reversal, the torque of the element changes from one limit to the other
+over a motion of 2 r_k, independent of the velocity [AlBender2005].
 """
 
 from __future__ import annotations
@@ -38,11 +39,11 @@ def _elements(family: CandidateFamily, widths: Sequence[float]) -> tuple[Candida
 
 @dataclass(frozen=True, slots=True)
 class Hysteresis:
-    """Friction with hysteresis in the position: a sum of elasto-slip elements.
+    """Friction with hysteresis in the position: a sum of elements, each a spring that slips.
 
     Attributes:
-        widths: Deflections at which the elements slip, ascending [rad or m].
-        joints: Names of the joints that have it; `None` for all.
+        widths: Deflections r_k at which the elements slip, ascending [rad or m].
+        joints: Names of the joints with this term; `None` for all joints.
     """
 
     widths: tuple[float, ...] = (0.003, 0.01, 0.03, 0.1)
@@ -64,7 +65,7 @@ class Hysteresis:
         object.__setattr__(self, "widths", require_rising("The widths of hysteresis", self.widths))
 
     def laws(self, robot: Robot) -> tuple[Law, ...]:
-        """FH1, FH2, …, one for each width, on each joint: (q - z) / r, from -1 to 1."""
+        """Laws of FH1, FH2, … (one for each width) of each joint: (q - z) / r, from -1 to 1."""
         laws: list[Law] = []
         for k, width in enumerate(self.widths, 1):
             play = Play(width)

@@ -1,7 +1,8 @@
 """Coulomb friction that grows with the load of the joint: τ = FSL · |load| · sgn(q̇).
 
-The load is the torque of the rigid bodies under the inertial parameters of an earlier estimate
-(`DynamicsModel.load_parameters`), never the measured torque, since the model would then depend on its own output.
+The load is the torque of the rigid bodies that is computed with the inertial parameters of an earlier estimate
+(`DynamicsModel.load_parameters`). It is never the measured torque, because the regressor would then contain the
+quantity that it must predict.
 """
 
 from __future__ import annotations
@@ -21,11 +22,11 @@ FAMILY = CandidateFamily("load", order=20)
 
 @dataclass(frozen=True, slots=True)
 class LoadCoulomb:
-    """Coulomb friction in proportion to the torque that the gear transmits.
+    """Coulomb friction proportional to the torque that the gear transmits.
 
     Attributes:
-        width: Velocity over which the sign changes [rad/s or m/s]; 0 for a true sign.
-        joints: Names of the joints that have it; `None` for all.
+        width: Velocity over which the sign changes [rad/s or m/s]; 0 for the exact sign function.
+        joints: Names of the joints with this term; `None` for all joints.
     """
 
     width: float = 0.0
@@ -41,7 +42,7 @@ class LoadCoulomb:
         require_width("The width of load-dependent Coulomb friction", self.width)
 
     def laws(self, robot: Robot) -> tuple[Law, ...]:
-        """FSL · |load| · sgn(dq) on each joint."""
+        """Law FSL · |load| · sgn(dq) of each joint."""
         law = magnitude(symbol("load")) * coulomb_law(self.width)
         return single_joint_laws(robot, self.joints, "FSL", law, units=("1", "1"), nonnegative=True)
 

@@ -1,6 +1,6 @@
 """Viscous friction that grows with the load of the joint: τ = FVL · |load| · q̇.
 
-The load is that of `load-coulomb`: the torque of the rigid bodies of an earlier estimate.
+The load is defined as for `load-coulomb`: the torque of the rigid bodies with the parameters of an earlier estimate.
 """
 
 from __future__ import annotations
@@ -15,17 +15,17 @@ from armid.robot.robot import Robot
 
 @dataclass(frozen=True, slots=True)
 class LoadViscous:
-    """Friction in proportion to the velocity and to the torque that the gear transmits.
+    """Friction proportional to the velocity and to the torque that the gear transmits.
 
     Attributes:
-        joints: Names of the joints that have it; `None` for all.
+        joints: Names of the joints with this term; `None` for all joints.
     """
 
     joints: tuple[str, ...] | None = None
     name: ClassVar[str] = "load-viscous"
 
     def laws(self, robot: Robot) -> tuple[Law, ...]:
-        """FVL · |load| · dq on each joint."""
+        """Law FVL · |load| · dq of each joint."""
         law = magnitude(symbol("load")) * symbol("dq")
         return single_joint_laws(robot, self.joints, "FVL", law, units=("s/rad", "s/m"), nonnegative=True)
 

@@ -1,7 +1,7 @@
-"""Viscous friction with changes of slope at knots: τ = Σ FP_k · sgn(q̇) max(|q̇| - v_k, 0), beside FV · q̇.
+"""Viscous friction whose slope changes at knots: τ = Σ FP_k · sgn(q̇) max(|q̇| - v_k, 0), in addition to FV · q̇.
 
-Above knot k the slope is FV + FP1 + … + FPk. Physics requires that the total opposes the motion at every speed; a
-single FP may have either sign.
+Above knot k the slope is FV + FP1 + … + FPk. It is physically possible if the total friction opposes the motion at
+every speed; a single FP may have either sign.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ KNOTS = (0.1, 0.3, 0.6)
 
 @dataclass(frozen=True, slots=True)
 class PiecewiseViscous:
-    """Friction piecewise linear in the speed; the first piece is that of `viscous`.
+    """Friction that is piecewise linear in the speed; the first piece is the term `viscous`.
 
     Attributes:
         knots: Speeds at which the slope changes, ascending [rad/s or m/s].
-        joints: Names of the joints that have it; `None` for all.
+        joints: Names of the joints with this term; `None` for all joints.
     """
 
     knots: tuple[float, ...] = (0.1, 0.3, 1.0)
@@ -41,7 +41,7 @@ class PiecewiseViscous:
         object.__setattr__(self, "knots", require_rising("The knots of piecewise viscous friction", self.knots))
 
     def laws(self, robot: Robot) -> tuple[Law, ...]:
-        """FP1, FP2, …, one for each knot, on each joint: max(dq - v, 0) - max(-dq - v, 0)."""
+        """Laws of FP1, FP2, … (one for each knot) of each joint: max(dq - v, 0) - max(-dq - v, 0)."""
         velocity, units = symbol("dq"), ("N·m·s/rad", "N·s/m")
         laws: list[Law] = []
         for k, knot in enumerate(self.knots, 1):

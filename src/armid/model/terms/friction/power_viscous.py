@@ -1,6 +1,7 @@
 """Viscous friction by a power law: τ = FW · q̇ (q̇² + width²)^((exponent - 1) / 2).
 
-It is sgn(q̇) |q̇|^exponent well above the width and linear below it, where a plain power has an infinite slope.
+At speeds well above the width, the law is sgn(q̇) |q̇|^exponent. Below the width it is linear, because a power with
+an exponent below 1 has an infinite slope at zero.
 """
 
 from __future__ import annotations
@@ -17,14 +18,15 @@ from armid.robot.robot import Robot
 
 @dataclass(frozen=True, slots=True)
 class PowerViscous:
-    """Friction that grows with a power of the velocity: below 1 for cold grease, above 1 for churned oil.
+    """Friction that grows with a power of the velocity: below 1 for cold grease, above 1 for oil that is stirred.
 
-    Physics requires that the sum with FV · q̇ opposes the motion at every velocity, not a sign of each.
+    It is physically possible if the sum with FV · q̇ opposes the motion at every velocity; FW and FV may have either
+    sign.
 
     Attributes:
         exponent: Exponent of the velocity.
         width: Velocity below which the law is linear [rad/s or m/s].
-        joints: Names of the joints that have it; `None` for all.
+        joints: Names of the joints with this term; `None` for all joints.
     """
 
     exponent: float = 0.5
@@ -42,7 +44,7 @@ class PowerViscous:
         require_positive("The width of power-law friction", self.width)
 
     def laws(self, robot: Robot) -> tuple[Law, ...]:
-        """FW · dq (dq² + width²)^((exponent - 1) / 2) on each joint."""
+        """Law FW · dq (dq² + width²)^((exponent - 1) / 2) of each joint."""
         velocity = symbol("dq")
         law = velocity * (velocity**2.0 + self.width**2.0) ** (0.5 * (self.exponent - 1.0))
         units = (f"N·m·(s/rad)^{self.exponent:g}", f"N·(s/m)^{self.exponent:g}")

@@ -1,7 +1,7 @@
-"""Friction as a sigmoid of the velocity, which replaces Coulomb, Stribeck and offset on the Panda [Gaz2019].
+"""Friction as a sigmoid of the velocity, used on the Panda in place of Coulomb, Stribeck and offset [Gaz2019].
 
-τ = FG · (1 / (1 + exp(-slope (q̇ + shift))) - 1 / (1 + exp(-slope shift))), zero at rest. It is computed by tanh,
-which never overflows: 1 / (1 + exp(-x)) = (1 + tanh(x / 2)) / 2.
+τ = FG · (1 / (1 + exp(-slope (q̇ + shift))) - 1 / (1 + exp(-slope shift))), which is zero at rest. It is computed
+with tanh, which never overflows: 1 / (1 + exp(-x)) = (1 + tanh(x / 2)) / 2.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ SCALES = (0.05, 0.2, 0.5)
 
 @dataclass(frozen=True, slots=True)
 class Sigmoid:
-    """Coulomb friction with a smooth sign; with a shift it is larger in one direction.
+    """Coulomb friction with a smooth sign function; if it is shifted, friction is larger in one direction.
 
     Attributes:
-        slope: Slope of the exponent [s/rad or s/m]; without a shift the law is half of tanh(slope q̇ / 2).
-        shift: Distance of the sigmoid's centre below zero velocity [rad/s or m/s].
-        joints: Names of the joints that have it; `None` for all.
+        slope: Slope of the exponent [s/rad or s/m]; without a shift the law is ½ FG · tanh(slope q̇ / 2).
+        shift: Shift of the centre of the sigmoid to negative velocity [rad/s or m/s].
+        joints: Names of the joints with this term; `None` for all joints.
     """
 
     slope: float = 20.0
@@ -50,7 +50,7 @@ class Sigmoid:
             raise ModelError(f"The shift of a sigmoid must be a number; found {self.shift}.")
 
     def laws(self, robot: Robot) -> tuple[Law, ...]:
-        """FG · (σ(slope (dq + shift)) - σ(slope shift)) on each joint."""
+        """Law FG · (σ(slope (dq + shift)) - σ(slope shift)) of each joint, with the sigmoid σ."""
         half = 0.5 * self.slope
         law = 0.5 * (tanh(half * (symbol("dq") + self.shift)) - tanh_of(half * self.shift))
         return single_joint_laws(robot, self.joints, "FG", law, units=("N·m", "N"), nonnegative=True)

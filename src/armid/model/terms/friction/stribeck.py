@@ -1,6 +1,6 @@
-"""Stribeck effect: τ = FT · exp(-(|q̇| / velocity)^shape) · sgn(q̇), friction that vanishes as the speed grows.
+"""Stribeck effect: τ = FT · exp(-(|q̇| / velocity)^shape) · sgn(q̇), friction that decreases with the speed.
 
-With FS · sgn(q̇) the breakaway friction is FS + FT, which physics requires not to be negative.
+Together with FS · sgn(q̇), the breakaway friction is FS + FT. It is physically possible if this sum is not negative.
 """
 
 from __future__ import annotations
@@ -24,10 +24,11 @@ class Stribeck:
     """Friction near standstill in addition to Coulomb friction [ArmstrongHelouvry1994].
 
     Attributes:
-        velocity: Velocity at which it has fallen to 1/e [rad/s or m/s].
-        shape: Exponent of the fall with speed, at least 1; 2 is a Gaussian.
-        width: Velocity over which the sign changes [rad/s or m/s], well below `velocity`; 0 for a true sign.
-        joints: Names of the joints that have it; `None` for all.
+        velocity: Velocity at which the friction of this term has decreased to 1/e [rad/s or m/s].
+        shape: Exponent of the decrease with speed, at least 1; with 2, the decrease is Gaussian.
+        width: Velocity over which the sign changes [rad/s or m/s], well below `velocity`; 0 for the exact sign
+            function.
+        joints: Names of the joints with this term; `None` for all joints.
     """
 
     velocity: float = 0.1
@@ -52,7 +53,7 @@ class Stribeck:
         require_width("The width of the Stribeck effect", self.width)
 
     def laws(self, robot: Robot) -> tuple[Law, ...]:
-        """FT · exp(-(|dq| / velocity)^shape) · sgn(dq) on each joint."""
+        """Law FT · exp(-(|dq| / velocity)^shape) · sgn(dq) of each joint."""
         fallen = exponential(-((magnitude(symbol("dq")) * (1.0 / self.velocity)) ** self.shape))
         law = fallen * coulomb_law(self.width)
         return single_joint_laws(robot, self.joints, "FT", law, units=("N·m", "N"), nonnegative=False)

@@ -12,16 +12,16 @@ from armid.robot.robot import Robot
 
 @dataclass(frozen=True, slots=True)
 class Viscous:
-    """Friction proportional to velocity.
+    """Friction proportional to the velocity.
 
     Attributes:
-        joints: Names of the joints that have it; `None` for all.
+        joints: Names of the joints with this term; `None` for all joints.
     """
 
     joints: tuple[str, ...] | None = None
     name: ClassVar[str] = "viscous"
 
     def laws(self, robot: Robot) -> tuple[Law, ...]:
-        """FV · dq on each joint."""
+        """Law FV · dq of each joint."""
         units = ("N·m·s/rad", "N·s/m")
         return single_joint_laws(robot, self.joints, "FV", symbol("dq"), units=units, nonnegative=True)
