@@ -130,15 +130,21 @@ def with_one_joint_still(table: Table) -> None:
         (with_dead_channel, ["effort of joint_2 is 0 in all 1600 rows", "channel-dead"]),
         (with_constant_effort, ["effort of joint_3 is 4.2 in all 1600 rows", "channel-dead"]),
         (without_motion, ["the arm stands still", "standstill"]),
-        (without_clock, ["there is no clock and no rate", "rate = "]),
+        (without_clock, ["neither a time column nor a sample rate", "rate = "]),
         (backwards, ["backwards"]),
         (in_milliseconds, ["run.csv", "seconds"]),
-        (in_degrees, ["far outside its limits", "read as degrees, all joints are inside", 'units = "deg"']),
+        (
+            in_degrees,
+            ["far outside its limits", "if the angles were degrees, all joints would be inside", 'units = "deg"'],
+        ),
         (without_a_joint, ["2 channels; small has 3 joints: joint_1, joint_2, joint_3"]),
-        (with_a_joint_too_many, ["4 channels; small has 3 joints", "leave out"]),
+        (with_a_joint_too_many, ["4 channels; small has 3 joints", "empty name for each channel"]),
         (without_effort, ["effort"]),
-        (with_one_effort_missing, ["3 of q (q1 … q3), but 2 of effort", "1 of effort missing"]),
-        (with_one_sample, ["usable samples: 1"]),
+        (
+            with_one_effort_missing,
+            ["3 columns of q (q1 … q3), but 2 columns of effort", "missing columns of effort: 1"],
+        ),
+        (with_one_sample, ["usable samples is too small: 1"]),
         (of_a_moment, ["no row is left"]),
         (with_one_joint_still, ["do not see FV_3, FS_3", "moves the joints"]),
     ],
@@ -153,7 +159,7 @@ def test_a_spoiled_recording_is_refused(identify, spoil: Callable[[Table], None]
 def test_a_csv_with_a_broken_row_is_refused(identify):
     lines = write(good(), Path("run.csv")).read_text().splitlines()
     Path("run.csv").write_text("\n".join([*lines[:400], lines[400][:30], *lines[401:]]) + "\n")
-    refused(identify("run.csv"), "line 401", "fields where the header has 7")
+    refused(identify("run.csv"), "line 401", "3 fields, but the header has 7")
 
 
 def test_a_truncated_parquet_is_refused(identify):

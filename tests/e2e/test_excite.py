@@ -91,7 +91,7 @@ def test_what_is_written(small, tmp_path, capsys):
     report = json.loads((out / "preflight.json").read_text())
     assert all(entry["certified_share"] <= 1.0 for entry in report["limits"])
     assert all(entry["deviation"] > 0.0 for entry in report["base_parameters"])
-    assert "collisions not checked: the description has no bodies" in (out / "preflight.txt").read_text()
+    assert "collisions not checked: the description has no shapes of bodies" in (out / "preflight.txt").read_text()
 
 
 def test_the_page_of_a_plan_folds_what_is_long_and_names_joints(small, tmp_path, capsys):
@@ -212,35 +212,35 @@ def test_the_same_seed_gives_the_same_problem_to_other_options(small, tmp_path, 
     [
         (["--budget", "0"], "budget"),
         (["--harmonics", "1"], "cannot start and end at rest"),
-        (["--duration", "0"], "duration must be positive"),
-        (["--experiment", "dance"], "no experiment 'dance'"),
+        (["--duration", "0"], "duration of a period must be positive"),
+        (["--experiment", "dance"], "Unknown kind of motion 'dance'"),
         (["--criterion", "best"], "no criterion 'best'"),
         (["--criterion", "prediction"], "needs at least one motion"),
-        (["--limits", "soft"], "no limits of kind"),
+        (["--limits", "soft"], "Unknown kind of limits"),
         (["--limit", "first.velocity=fast"], "not a limit"),
         (["--limit", "third.velocity=1"], "no joint 'third'"),
         (["--limit", "first.position=1:-1"], "are reversed or equal"),
-        (["--start", "0,2"], "outside -1.5 to 1.5"),
+        (["--start", "0,2"], "outside the limits -1.5 to 1.5"),
         (["--start", "0"], "needs 2 finite numbers"),
         (["--start", "0,x"], "not a list of numbers"),
         (["--collision"], "has no shapes of its links"),
         (["--tip-box", "1", "1", "1", "0", "0", "0"], "the box is empty"),
         (["--noise", "0"], "must be positive"),
-        (["--format", "gcode"], "no format 'gcode'"),
+        (["--format", "gcode"], "Unknown format 'gcode'"),
         (["--after", "nowhere"], "nowhere"),
         (["--envelope", "thesis-a1@27"], "moves 7 joints"),
         (["--envelope", "thesis-a1@soon"], "not a duration"),
         (["--torque-margin", "1.5"], ""),
         (["--environment", "nowhere.toml"], "not an environment file"),
-        (["--duration", "nan"], "duration must be positive"),
+        (["--duration", "nan"], "duration of a period must be positive"),
         (["--limit", "first.velocity=-1"], "velocity limit of first must be positive"),
-        (["--limit", "first.position=0.2:0.4", "--start", "0,0"], "outside 0.2 to 0.4"),
+        (["--limit", "first.position=0.2:0.4", "--start", "0,0"], "outside the limits 0.2 to 0.4"),
     ],
 )
 def test_what_is_refused(small, tmp_path, capsys, arguments, message):
     if arguments[0] == "--torque-margin":
         small.write_text(ARM.replace("velocity = 1.0", "velocity = 1.0\neffort = 5.0"))
-        arguments, message = [*arguments, "--terms", "offset"], "gives no masses"
+        arguments, message = [*arguments, "--terms", "offset"], "has no masses"
         assert message in run([small, *QUICK, "--out", tmp_path / "plan", *arguments], capsys).err
         return
     said = " ".join(stopped([small, *QUICK, "--out", tmp_path / "plan", *arguments], capsys).split())
@@ -297,7 +297,7 @@ def test_an_unknown_link_of_a_tool_is_refused(tmp_path, capsys):
 
 def test_accelerations_without_a_limit_are_said_everywhere_and_once(small, tmp_path, capsys):
     shown = run([small, *QUICK, "--out", tmp_path / "free"], capsys)
-    line, peak = "Acceleration is not limited, as no limit is given; the plan reaches first ", None
+    line, peak = "Acceleration is not limited, because no limit is given; the plan reaches first ", None
     for text in (shown.out + shown.err, (tmp_path / "free" / "preflight.txt").read_text()):
         text = " ".join(text.split())
         assert text.count(line) == 1 and text.count("collisions not checked") <= 2
@@ -339,7 +339,7 @@ def test_an_arm_of_no_mass_is_planned_and_said_to_have_none(tmp_path, capsys):
     path = tmp_path / "weightless.urdf"
     path.write_text(WEIGHTLESS)
     said = " ".join(run([path, *QUICK, "--out", tmp_path / "plan"], capsys).err.split())
-    assert "gives no masses, so torque is not limited" in said
+    assert "torque is not checked and not limited, because the description of" in said and "has no masses" in said
     assert "torque" not in json.loads((tmp_path / "plan" / "plan.json").read_text())["limits"]
 
 
@@ -361,7 +361,7 @@ def test_a_killed_search_leaves_nothing(small, tmp_path, signal):
 def test_a_folder_that_is_no_plan_is_left_alone(small, tmp_path, capsys):
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "thesis.txt").write_text("mine")
-    assert "no plan of armid" in " ".join(stopped([small, *QUICK, "--out", tmp_path / "mine"], capsys).split())
+    assert "is not a plan of armid" in " ".join(stopped([small, *QUICK, "--out", tmp_path / "mine"], capsys).split())
 
 
 def test_numbers_with_blanks():

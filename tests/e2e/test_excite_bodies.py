@@ -111,8 +111,8 @@ def test_bodies_keep_apart_by_default(arm, tmp_path, capsys):
     assert "✓ every limit holds, and bodies keep apart" in page
     assert page.index("Motion") < page.index("Expected accuracy")
     assert "1 times" not in text and "with the ways" not in text and "…3.0000 rad" in text
-    assert "move it with --floor HEIGHT" in told
-    assert "; move it with --floor HEIGHT" in (tmp_path / "plan" / "preflight.txt").read_text()
+    assert "change its height with --floor HEIGHT" in told
+    assert "; change its height with --floor HEIGHT" in (tmp_path / "plan" / "preflight.txt").read_text()
 
 
 def test_the_preview_and_the_report_say_the_same_distance(arm, tmp_path, capsys):
@@ -131,7 +131,7 @@ def test_what_is_left_out_is_called_unchecked_everywhere(arm, tmp_path, capsys):
     folder = tmp_path / "plan"
     code, text, err = run(["excite", arm, *QUICK, "--no-collision", "--out", folder], capsys)
     assert code == 0
-    said = "every limit holds; collisions not checked: left out (--no-collision)"
+    said = "every limit holds; collisions not checked: the check was left out (--no-collision)"
     report = json.loads((folder / "preflight.json").read_text())
     assert (report["verdict"], report["said"]) == ("not checked", said)
     for account in (text, (folder / "preflight.txt").read_text(), prose(folder / "preflight.html")):
@@ -210,7 +210,7 @@ def test_the_floor_is_where_the_arm_stands_and_nowhere_else(arm, tmp_path, capsy
     arm.write_text(
         folding().replace('<origin xyz="0 0 0.05"/><geometry><box', '<origin xyz="0 0 -0.5"/><geometry><box')
     )
-    assert "reaches down to -550 mm" in told()["floor-left-out"]
+    assert "fixed to the base is at -550 mm" in told()["floor-left-out"]
 
 
 def test_a_start_pose_that_the_joints_can_hold_is_found(tmp_path, capsys):
@@ -259,6 +259,8 @@ def test_sweeps_go_as_far_as_bodies_let_them(arm, tmp_path, capsys):
     code, _, err = run([*sweeps, "--out", tmp_path / "kept"], capsys)
     assert code == 0 and "not checked" not in err
     code, _, err = run([*sweeps, "--no-collision", "--out", tmp_path / "free"], capsys)
-    assert code == 0 and "collisions were not checked: left out (--no-collision)" in " ".join(err.split())
+    assert code == 0 and "collisions were not checked: the check was left out (--no-collision)" in " ".join(
+        err.split()
+    )
     kept, free = (np.array(json.loads((tmp_path / k / "plan.json").read_text())["poses"]) for k in ("kept", "free"))
     assert np.ptp(kept[:, 1]) < np.ptp(free[:, 1])  # the elbow folds onto the upper arm

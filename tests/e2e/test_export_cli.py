@@ -83,7 +83,7 @@ def test_recordings_that_are_gone_are_told(small: Path, tmp_path: Path, capsys: 
 
 def test_bad_input(small: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     assert armid("export", tmp_path, "--to", "urdf") == 2
-    assert "is no run of armid" in capsys.readouterr().err
+    assert "is not a run of armid" in capsys.readouterr().err
     assert armid("export", small / "physical", "--to", "step") == 2
     assert "Unknown format 'step'" in capsys.readouterr().err
     assert armid("export", small / "physical", "--to", "urdf", "--out", small / "small.urdf") == 2

@@ -70,7 +70,7 @@ def test_two_runs_are_compared(small: Path, tmp_path: Path):
 
 def test_what_is_no_run_is_bad_input(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     assert armid("report", tmp_path) == 2
-    assert "is no run of armid" in capsys.readouterr().err
+    assert "is not a run of armid" in capsys.readouterr().err
 
 
 def test_without_the_extra(small: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd):

@@ -160,7 +160,7 @@ def test_bad_input_of_a_roll_out_is_one_message(armid):
     Path("gains.json").write_text('{"controller": {"proportional": [1], "derivative": [1]}}')
     for arguments, message in (
         (("--simulate", "--window", "100"), "The rollout needs a stretch of 100 s"),
-        (("--controller", "gains.json"), "has 1 joints"),
+        (("--controller", "gains.json"), "gains for 1 joints"),
         (("--controller", "nowhere.json"), "nowhere.json"),
     ):
         done = armid("validate", "run", "b/recording.csv", *arguments)

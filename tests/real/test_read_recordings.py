@@ -100,7 +100,7 @@ def test_the_effort_has_the_sign_of_the_description(shared_data, run):
 def test_the_panda_stutters(shared_data):
     (finding,) = read(shared_data, "franka_panda_gaz/exciting_first70")[0].findings
     assert finding.code == "rows-repeated"
-    assert finding.evidence.startswith("791 of 14380 rows repeat the row before; 780 dropped, 11 masked")
+    assert finding.evidence.startswith("791 of 14380 rows repeat the row before; 780 of them were dropped, 11 masked")
 
 
 @pytest.mark.parametrize("run", [run for run in RUNS if "kinova" in run])
@@ -119,7 +119,7 @@ def test_the_iiwa_has_no_clock_and_its_rate_is_told(shared_data):
     with pytest.raises(RecordingError, match="clock-missing") as caught:
         read(shared_data, "kuka_iiwa14_lasa/samples_2000", OPPOSITE)
     assert "imply 50 Hz" in caught.value.remedy
-    with pytest.raises(RecordingError, match="imply 50 Hz, rate says 100 Hz"):
+    with pytest.raises(RecordingError, match="imply 50 Hz, but the key `rate` gives 100 Hz"):
         read(shared_data, "kuka_iiwa14_lasa/samples_2000", LogFormat(rate=100.0))
 
 

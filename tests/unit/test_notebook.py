@@ -86,7 +86,7 @@ HOLDS = {
     "Plan": "dq",
     "Motion": "ddq",
     "Recording": "effort",
-    "Verdict": "masses of links that have these",
+    "Verdict": "masses of links with these parameters",
     "Designed": "velocity",
     "Study": "run2.csv",
     "Information": "rows",

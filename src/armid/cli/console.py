@@ -50,7 +50,7 @@ OPTION = re.compile(r"(?<!\S)--[a-z]|\barmid [a-z]|\b[a-z_]+ = \S")
 """An option, a command or a key of a study in a remedy."""
 
 MAX_RECORDING_COLUMNS = 2
-"""Largest number of recordings with a column each; more share a column with their root mean square."""
+"""Largest number of recordings with one column each; more recordings have a common column, their root mean square."""
 
 
 def output_console() -> Console:
@@ -206,8 +206,8 @@ def _legend(training: Sequence[Score], held_out: Sequence[Score], before: Sequen
     recordings = f"the {len(judged)} {kind} recordings" if len(judged) > 1 else f"{kind}"
     aggregate = ", the worst of each joint" if len(judged) > 1 else ""
     parts.append(
-        f"CAD/URDF (the description by itself), relative RMS (over the torque's standard deviation), "
-        f"peak and share of rows in the 95 % band are of {recordings}{aggregate}"
+        "CAD/URDF (parameters of the description), relative RMS (divided by the standard deviation of the "
+        f"torque), peak and share of rows in the 95 % band are of {recordings}{aggregate}"
     )
     return "; ".join(parts)
 
@@ -223,7 +223,7 @@ def _largest(values: Sequence[float]) -> float:
 
 
 def _columns(name: str, scores: Sequence[Score]) -> list[tuple[str, Array]]:
-    """Titles and errors of the columns: one column a recording, or a single one if there are many recordings."""
+    """Titles and errors of the columns: one column for each recording, or a single column for many recordings."""
     if len(scores) > MAX_RECORDING_COLUMNS:
         return [(f"{name},\n{len(scores)} runs", _root_mean_square([score.rms for score in scores]))]
     short = SHORT_TITLES.get(name, name)
@@ -260,8 +260,8 @@ def print_methods(comparison: MethodTable, units: Sequence[str]) -> None:
             f"{score.seconds:.3f} s",
         )
     table.caption = (
-        f"held-out: {comparison.note}; physical: whether bodies with these base parameters exist; λ: of the "
-        "pseudo-inertias of the estimated bodies"
+        f"held-out: {comparison.note}; physical: yes if bodies with these base parameters exist; λ: smallest "
+        "eigenvalue of the pseudo-inertias of the estimated bodies"
     )
     table.caption_justify = "left"
     console.print(table)
@@ -274,7 +274,7 @@ def print_verdict(console: Console, validation: Validation) -> None:
     """Prints the verdict, the number of passed checks and all checks, failed ones first."""
     colour = {"pass": "green", "fail": "red"}.get(validation.verdict, "yellow")
     passed = sum(check.ok for check in validation.checks)
-    count = f" ({passed} of {len(validation.checks)} checks hold)" if validation.checks else ""
+    count = f" ({passed} of {len(validation.checks)} checks passed)" if validation.checks else ""
     console.print(f"verdict on held-out motion: [bold {colour}]{validation.verdict}[/]{count}")
     checks = Table.grid(padding=(0, 1))
     for check in sorted(validation.checks, key=lambda check: check.ok):

@@ -11,7 +11,7 @@ DESCRIPTIONS = (".urdf", ".xacro", ".xml", ".mjcf")
 """Suffixes of robot descriptions, copied here because importing their readers takes NumPy; a test compares them."""
 
 BEGIN = (
-    ("armid demo", "the whole identification on a virtual arm, half a minute"),
+    ("armid demo", "a complete identification on a virtual arm, half a minute"),
     ("armid base ROBOT", "the parameters that the torques of your arm determine"),
     ("armid excite ROBOT", "the motion to record"),
     ("armid doctor ROBOT RECORDING", "faults of a recording"),
@@ -23,7 +23,7 @@ def next_step(folder: Path | str = ".") -> str:
     """Next commands for a folder: for its latest run, else its study, else its arm with recordings, else its arm.
 
     Args:
-        folder: Where to look.
+        folder: Folder to examine.
     """
     steps = _steps(Path(folder)) or BEGIN
     width = max(len(command) for command, _ in steps)
@@ -40,7 +40,7 @@ def _steps(folder: Path) -> tuple[tuple[str, str], ...]:
         run = max(runs, key=lambda path: (path / "estimate.json").stat().st_mtime).relative_to(folder)
         return (
             (f"armid report {run}", "a page about the latest run"),
-            (f"armid validate {run} RECORDING", "its torque error on a held-out recording"),
+            (f"armid validate {run} RECORDING", "torque error of the run on a held-out recording"),
             (f"armid export {run} --to urdf", "the model as a robot description, or as source code: --to c"),
         )
     arms = [name for name in files if name.endswith(DESCRIPTIONS)]

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from armid.study.identify import Result
 
 COVARIANCE_SOURCES = {
-    "white": "the variance of the residuals, taken as uncorrelated",
+    "white": "the variance of the residuals, which are assumed to be uncorrelated",
     "period": "the scatter between periods",
     "spectral": "the spectrum of the residuals",
     "block": "the scatter between blocks",
@@ -30,7 +30,7 @@ COVARIANCE_SOURCES = {
 
 
 def intervals_line(fit: Fit) -> str:
-    """Return the source of the intervals, and the reason for its choice."""
+    """Line with the source of the intervals and the reason for its choice."""
     return f"intervals from {COVARIANCE_SOURCES[fit.covariance_kind]}: {fit.report.why}"
 
 
@@ -67,13 +67,15 @@ def _method_line(result: Result) -> str:
 
     method = result.estimate.method
     default = method == AUTOMATIC_METHOD
-    reason = f", the default where friction is chosen ({PLAIN_METHOD} where it is named)" if default else ""
+    reason = f", the default if friction is selected ({PLAIN_METHOD} if the terms are given)" if default else ""
     has_prior = any(finding.code == "prior-weight" for finding in result.estimate.findings)
     weight = result.friction_selection.prior_weight if result.friction_selection and has_prior else None
     prior = (
         ""
         if weight is None
-        else f"; the weight of its prior, {weight:.3g} independent samples, was chosen together with the friction"
+        else (
+            f"; the weight of its prior, {weight:.3g} independent samples, was determined together with the friction"
+        )
     )
     return f"estimated by {method}{reason}{prior}"
 

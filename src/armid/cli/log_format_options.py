@@ -18,8 +18,8 @@ Columns = Annotated[
     typer.Option(
         "--columns",
         metavar="QUANTITY=NAME",
-        help="Columns of time, q, dq, ddq or effort: a name, a pattern as q=pos{}, or names with commas between, "
-        'those with commas of their own in double quotes: q="pos,1","pos,2"; repeatable.',
+        help="Columns of time, q, dq, ddq or effort: a name, a pattern such as q=pos{}, or names separated by "
+        'commas; names that contain commas are put in double quotes: q="pos,1","pos,2"; repeatable.',
     ),
 ]
 Data = Annotated[
@@ -27,9 +27,14 @@ Data = Annotated[
 ]
 Rate = Annotated[float | None, typer.Option(help="Sampling rate of a recording without a clock, Hz.")]
 TimeUnit = Annotated[float | None, typer.Option(help="Unit of the clock in seconds, for instance 0.001.")]
-TorqueSign = Annotated[int | None, typer.Option(help="-1 if the torque is measured against the URDF's joint axes.")]
+TorqueSign = Annotated[
+    int | None, typer.Option(help="-1 if the sign of the measured torque is opposite to the joint axes of the URDF.")
+]
 Units = Annotated[
-    str | None, typer.Option(metavar="rad|deg", help="Unit of angles; by default as in the columns, else rad.")
+    str | None,
+    typer.Option(
+        metavar="rad|deg", help="Unit of angles; by default the unit in the names of the columns, or else rad."
+    ),
 ]
 
 
@@ -50,7 +55,7 @@ def given(
 def changed_reading(
     reading: LogFormat, rate: float | None, torque_sign: int | None, columns: list[str] | None
 ) -> dict[str, Any]:
-    """Arguments of `LogFormat` that differ from a run's; columns not named on the command line stay the run's."""
+    """Arguments of `LogFormat` that differ from those of a run; other columns stay those of the run."""
     arguments = given(columns, rate, torque_sign)
     return arguments | ({"columns": {**reading.columns, **arguments["columns"]}} if columns else {})
 
@@ -65,12 +70,15 @@ def columns_given(given: list[str]) -> dict[str, str | list[str]]:
     for each in given:
         quantity, equals, names = each.partition("=")
         if not equals:
-            raise ArmidError(f"--columns {each}: no quantity.", remedy="write as --columns 'time=Zeit [ms]'.")
+            raise ArmidError(
+                f"--columns {each} does not begin with a quantity.",
+                remedy="write for instance --columns 'time=Zeit [ms]'.",
+            )
         try:
             (split,) = csv.reader([names], skipinitialspace=True, strict=True)
         except csv.Error as error:
             raise ArmidError(
-                f"--columns {each}: names cannot be told apart ({error}).",
+                f"--columns {each}: the names cannot be separated ({error}).",
                 remedy='put a name with a comma in double quotes, as --columns \'q="pos,1","pos,2"\'.',
             ) from error
         by_quantity.setdefault(quantity.strip(), []).extend(name.strip() for name in split or [""])

@@ -42,7 +42,7 @@ INTERRUPTED = 130
 
 
 class _StoppedError(Exception):
-    """Interruption of a command by Ctrl-C, which the parser would otherwise end without a message."""
+    """Interruption of a command by Ctrl-C; the parser would otherwise end without a message."""
 
 
 def _interruptible(command: Callable[..., None]) -> Callable[..., None]:

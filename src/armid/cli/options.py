@@ -28,7 +28,8 @@ Gravity = Annotated[
     typer.Option(
         "--gravity",
         metavar="X Y Z",
-        help="Gravity in the base frame, m/s²; by default the description's (URDF: 0 0 -9.81); hanging: 0 0 9.81.",
+        help="Gravity in the base frame, m/s²; by default that of the description (URDF: 0 0 -9.81); 0 0 9.81 for "
+        "a hanging arm.",
     ),
 ]
 Lock = Annotated[
@@ -36,7 +37,7 @@ Lock = Annotated[
     typer.Option(
         "--lock",
         metavar="JOINT[=VALUE]",
-        help="Hold joints still, at 0 or a value: names or patterns as leg_*, with commas between; repeatable.",
+        help="Joints to lock, at 0 or at a value: names or patterns such as leg_*, separated by commas; repeatable.",
         autocompletion=joints,
     ),
 ]
@@ -45,7 +46,7 @@ Only = Annotated[
     typer.Option(
         "--only",
         metavar="JOINT,…",
-        help="Joints that move, names or patterns as arm_left_*; all others are held still.",
+        help="Joints that move: names or patterns such as arm_left_*; all others are locked.",
         autocompletion=joints,
     ),
 ]
@@ -54,7 +55,7 @@ TipLink = Annotated[
     typer.Option(
         "--tip",
         metavar="LINK",
-        help="Last link of the arm: joints not between base and LINK are held still.",
+        help="Last link of the arm; joints that are not between base and LINK are locked.",
         autocompletion=links,
     ),
 ]
@@ -67,8 +68,8 @@ Terms = Annotated[
     typer.Option(
         "--terms",
         metavar="A,B,…",
-        help="Torque terms, as rigid-body,viscous,coulomb or default,rotor-inertia; `auto`: `identify` selects "
-        "friction for each joint.",
+        help="Torque terms, for instance rigid-body,viscous,coulomb or default,rotor-inertia; with `auto`, "
+        "`identify` selects friction for each joint.",
         autocompletion=terms,
     ),
 ]
@@ -90,7 +91,10 @@ def robot_choice(
     from armid.study.config import RobotChoice
 
     if tip is not None and BOX.fullmatch(tip):
-        raise ArmidError(f"--tip {tip}: not a link.", remedy="give the box that the tip stays in with --tip-box.")
+        raise ArmidError(
+            f"--tip {tip} is not a link.",
+            remedy="if you mean the box in which the tip must stay, give it with --tip-box.",
+        )
     if package:
         from armid.robot.packages import give_packages
 
@@ -136,7 +140,8 @@ def model_choice(terms: str | None, *, default: tuple[str, ...] = ()) -> ModelCh
     if terms == "auto":
         if default:
             raise StudyError(
-                "--terms auto needs recordings to select terms, and this command has none.", remedy="name the terms."
+                "--terms auto needs recordings to select terms, and this command has none.",
+                remedy="give the names of the terms.",
             )
         return ModelChoice(automatic=True)
     if terms is None:
@@ -145,7 +150,8 @@ def model_choice(terms: str | None, *, default: tuple[str, ...] = ()) -> ModelCh
         names = tuple(name.strip() for name in terms.split(",") if name.strip())
         if not names:
             raise StudyError(
-                "--terms names no term.", remedy="write for instance --terms rigid-body,viscous,coulomb."
+                "--terms is given without the name of a term.",
+                remedy="write for instance --terms rigid-body,viscous,coulomb.",
             )
     return ModelChoice(names)
 

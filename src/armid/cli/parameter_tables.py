@@ -25,7 +25,7 @@ MIN_NAME_WIDTH = 12
 """Least width of a column of link names; longer names are folded [characters]."""
 
 UNLIMITED_WIDTH = 1000
-"""Width that no table exceeds, to measure how wide a table would like to be [characters]."""
+"""Width that no table exceeds; it is used to measure the natural width of a table [characters]."""
 
 ORDER = (4, 6, 9, 5, 7, 8)
 """Entries of an inertia as they are printed: xx yy zz xy xz yz."""
@@ -41,7 +41,7 @@ PRIORS = {
 
 
 def folded_line(estimate: Estimate) -> str:
-    """Number of parameters and how many are poorly identified, in one line."""
+    """Line with the number of parameters and the number of poorly identified ones."""
     names = estimate.fit.names
     poor = int(estimate.fit.poorly_identified.sum())
     note = f"; {poor} with a relative standard deviation above {POORLY_IDENTIFIED:g} %" if poor else ""
@@ -82,19 +82,19 @@ def _decimals(half_width: float) -> int:
 
 
 def _percent(relative: float) -> str:
-    """Percentage with two decimals, three significant digits below 0.1, and `> 999` from a thousand on."""
+    """Percentage with two decimals; three significant digits below 0.1; `> 999` from a thousand on."""
     if not relative < 1000.0:
         return "> 999"
     return f"{relative:.2f}" if relative >= 0.1 else f"{relative:.3g}"
 
 
 def print_links(console: Console, table: LinkTable) -> None:
-    """Prints mass, centre of mass and inertia of each link, estimated and described, or why there are none."""
+    """Prints estimated and described mass, centre of mass and inertia of each link, or why there are none."""
     if table.note or not table.links:
         console.print(f"bodies of the links: {escape(table.note)}", highlight=False)
         return
     mass, inertia = (range(4), ("mass kg", "x m", "y m", "z m")), (ORDER, ("Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz"))
-    title = "Bodies of the links, new (estimate) and old (description)"
+    title = "Bodies of the links: new (estimate) and old (description)"
     full_table = _bodies(table, (*mass[0], *inertia[0]), (*mass[1], *inertia[1]), title)
     if (
         console.measure(full_table, options=console.options.update(max_width=UNLIMITED_WIDTH)).maximum
@@ -108,7 +108,7 @@ def print_links(console: Console, table: LinkTable) -> None:
 
 
 def _bodies(table: LinkTable, columns: Sequence[int], names: Sequence[str], title: str | None) -> Table:
-    """Table of some quantities, two rows a link; names of links are folded so that no number is cut."""
+    """Table of some quantities, with two rows for each link; long names of links are folded."""
     shown = Table(title=title, header_style="bold")
     shown.add_column("link", overflow="fold", min_width=MIN_NAME_WIDTH)
     shown.add_column("", no_wrap=True)
@@ -136,12 +136,12 @@ def _links_note(table: LinkTable) -> str:
             lines.append(f"* {escape(body.link)}, 95 %: {spans}")
     starred = len(lines) > 1
     others = "the others depend" if starred else "these values depend"
-    lines.append(f"{'* determined by the torques; ' if starred else ''}{others} on the prior, too")
+    lines.append(f"{'* values that the torques determine; ' if starred else ''}{others} on the prior, too")
     return "\n".join(lines)
 
 
 def _digits(body: LinkProperties) -> list[int]:
-    """Decimals of each quantity, so that the largest of its kind has three digits."""
+    """Decimals of each quantity, so that the largest quantity of its kind has three digits."""
     result = [0] * 10
     for kind in ((0,), (1, 2, 3), tuple(range(4, 10))):
         sizes = np.abs(np.concatenate([body.estimate[list(kind)], body.description[list(kind)]]))
@@ -157,7 +157,7 @@ def _plain(value: float, decimals: int) -> str:
 
 
 def status_line(standard: StandardFit) -> str:
-    """Count of standard parameters by status, and the prior that decides the others, in one line."""
+    """Line with the number of standard parameters of each status and the prior that determines the others."""
     kinds = ("identified", "prior-dominated", "not identifiable")
     counts = ", ".join(f"{standard.status.count(kind)} {kind}" for kind in kinds)
     prior = standard.prior
@@ -167,7 +167,7 @@ def status_line(standard: StandardFit) -> str:
 
 def friction_selection_table(selection: FrictionSelection, robot: Robot) -> Table:
     """Table of the friction selected for each joint, and its RMS ratio on held-out blocks."""
-    table = Table(title="Friction selected by held-out blocks of the training motion", header_style="bold")
+    table = Table(title="Friction selected on held-out blocks of the training motion", header_style="bold")
     table.add_column("#", justify="right")
     table.add_column("joint")
     table.add_column("RMS ratio, with / without", justify="right")

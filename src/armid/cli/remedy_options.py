@@ -1,4 +1,4 @@
-"""Remedies rewritten for the command line: options of the running command instead of keys of a study."""
+"""Remedies for the command line, with options of the running command instead of keys of a study."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from typing import Any
 from armid.remedy import Remedy
 
 CONTEXT: ContextVar[Any] = ContextVar("context", default=None)
-"""Context of the running command; stored here because versions of typer differ in the click that they use."""
+"""Context of the running command; stored here because versions of typer use different versions of click."""
 
 
 def hint(remedy: str) -> str:
-    """Remedy with options of the running command; unchanged if no command runs or it names no key.
+    """Remedy with options of the running command; unchanged if no command runs or the remedy names no key.
 
     Args:
         remedy: Remedy of a finding or an error.

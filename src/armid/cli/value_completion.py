@@ -1,8 +1,8 @@
 """Completion in a shell: names from catalogues, and joints and links of the arm on the line.
 
 The user waits for the completion, so no heavy module is imported. Names of criteria and limits are copied here, and a
-contract test compares them. Names of joints and links are extracted from the text of a description, without building
-a robot.
+contract test compares the copies with the catalogues. Names of joints and links are extracted from the text of a
+description, without building a robot.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ NOT_MOVING = re.compile(r"""\btype\s*=\s*["'](?:fixed|free)["']""")
 
 
 def known_arms(incomplete: str) -> list[str]:
-    """Built-in arms and descriptions in this folder that begin with a text; if none does, shells complete files."""
+    """Built-in arms and descriptions in this folder that begin with a text; without any, shells complete files."""
     files = (path.name for path in Path().iterdir() if path.suffix in DESCRIPTIONS)
     return sorted(
         name for name in chain((path.stem for path in ARMS.glob("*.toml")), files) if name.startswith(incomplete)
@@ -55,7 +55,7 @@ def among(names: Iterable[str]) -> Callable[[str], list[str]]:
 
 
 def terms(incomplete: str) -> list[str]:
-    """Torque terms not yet in the comma-separated list; `auto` only as the first, `default` for the default terms."""
+    """Torque terms that are not yet in the comma-separated list; `auto` only as the first entry, and `default`."""
     prefix, comma, start = incomplete.rpartition(",")
     used = set(prefix.split(","))
     names = ("default", *TERMS) if comma else ("auto", "default", *TERMS)
@@ -96,7 +96,7 @@ def _names(find: Callable[[Path, str], list[str]]) -> list[str]:
 def _words() -> list[str]:
     """Words of the command line so far, from the variables that the shell sets.
 
-    They are used because the parser drops the arguments while the value of an option is still missing.
+    These variables are used because the parser drops the arguments while the value of an option is missing.
     """
     line = os.environ.get("COMP_WORDS") or os.environ.get("_TYPER_COMPLETE_ARGS") or ""
     try:
@@ -115,7 +115,7 @@ def _descriptions(words: Iterable[str]) -> Iterable[Path]:
 
 
 def _of_study(path: Path) -> Iterable[Path]:
-    """The file itself, or if it is a study, the description that it names."""
+    """The given file, or, if it is a study, the description that the study names."""
     if path.suffix == ".toml":
         try:
             description = tomllib.loads(path.read_text(encoding="utf-8")).get("robot", {}).get("description")

@@ -1,4 +1,4 @@
-"""Files of ROS bags: folders of ROS 2, files of ROS 1, and single files of a folder."""
+"""Files of ROS bags: folders (ROS 2), files (ROS 1), and single files from a folder."""
 
 from __future__ import annotations
 
@@ -20,23 +20,25 @@ STORAGE: tuple[str, ...] = READERS["bag"].suffixes
 """Suffixes of files with messages."""
 
 (COMPRESSED,) = READERS["bag"].packings
-"""Suffix that ROS 2 adds to compressed files."""
+"""Suffix that ROS 2 adds to the name of a compressed file."""
 
 OURS = {
-    "plan.json": "it is a plan of armid excite, not a recording; simulate it, or give a recording of its motion.",
-    "estimate.json": "it is a run of armid identify; give a recording.",
+    "plan.json": (
+        "the folder is a plan of armid excite, not a recording; simulate the plan, or give a recording of its motion."
+    ),
+    "estimate.json": "the folder is a run of armid identify, not a recording; give a recording.",
 }
-"""Folders that armid writes, by a file in them, with a remedy."""
+"""Remedies for folders that armid writes and that are no recordings, by the name of a file in the folder."""
 
 
 def is_packed(path: Path) -> bool:
-    """Test for a single bag file that ROS 2 has compressed as a whole, as `run_0.db3.zstd`."""
+    """Tests for a single bag file that ROS 2 has compressed as a whole, for instance `run_0.db3.zstd`."""
     return path.name.lower().endswith(READERS["bag"].packed)
 
 
 @contextmanager
 def opened(path: Path) -> Generator[list[Path]]:
-    """Context with the paths to open for a bag; a compressed file is unpacked into a temporary folder.
+    """Context manager that gives the paths to open for a bag; compressed files are unpacked to a temporary folder.
 
     Raises:
         RecordingError: The folder has no bag, or a file cannot be decompressed.
@@ -52,7 +54,7 @@ def opened(path: Path) -> Generator[list[Path]]:
             plain.write_bytes(zstd.decompress(path.read_bytes()))
         except (zstd.ZstdError, EOFError, ValueError, OSError) as error:
             raise RecordingError(
-                f"{path} cannot be unpacked ({error}).", remedy="copy the file again; its end may be missing."
+                f"{path} cannot be unpacked ({error}).", remedy="copy the file again, because its end may be missing."
             ) from error
         yield [plain]
 
@@ -67,7 +69,7 @@ def _zstd() -> Any:
 
 
 def bag_paths(path: Path) -> list[Path]:
-    """Paths to open for a bag: the file, the folder with metadata, or the files of a folder without.
+    """Paths to open for a bag: the file, the folder if it has metadata, or otherwise the files in the folder.
 
     Raises:
         RecordingError: The folder has no bag.

@@ -1,4 +1,4 @@
-"""Catalogue `READERS` of the formats of recordings: a new format is a new file and one line here."""
+"""Catalogue `READERS` of the formats of recordings. A new format needs a new module and one line here."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class RecordingReader(Protocol):
 
     @staticmethod
     def read(path: Path, log_format: LogFormat, robot: Robot | None = None) -> Recording:
-        """Reads one file, with the robot's joint names where given; `load_recording` adds the source."""
+        """Reads one file, using the joint names of the robot if given; `load_recording` adds the path of the file."""
         ...
 
 
@@ -32,7 +32,7 @@ class RecordingFormat:
     Attributes:
         module: Module that reads it.
         suffixes: Suffixes of its files, in lower case, with the dot.
-        packings: Suffixes that compressed files have after one of these.
+        packings: Suffixes that compressed files have after one of `suffixes`.
         ambiguous: Suffixes that files other than recordings often have, too.
         has_folders: True if a folder is a recording of this format.
     """
@@ -45,17 +45,17 @@ class RecordingFormat:
 
     @property
     def packed(self) -> tuple[str, ...]:
-        """Endings of its compressed files."""
+        """Endings of the names of compressed files of this format."""
         return tuple(f"{suffix}{packing}" for suffix in self.suffixes for packing in self.packings)
 
     @property
     def endings(self) -> tuple[str, ...]:
-        """Endings of all its files."""
+        """Endings of the names of all files of this format."""
         return *self.suffixes, *self.packed
 
     @property
     def reader(self) -> RecordingReader:
-        """The module that reads it, imported on first use."""
+        """Module that reads this format; it is imported on first use."""
         return cast("RecordingReader", import_module(self.module))
 
 
@@ -78,7 +78,7 @@ READERS: Catalogue[RecordingFormat] = Catalogue(
         "excel": RecordingFormat("armid.measurement.readers.excel", (".xlsx", ".xlsm")),
     }
 )
-"""Formats of recordings by the name of their module."""
+"""Formats of recordings, by the name of the module that reads them."""
 
 
 def recording_suffixes() -> tuple[str, ...]:

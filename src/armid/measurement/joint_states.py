@@ -1,4 +1,4 @@
-"""Joint states merged by joint names from one or several publishers."""
+"""Joint states of one or several publishers, merged by joint name."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ FIELDS = ("position", "velocity", "effort")
 
 @dataclass(slots=True)
 class Publisher:
-    """Messages with the same joints in any order.
+    """Messages that contain the same joints, in any order.
 
     Attributes:
-        names: Joints, in the order of the first message.
+        names: Names of the joints, in the order of the first message.
         stamps: Time in the header of each message [ns].
-        received: When the bag received it [ns].
-        values: Position, velocity and effort of each message, by these names.
+        received: Time at which the bag received each message [ns].
+        values: Values of each message, by the names position, velocity and effort.
     """
 
     names: tuple[str, ...]
@@ -38,14 +38,14 @@ class Publisher:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class JointStates:
-    """States of joints on one clock.
+    """States of n joints on one clock.
 
     Attributes:
-        names: Joints, n of them.
+        names: Names of the joints.
         time: Header stamps, or times of reception, shape (N,) [ns].
-        values: Position, velocity and effort, shape (N, n), those that were published.
-        clocked: Whether the messages have stamps.
-        findings: What was noticed.
+        values: Position, velocity and effort, shape (N, n), as far as they were published.
+        clocked: True if the messages have time stamps.
+        findings: Findings about the messages.
     """
 
     names: tuple[str, ...]
@@ -58,13 +58,13 @@ class JointStates:
 def collect(
     publishers: dict[frozenset[str], Publisher], names: Sequence[str], at: tuple[int, int], values: Mapping[str, Any]
 ) -> None:
-    """Adds one message to those with the same joints, with its fields in their order.
+    """Adds one message to the messages with the same joints; its values are put in their order.
 
     Args:
-        publishers: By their joints.
+        publishers: Messages so far, by the joints that they contain.
         names: Joints of the message.
-        at: Stamp of its header and when it was received [ns].
-        values: Its fields.
+        at: Time stamp of the header and time of reception [ns].
+        values: Fields of the message.
     """
     names = tuple(names)
     publisher = publishers.get(frozenset(names))
@@ -79,24 +79,26 @@ def collect(
 
 
 def names_of(publishers: Iterable[Publisher]) -> tuple[str, ...]:
-    """Names of all joints, each once."""
+    """Names of all joints, without duplicates."""
     return tuple(dict.fromkeys(name for each in publishers for name in each.names))
 
 
 def joined(
     publishers: Sequence[Publisher], wanted: Sequence[str], spare: Sequence[str], path: Path, topic: str
 ) -> JointStates:
-    """States of the wanted joints on the clock of the publisher that has most of them.
+    """States of the wanted joints on the clock of the publisher that has the most of these joints.
 
     Args:
-        publishers: Those of one topic.
-        wanted: Joints that must be there; where there are none, there must be one publisher.
-        spare: Joints that are taken along where they are there, positions alone if somebody else publishes them.
+        publishers: Publishers of one topic.
+        wanted: Joints that must be published. If no joint is wanted, there must be exactly one publisher.
+        spare: Joints that are read in addition if they are published; only their positions are read if another
+            publisher has them.
         path: The bag, for messages.
         topic: The topic, for messages.
 
     Raises:
-        RecordingError: No joints at all, wanted ones missing, or several publishers and nothing wanted.
+        RecordingError: There are no joints, a wanted joint is missing, or there are several publishers and no joint
+            is wanted.
     """
     filled = [each for each in publishers if each.names]
     if not filled:
@@ -116,20 +118,21 @@ def joined(
     unused = [name for name in names_of(rest) if name not in first.names]
     if unused:
         more = f" and {len(unused) - LISTED} more" if len(unused) > LISTED else ""
-        left_out = f"{', '.join(unused[:LISTED])}{more} of other publishers on the topic left out."
+        left_out = f"Joints of other publishers on the topic are left out: {', '.join(unused[:LISTED])}{more}."
         findings.append(Finding("joints-extra", "info", "", left_out))
     return JointStates(first.names, first.time, first.values, clocked, tuple(findings))
 
 
 def _chosen(filled: Sequence[Publisher], wanted: Sequence[str], path: Path, topic: str) -> list[Publisher]:
-    """Publishers of the wanted joints, the one with most of them first."""
+    """Publishers of the wanted joints; the publisher of most of these joints comes first."""
     if not wanted:
         if len(filled) == 1:
             return list(filled)
         listed = "; ".join(f"{', '.join(each.names)} ({len(each.stamps)} messages)" for each in filled)
         raise RecordingError(
-            f"{path}: {len(filled)} publishers share {topic}, each with other joints: {listed}.",
-            remedy="name the joints of one in joints = { file name = robot joint }, or read it beside a robot.",
+            f"{path}: {len(filled)} publishers on {topic} publish different joints: {listed}.",
+            remedy="name the joints of one publisher in joints = { file name = robot joint }, or read the bag "
+            "together with a robot.",
         )
     needed = set(wanted)
     ranked = sorted(filled, key=lambda each: (-len(needed & set(each.names)), -len(each.stamps)))
@@ -141,10 +144,11 @@ def _chosen(filled: Sequence[Publisher], wanted: Sequence[str], path: Path, topi
     if needed:
         compared = "" if chosen else f" {comparison(names_of(filled), wanted, 'the description')}"
         raise RecordingError(
-            f"{path}: nobody publishes {', '.join(name for name in wanted if name in needed)} on {topic}.{compared}",
-            possible=f"joints there: {', '.join(names_of(filled))}",
+            f"{path}: no publisher on {topic} has the joints "
+            f"{', '.join(name for name in wanted if name in needed)}.{compared}",
+            possible=f"joints on this topic: {', '.join(names_of(filled))}",
             remedy=("" if chosen else "give the description of the recorded arm; or ")
-            + "rename with joints = { file name = robot joint }, and lock joints that were not "
+            + "rename the joints with joints = { file name = robot joint }, and lock the joints that were not "
             "recorded.",
         )
     return chosen
@@ -158,7 +162,7 @@ def _states(publisher: Publisher, path: Path, *, clocked: bool) -> JointStates:
 
 
 def _stack(rows: Sequence[Any], names: tuple[str, ...], name: str, path: Path) -> Array | None:
-    """One field of all messages, shape (N, n); `None` where it is empty in all of them."""
+    """One field of all messages, shape (N, n); `None` if it is empty in all messages."""
     n = len(names)
     lengths = {len(row) for row in rows}
     if lengths == {0}:
@@ -169,32 +173,38 @@ def _stack(rows: Sequence[Any], names: tuple[str, ...], name: str, path: Path) -
     first = next(i for i, row in enumerate(rows) if len(row) != n)
     raise RecordingError(
         f"{path}: message {first} has {len(rows[first])} values of {name} for {n} joints.",
-        remedy="cut that part of the bag off; a field must be there in all messages or in none.",
+        remedy="remove this part of the bag, because a field must have values in all messages or in none.",
     )
 
 
 def _received(states: Sequence[JointStates]) -> Finding:
-    """Finding that the times are those of reception."""
+    """Finding that the times are times of reception."""
     step = np.diff(states[0].time) * 1e-6
     typical = float(median(step)) if step.size else 0.0
-    spread = f"; steps of {step.min():.3g} to {step.max():.3g} ms, {typical:.3g} in the middle" if step.size else ""
+    spread = (
+        f"; the steps are {step.min():.3g} to {step.max():.3g} ms, the median is {typical:.3g} ms"
+        if step.size
+        else ""
+    )
     return Finding(
         "clock-received",
         "warning",
         "time",
-        f"No message has a time stamp; times are those at which the bag received them{spread}.",
-        "record again with a driver that fills in header.stamp; the network's jitter is in these times.",
+        f"No message has a time stamp, so the times of reception are used{spread}.",
+        "record again with a driver that fills in header.stamp, because times of reception contain the "
+        "jitter of the network.",
     )
 
 
 def _merged(first: JointStates, others: Sequence[JointStates], wanted: Sequence[str]) -> tuple[JointStates, Finding]:
-    """Wanted joints of several publishers at the times of the first, over the time in which all publish."""
+    """Wanted joints of several publishers, at the times of the first, while all of them publish."""
     begin = max(each.time[0] for each in (first, *others))
     end = min(each.time[-1] for each in (first, *others))
     inside = (first.time >= begin) & (first.time <= end)
     if not inside.any():
         raise RecordingError(
-            "The publishers of the arm's joints were never there at once.", remedy="record them together."
+            "The publishers of the arm's joints did not publish at the same time.",
+            remedy="record all publishers at the same time.",
         )
     time, names = first.time[inside], list(first.names)
     values = {name: [each[inside]] for name, each in first.values.items()}
@@ -210,17 +220,22 @@ def _merged(first: JointStates, others: Sequence[JointStates], wanted: Sequence[
                 values[name].append(_at(time, other.time, other.values[name][:, take]))
     listed = "; ".join(f"{', '.join(each.names)} ({len(each.time)} messages)" for each in (first, *others))
     how = (
-        "at the same times" if not farthest else f"interpolated to the times of the first, {farthest:.3g} ms at most"
+        "at the same times"
+        if not farthest
+        else f"interpolated to the times of the first over at most {farthest:.3g} ms"
     )
     finding = Finding(
-        "joints-merged", "warning" if farthest else "info", "", f"Put together by name, {how}: {listed}."
+        "joints-merged",
+        "warning" if farthest else "info",
+        "",
+        f"The joints of several publishers were merged by name, {how}: {listed}.",
     )
     together = {name: np.hstack(each) for name, each in values.items()}
     return JointStates(tuple(names), time, together), finding
 
 
 def _with_spare(first: JointStates, rest: Sequence[JointStates], spare: Sequence[str]) -> JointStates:
-    """States with the positions of further joints, where other publishers have them."""
+    """States, extended by the positions of further joints if other publishers have them."""
     names, values = list(first.names), dict(first.values)
     for other in rest:
         take = [k for k, name in enumerate(other.names) if name in spare and name not in names]
@@ -235,7 +250,7 @@ def _with_spare(first: JointStates, rest: Sequence[JointStates], spare: Sequence
 
 
 def _at(time: NDArray[np.int64], known: NDArray[np.int64], values: Array) -> Array:
-    """Values (M, n) at times (M,) interpolated linearly at other times (N,) [ns]."""
+    """Values (M, n) at the times `known` (M,), interpolated linearly at the times `time` (N,) [ns]."""
     if len(time) == len(known) and (time == known).all():
         return values
     # Relative to the first, or doubles would not hold the nanoseconds of an epoch.
@@ -244,7 +259,7 @@ def _at(time: NDArray[np.int64], known: NDArray[np.int64], values: Array) -> Arr
 
 
 def _farthest(time: NDArray[np.int64], known: NDArray[np.int64]) -> float:
-    """Largest distance of times from the nearest known one [ms]."""
+    """Largest distance of a time from the nearest known time [ms]."""
     after = np.clip(np.searchsorted(known, time), 1, max(len(known) - 1, 1))
     before = after - 1
     after = np.minimum(after, len(known) - 1)

@@ -17,16 +17,16 @@ QUANTITIES = ("time", "q", "dq", "ddq", "effort")
 """Quantities that columns can hold."""
 
 SINGULAR = 1e-12
-"""Smallest over largest singular value below which a transmission counts as singular: rounding of gear ratios
-leaves 1e-16, real gears stay above 1e-4."""
+"""Ratio of the smallest to the largest singular value below which a transmission counts as singular. Rounding of
+gear ratios gives 1e-16; real gears stay above 1e-4."""
 
 LONGEST_DELAY = 1.0
-"""Largest accepted delay between channels; a larger one was surely not given in seconds [s]."""
+"""Largest accepted delay between channels [s]; a larger value was probably not given in seconds."""
 
 
 @dataclass(frozen=True, slots=True)
 class FormatPreset:
-    """Columns of a well-known log.
+    """Columns of a well-known log format.
 
     Attributes:
         columns: Column name or pattern for each quantity.
@@ -62,37 +62,41 @@ PRESETS: Mapping[str, FormatPreset] = {
         time_unit=1e-3,
     ),
 }
-"""Known logs by name."""
+"""Well-known log formats by name."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class LogFormat:
-    """Description of how to read one recording; the defaults suit SI units, joint side and the URDF's signs.
+    """Description of how to read a recording; the defaults are SI units, joint side and the signs of the URDF.
 
-    Lists with one entry for each joint are in the robot's joint order, not in the file's.
+    Lists with one entry for each joint are in the joint order of the robot, not in the order of the file.
 
     Attributes:
-        rate: Samples per second [Hz]; only where there is no clock.
-        consecutive: Whether rows are consecutive in time; detected when `None`.
-        torque_sign: +1 or -1, one for all joints or one each: measured = sign · (URDF convention).
+        rate: Sample rate [Hz]; given only if the file has no time column.
+        consecutive: True if the rows are consecutive in time; detected if `None`.
+        torque_sign: +1 or -1, one value for all joints or one for each joint: measured torque = sign · torque in the
+            convention of the URDF.
         position_sign: Likewise for positions, velocities and accelerations.
-        drive_gain: Torque per ampere where the effort is a current, shape (n,) [N·m/A].
-        drive_gain_deviation: Relative standard deviation of the gains, one or shape (n,).
-        transmission: Where the log is motor-side: N, shape (n, n), with q_motor = N (q - joint_offset) and
+        drive_gain: Joint torque per ampere of current, if the effort is a current, shape (n,) [N·m/A].
+        drive_gain_deviation: Relative standard deviation of the drive gains, one value or shape (n,).
+        transmission: Matrix N, shape (n, n), if the log is on the motor side: q_motor = N (q - joint_offset) and
             torque_joint = Nᵀ torque_motor.
-        joint_offset: Joint position where the logged one is zero, shape (n,) [rad or m].
-        delay: Delay of the logged torque relative to the positions, negative where it leads; one or shape (n,) [s].
+        joint_offset: Joint position at which the logged position is zero, shape (n,) [rad or m].
+        delay: Delay of the logged torque relative to the positions, negative if the torque comes earlier; one value
+            or shape (n,) [s].
         columns: For `time`, `q`, `dq`, `ddq`, `effort`: a pattern in which `{}` counts from 1 and `{0}` from 0,
             the name of one column or matrix, or a list of names. An empty name leaves the quantity out.
-        units: Unit of the logged angles, `rad` or `deg` (velocities and accelerations alike), one for all joints or
-            one each; what the names of the columns say, else radians, where not given.
-        time_unit: Length of one unit of the time column [s], as 0.001 where it counts milliseconds.
-        joints: Robot joint for each channel name of the file, or a list of robot joints in the order of a file
-            that only numbers its channels. An empty name leaves the channel out.
-        topic: ROS topic; needed where a bag has several with joint states.
-        preset: Columns of a well-known log, see `PRESETS`; `columns` overrides it.
-        exclude: Intervals [t0, t1] on the recording's clock that must not count, for instance contact [s].
-        period: Period of the motion [s]; detected from the positions where not given; `none` for no repetition.
+        units: Unit of the logged angles, `rad` or `deg` (also in velocities and accelerations), one for all joints or
+            one for each joint. If it is not given, the unit in the names of the columns is used, or else radians.
+        time_unit: Length of one unit of the time column [s], for instance 0.001 if it counts milliseconds.
+        joints: Robot joint for each channel name of the file. If the file only numbers its channels, a list of robot
+            joints in the order of the file. An empty name leaves the channel out.
+        topic: ROS topic; needed if a bag has several topics with joint states.
+        preset: Name of a well-known log format, see `PRESETS`; `columns` overrides its columns.
+        exclude: Intervals [t0, t1] on the clock of the recording [s] that are not used, for instance because of
+            contact.
+        period: Period of the motion [s], or `none` if the motion does not repeat; detected from the positions if not
+            given.
         start: Time of the first period on the recording's clock [s].
     """
 
@@ -129,7 +133,7 @@ class LogFormat:
             raise _wrong("preset", self.preset, ", ".join(PRESETS))
         if self.start is not None and self.stated_period is None:
             raise RecordingError(
-                "start is given, but no period.",
+                "`start` is given, but no period.",
                 remedy="give period as well, or leave start out.",
             )
         self._check_joint_side()
@@ -149,12 +153,12 @@ class LogFormat:
 
     @property
     def stated_period(self) -> float | None:
-        """Given period [s]; `None` where it is to be found or there is none."""
+        """Given period [s]; `None` if the period must be detected or the motion does not repeat."""
         return None if self.period == "none" else self.period
 
     @property
     def repeats(self) -> float | Literal["find"] | None:
-        """Period [s], `find` where it is to be found, or `None` where the motion does not repeat."""
+        """Period [s], `find` if the period must be detected, or `None` if the motion does not repeat."""
         return "find" if self.period is None else self.stated_period
 
     def degrees(self, n: int) -> NDArray[np.bool_]:
@@ -177,14 +181,19 @@ class LogFormat:
                 _set(self, name, value)
                 lengths[name] = value.size
         if self.drive_gain is not None and not np.all(self.drive_gain):
-            raise _wrong("drive_gain", self.drive_gain, "gains other than zero; the sign belongs to torque_sign")
+            raise _wrong(
+                "drive_gain", self.drive_gain, "gains other than zero; a negative sign is given by torque_sign"
+            )
         if self.drive_gain_deviation is not None:
             deviation = np.atleast_1d(_numbers(self.drive_gain_deviation, None, "drive_gain_deviation"))
             if deviation.ndim != 1 or (deviation < 0).any():
-                raise _wrong("drive_gain_deviation", self.drive_gain_deviation, "numbers from 0 on, 0.1 is 10 %")
+                raise _wrong(
+                    "drive_gain_deviation", self.drive_gain_deviation, "numbers that are 0 or larger; 0.1 means 10 %"
+                )
             if self.drive_gain is None:
                 raise RecordingError(
-                    "drive_gain_deviation is given without drive_gain.", remedy="give drive_gain as well."
+                    "`drive_gain_deviation` is given without `drive_gain`.",
+                    remedy="give `drive_gain`, too, or leave `drive_gain_deviation` out.",
                 )
             _set(self, "drive_gain_deviation", array(deviation, (None,), "drive_gain_deviation"))
             lengths |= {"drive_gain_deviation": deviation.size} if deviation.size > 1 else {}
@@ -194,7 +203,7 @@ class LogFormat:
         if len(set(lengths.values())) > 1:
             listed = ", ".join(f"{name} has {length}" for name, length in lengths.items())
             raise RecordingError(
-                f"Entries by joint must have one value for each joint; found {listed}.",
+                f"Lists with one value for each joint must have the same length; found {listed}.",
                 remedy="list one value for each joint of the robot, in its order.",
             )
 
@@ -204,7 +213,7 @@ def _set(log_format: LogFormat, name: str, value: Any) -> None:
 
 
 def _wrong(name: str, value: object, possible: str) -> RecordingError:
-    return RecordingError(f"{name} = {value!r} is not a way to read a recording.", possible=possible)
+    return RecordingError(f"{name} = {value!r} is not a valid value of the log format.", possible=possible)
 
 
 def _numbers(value: object, shape: tuple[int | None, ...] | None, name: str) -> Array:
@@ -213,7 +222,7 @@ def _numbers(value: object, shape: tuple[int | None, ...] | None, name: str) -> 
         plain = np.asarray(value, dtype=np.float64)
         return array(plain, plain.shape if shape is None else shape, name)
     except (TypeError, ValueError) as error:
-        raise RecordingError(f"{name} must be a number or a list of numbers; found {value!r:.80}.") from error
+        raise RecordingError(f"`{name}` must be a number or a list of numbers; found {value!r:.80}.") from error
     except ArmidError as error:
         raise RecordingError(error.problem) from error
 
@@ -231,14 +240,15 @@ def _transmission(value: ArrayLike) -> Array:
     matrix = _numbers(value, (None, None), "transmission")
     if matrix.shape[0] != matrix.shape[1] or not matrix.size:
         raise RecordingError(
-            f"transmission must be square, with one row for each motor and one column for each joint; found "
-            f"{matrix.shape}."
+            "`transmission` must be a square matrix, with one row for each motor and one column for "
+            f"each joint; found shape {matrix.shape}.",
+            remedy="give the matrix N with q_motor = N (q - joint_offset).",
         )
     scale = np.linalg.svd(matrix, compute_uv=False)
     if scale[-1] <= SINGULAR * scale[0]:
         raise RecordingError(
-            "transmission is singular: some motion of the joints moves no motor.",
-            remedy="check its rows; N[i, j] is the ratio of motor i to joint j.",
+            "The matrix `transmission` is singular: some motion of the joints does not move any motor.",
+            remedy="check the rows of the matrix N; N[i, j] is the ratio of motor i to joint j.",
         )
     return matrix
 
@@ -253,12 +263,14 @@ def _signs(value: object, name: str) -> Array:
 def _delays(value: object) -> Array:
     delay = np.atleast_1d(_numbers(value, None, "delay"))
     if delay.ndim != 1 or (np.abs(delay) > LONGEST_DELAY).any():
-        raise _wrong("delay", value, f"seconds, at most {LONGEST_DELAY:g}; one for all joints or one each")
+        raise _wrong(
+            "delay", value, f"seconds, at most {LONGEST_DELAY:g}; one value for all joints or one for each joint"
+        )
     return array(delay, (None,), "delay")
 
 
 def _units(value: Any) -> str | tuple[str, ...] | None:
-    """Units of angles: one for all joints, one for each, or `None` for that of the file."""
+    """Units of angles: one for all joints, one for each, or `None` for the unit in the file."""
     if value is None:
         return None
     listed = tuple(value) if isinstance(value, list | tuple) else (value,)
@@ -268,24 +280,29 @@ def _units(value: Any) -> str | tuple[str, ...] | None:
 
 
 def _columns(value: Any) -> dict[str, tuple[str, ...]]:
-    """Names or one pattern for each quantity; an empty name leaves it out."""
+    """Column names, or one pattern, for each quantity; an empty name leaves the quantity out."""
     if not isinstance(value, Mapping):
-        raise _wrong("columns", value, f"names for {', '.join(QUANTITIES)}")
+        raise _wrong("columns", value, f"a table with names for {', '.join(QUANTITIES)}")
     columns: dict[str, tuple[str, ...]] = {}
     for quantity, names in value.items():
         if quantity not in QUANTITIES:
-            raise RecordingError(f"columns has no {quantity!r}.", possible=", ".join(QUANTITIES))
+            raise RecordingError(
+                f"The table `columns` cannot have the key {quantity!r}.", possible=", ".join(QUANTITIES)
+            )
         listed = tuple(names) if isinstance(names, list | tuple) else (names,)
         if not all(isinstance(name, str) for name in listed):
             raise _wrong(f"columns.{quantity}", names, 'a name, a pattern such as "q{}", or a list of names')
         columns[quantity] = () if listed == ("",) else listed
     if columns.get("q") == ():
-        raise RecordingError("columns leaves q out, but positions are required.", remedy="name the columns of q.")
+        raise RecordingError(
+            "The table `columns` leaves `q` out, but positions are required.",
+            remedy="name the columns of the positions `q`.",
+        )
     return columns
 
 
 def _joints(value: Any) -> dict[str, str]:
-    """Robot joint of each channel; unnamed channels are called by their numbers."""
+    """Robot joint of each channel; unnamed channels have their numbers as names."""
     listed = {str(i + 1): name for i, name in enumerate(value)} if isinstance(value, list | tuple) else value
     pairs: dict[Any, Any] = dict(listed) if isinstance(listed, Mapping) else {"": None}
     if not all(isinstance(name, str) for pair in pairs.items() for name in pair):
@@ -294,7 +311,8 @@ def _joints(value: Any) -> dict[str, str]:
     twice = sorted({name for name in taken if taken.count(name) > 1})
     if twice:
         raise RecordingError(
-            f"joints gives {', '.join(twice)} to more than one channel.", remedy="name each joint once."
+            f"The key `joints` assigns {', '.join(twice)} to more than one channel.",
+            remedy="assign each joint to one channel.",
         )
     return pairs
 

@@ -1,4 +1,4 @@
-"""Remedies as lines of a study, which change or extend the log format."""
+"""Remedies that are lines of a study; the lines change or extend the log format."""
 
 from __future__ import annotations
 
@@ -11,22 +11,22 @@ from armid.measurement.log_format import LogFormat
 from armid.remedy import Remedy, setting
 
 DIGITS = 4
-"""Decimals of excluded times [s]; they are rounded outwards."""
+"""Number of decimals of excluded times in seconds; intervals are rounded outwards."""
 
 
 def lines(note: str = "", table: str = "", **keys: Any) -> Remedy:
-    """Keys of a study with their values, one per line, with a comment after the last.
+    """Remedy that sets keys of a study to values, one per line, with a comment after the last line.
 
     Args:
         note: Comment.
-        table: Table, where that is not `[[recording]]`, in place of a comment.
-        keys: Values by key, arrays included.
+        table: Table of the study to which the keys belong, if it is not `[[recording]]`.
+        keys: Values by key; they may be arrays.
     """
     return Remedy(*(setting(key, _plain(value)) for key, value in keys.items()), note=note, table=table)
 
 
 def excluding(log_format: LogFormat, intervals: Sequence[tuple[float, float]], note: str = "") -> Remedy:
-    """Intervals to leave out in addition to the existing ones, merged where they meet [s]."""
+    """Remedy that excludes further intervals [s] in addition to those of the log format; overlaps are merged."""
     unit = 10.0**DIGITS
     wider = [(float(np.floor(a * unit)) / unit, float(np.ceil(b * unit)) / unit) for a, b in intervals]
     joined: list[list[float]] = []
@@ -39,7 +39,7 @@ def excluding(log_format: LogFormat, intervals: Sequence[tuple[float, float]], n
 
 
 def naming(log_format: LogFormat, names: Mapping[str, Sequence[str] | str], note: str = "") -> Remedy:
-    """Columns in addition to those that the log format names; an empty name leaves a quantity out."""
+    """Remedy that names columns in addition to those of the log format; an empty name leaves a quantity out."""
     kept = {key: _pattern(value) for key, value in log_format.columns.items()}
     return lines(note, columns={**kept, **{key: _pattern(value) for key, value in names.items()}})
 
@@ -51,7 +51,7 @@ def _pattern(names: Sequence[str] | str) -> str | list[str]:
 
 
 def _plain(value: Any) -> Any:
-    """Arrays and numbers of NumPy as TOML values."""
+    """Arrays and numbers of NumPy, converted to values for TOML."""
     if isinstance(value, np.ndarray):
         return _plain(value.tolist())
     if isinstance(value, np.generic):

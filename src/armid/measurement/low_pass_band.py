@@ -1,7 +1,8 @@
-"""Frequency band in which torque and model are compared: one low-pass for both sides, then decimation.
+"""Frequency band in which torque and model are compared: the same low-pass filter for both, then decimation.
 
-Filtering the torque alone biases the estimate (a filtered sign of velocity is no sign of velocity), so the filter
-is a value that travels with the observations and is applied to torque and regressor columns alike.
+If only the torque were filtered, the estimate would be biased, because a filtered friction torque no longer follows
+the sign of the velocity. The filter is therefore stored with the observations and applied both to the torque and to
+the regressor columns.
 """
 
 from __future__ import annotations
@@ -23,10 +24,11 @@ class Band:
         family: `butterworth` (forward and backward, -6 dB at the cut-off), `fir` (linear phase) or `none`.
         cutoff: Cut-off frequency [Hz]; ignored for `none`.
         order: Order of one Butterworth pass, or number of cut-off periods that the FIR spans.
-        edges: `periodic` where the run is a whole number of periods, `pad` extends the ends by odd reflection
-            and keeps them, `drop` does the same and drops the rows that the ends reach.
-        columns: Filter the regressor columns too. `False` filters the torque alone, which is biased and kept
-            only to reproduce published results.
+        edges: Treatment of the ends of a run. `periodic`: the run is a whole number of periods. `pad`: the run is
+            extended by odd reflection and all rows are kept. `drop`: as `pad`, but the rows that the ends influence
+            are dropped.
+        columns: True if the regressor columns are filtered, too. With `False` only the torque is filtered; this
+            biases the estimate, and it exists only to reproduce published results.
     """
 
     family: Family = "none"

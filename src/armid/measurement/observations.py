@@ -1,4 +1,4 @@
-"""Observations for estimation: contiguous runs at full rate and the band in which they are compared."""
+"""Observations for estimation: contiguous runs at full rate and the band in which torque and model are compared."""
 
 from __future__ import annotations
 
@@ -26,12 +26,13 @@ class ObservedRun:
         rate: Samples per second [Hz].
         step: Samples from one row of the output grid to the next.
         offset: Sample of the first row.
-        mask: Valid rows of each joint, shape (M, n).
-        block: Block of each row, counted from 0 without gaps, shape (M,): a stated period, else about a second.
-        consecutive: Whether the samples are consecutive in time; otherwise nothing may be filtered.
-        recording: Index of the recording that it is part of.
-        repetition: Repetition of the motion to which each row belongs, where repetitions were detected, shape (M,);
-            apart from masked rows, blocks do not cross the border of a repetition.
+        mask: True for the valid rows of each joint, shape (M, n).
+        block: Block of each row, counted from 0 without gaps, shape (M,). A block is one period if a period is
+            stated, otherwise about one second.
+        consecutive: True if the samples are consecutive in time; otherwise nothing may be filtered.
+        recording: Index of the recording to which the run belongs.
+        repetition: Repetition of the motion to which each row belongs, if repetitions were detected, shape (M,).
+            Apart from masked rows, a block does not contain rows of two repetitions.
     """
 
     motion: Motion
@@ -50,7 +51,7 @@ class ObservedRun:
         object.__setattr__(self, "torque", array(self.torque, (N, n), "torque"))
         if not (self.step >= 1 and 0 <= self.offset < max(N, 1)):
             raise ArmidError(
-                f"The output grid (offset {self.offset}, step {self.step}) misses the {N} samples.",
+                f"The output grid (offset {self.offset}, step {self.step}) contains none of the {N} samples.",
                 remedy="give an offset below the number of samples, and a step of at least one.",
             )
         rows = len(self.rows)

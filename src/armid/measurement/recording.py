@@ -1,4 +1,4 @@
-"""Recording of motion and effort as measured."""
+"""Recording of measured motion and effort."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from armid.values import Array, array
 
 
 def _all_valid() -> NDArray[np.bool_]:
-    """Mask that leaves nothing out, for any number of samples and channels."""
+    """Mask that is true for any number of samples and channels."""
     return np.ones((), dtype=np.bool_)
 
 
@@ -23,26 +23,26 @@ def _all_valid() -> NDArray[np.bool_]:
 class Recording(Displayed):
     """Measured motion and effort, N samples of n channels.
 
-    A reader returns it as in the file; `to_robot_convention` returns the same type in the robot's joint order, in SI
-    units, on the joint side, with the URDF's signs.
+    A reader returns the recording as it is in the file. `to_robot_convention` returns a recording in the joint order
+    of the robot, in SI units, on the joint side, and with the signs of the URDF.
 
     Attributes:
-        time: Sample times on the recording's own clock, shape (N,) [s]; `None` where there is no clock.
+        time: Sample times on the clock of the recording, shape (N,) [s]; `None` if there is no clock.
         q: Positions, shape (N, n) [rad or m].
-        dq: Velocities, shape (N, n) [rad/s or m/s], where they were recorded.
-        ddq: Accelerations, shape (N, n) [rad/s² or m/s²], where they were recorded.
-        effort: Efforts, shape (N, n) [N·m or N; A where `effort_is_current`], where they were recorded.
+        dq: Velocities, shape (N, n) [rad/s or m/s]; `None` if not recorded.
+        ddq: Accelerations, shape (N, n) [rad/s² or m/s²]; `None` if not recorded.
+        effort: Torques, forces or motor currents, shape (N, n) [N·m, N or A]; `None` if not recorded.
         joint_names: Names of the n channels; empty if the file only numbers its channels.
-        rate: Sample rate [Hz], from the log format where there is no clock.
-        consecutive: Whether the rows follow each other in time; `None` is not known.
-        valid: Samples in use, shape (N, n), or (N,) for all channels; all where not given.
-        effort_is_current: Whether the effort is a motor current that still needs a drive gain.
-        columns: Names of the file's columns for each quantity, where it has columns.
-        number: Number of each sample in the original log, shape (N,), where some have been left out.
-        guessed: Fields of the log format that the reader has detected, such as the columns.
+        rate: Sample rate [Hz], from the log format, if there is no clock.
+        consecutive: True if the rows are consecutive in time; `None` if this is not known.
+        valid: True for samples in use, shape (N, n), or (N,) for all channels; all samples if not given.
+        effort_is_current: True if the effort is a motor current, which a drive gain has yet to convert to torque.
+        columns: Names of the columns of each quantity, if the file has columns.
+        number: Number of each sample in the original log, shape (N,), if some samples have been left out.
+        guessed: Fields of the log format that the reader has detected, for instance the columns.
         findings: Findings of the reader.
         source: Path of the file.
-        sha256: Digest of the file's bytes; empty without a file.
+        sha256: SHA-256 of the file; empty without a file.
     """
 
     time: Array | None
@@ -74,14 +74,14 @@ class Recording(Displayed):
             object.__setattr__(self, "time", self._fitting(self.time, (samples,), "time"))
         if self.number is not None and len(self.number) != samples:
             raise RecordingError(
-                f"{self.source or 'The recording'} numbers {len(self.number)} of {samples} samples.",
-                remedy="number all remaining samples, or none.",
+                f"{self.source or 'The recording'} has {len(self.number)} sample numbers for {samples} samples.",
+                remedy="give a number for each remaining sample, or no numbers.",
             )
         object.__setattr__(self, "joint_names", tuple(str(name) for name in self.joint_names))
         if self.joint_names and len(self.joint_names) != n:
             raise RecordingError(
-                f"{self.source or 'The recording'} names {len(self.joint_names)} of {n} channels.",
-                remedy="name all channels, or none.",
+                f"{self.source or 'The recording'} has {len(self.joint_names)} names for {n} channels.",
+                remedy="give a name for each channel, or no names.",
             )
         valid = np.array(self.valid, dtype=np.bool_)
         if valid.shape not in ((), (samples,), (samples, n)):
@@ -95,8 +95,8 @@ class Recording(Displayed):
         found = np.shape(values)
         if found != shape:
             raise RecordingError(
-                f"{self.source or 'The recording'}: {name} has shape {found} where q with shape {self.q.shape} "
-                f"requires {shape}.",
+                f"{self.source or 'The recording'}: {name} has shape {found}, but it must have shape {shape}, "
+                f"because q has shape {self.q.shape}.",
                 remedy="give every quantity one row for each sample and one column for each joint.",
             )
         return array(values, shape, name, finite=False)
@@ -123,5 +123,5 @@ class Recording(Displayed):
 
     @property
     def channels(self) -> tuple[str, ...]:
-        """Names of the channels; their numbers from 1 where the file has no names."""
+        """Names of the channels; if the file has no names, their numbers, counted from 1."""
         return self.joint_names or tuple(str(i + 1) for i in range(self.n))

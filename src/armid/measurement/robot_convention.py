@@ -1,4 +1,4 @@
-"""Conversion of recordings to the robot's convention: its joints, SI units, joint side, signs of the URDF."""
+"""Conversion of recordings to the robot's convention: its joint order, SI units, joint side, signs of the URDF."""
 
 from __future__ import annotations
 
@@ -22,15 +22,17 @@ from armid.robot.robot import Robot
 from armid.values import Array
 
 WRAP_TOLERANCE = 0.5
-"""Largest distance of a jump from whole turns at which it is a wrap [rad]: the motion of a joint from sample to
-sample, also over a short gap. Where a channel's typical step is larger, wraps cannot be detected."""
+"""Largest difference between a jump and whole turns at which the jump is a wrap of the angle [rad]. It allows for
+the motion of the joint from sample to sample, also over a short gap. If the typical step of a channel is larger,
+wraps cannot be detected."""
 
 FAR = 0.5
-"""Excess over a joint's limits, relative to their span, that shows more than a loose limit."""
+"""Excess over the limits of a joint, divided by their span, above which limits that are only inaccurate cannot be
+the cause."""
 
 
 COMMON = ("torque_sign", "position_sign", "delay", "drive_gain_deviation")
-"""Fields that may be one number for all joints."""
+"""Fields of the log format that may be one number for all joints."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +40,7 @@ class ConvertedRecording:
     """Recording in the robot's convention.
 
     Attributes:
-        recording: Joints in the robot's order, SI units, joint side, signs of the URDF.
+        recording: Recording in the joint order of the robot, SI units, joint side, signs of the URDF.
         findings: Findings of the conversion.
     """
 
@@ -55,8 +57,9 @@ def to_robot_convention(recording: Recording, log_format: LogFormat, robot: Robo
         robot: The arm that was recorded.
 
     Raises:
-        RecordingError: Joints that do not match, NaN, a dead channel, neither clock nor rate, a clock that runs
-            backwards, degrees in place of radians, currents without gains, or too few samples.
+        RecordingError: The joints do not match; values are NaN; a channel is dead; there is neither clock nor rate;
+            the clock runs backwards; angles are in degrees instead of radians; currents have no drive gains; or there
+            are too few samples.
     """
     log_format = understood(recording, log_format)
     _check_lengths(log_format, robot)
@@ -72,12 +75,12 @@ def to_robot_convention(recording: Recording, log_format: LogFormat, robot: Robo
 
 
 def read_recording(path: Path | str, robot: Robot, log_format: LogFormat | None = None) -> Recording:
-    """Reads a recording and converts it to the robot's convention; its findings are those of both.
+    """Reads a recording and converts it to the convention of the robot; the findings are from both steps.
 
     Args:
         path: A file in one of the known formats, or the folder of a ROS bag.
         robot: The arm that was recorded.
-        log_format: Log format of the file; detected from the names of its columns where not given.
+        log_format: Log format of the file; if not given, it is detected from the names of the columns.
 
     Raises:
         RecordingError: The file cannot be read or does not fit the robot; see `to_robot_convention`.
@@ -89,7 +92,7 @@ def read_recording(path: Path | str, robot: Robot, log_format: LogFormat | None 
 
 
 def understood(recording: Recording, log_format: LogFormat) -> LogFormat:
-    """Log format completed by what the reader has detected."""
+    """Log format, completed by the fields that the reader has detected."""
     return replace(log_format, **recording.guessed) if recording.guessed else log_format
 
 
@@ -99,9 +102,9 @@ def _check_lengths(log_format: LogFormat, robot: Robot) -> None:
         fits = shape in ((), (robot.n,), (robot.n, robot.n))
         if not fits and not (shape == (1,) and name in COMMON):
             raise RecordingError(
-                f"{name} has {shape[0]} entries; {robot.name} has {robot.n} joints.",
+                f"The key `{name}` has {shape[0]} entries, but {robot.name} has {robot.n} joints.",
                 possible=", ".join(robot.joint_names),
-                remedy="give one for each joint, in the robot's order.",
+                remedy="give one entry for each joint, in the order of the robot.",
             )
 
 
@@ -112,8 +115,8 @@ def _check_channels(recording: Recording, log_format: LogFormat) -> tuple[Findin
         raise recording_error(
             "standstill",
             recording,
-            f"the arm stands still: every position is constant over {recording.samples} rows.",
-            "record while the arm moves, or name the measured positions in columns.",
+            f"the arm stands still: all positions are constant in all {recording.samples} rows.",
+            "record while the arm moves, or name the columns of the measured positions under `columns`.",
         )
     for name in ("q", "dq", "ddq", "effort"):
         values = getattr(recording, name)
@@ -132,7 +135,7 @@ def _check_channels(recording: Recording, log_format: LogFormat) -> tuple[Findin
                 f"{name} of {recording.channels[joint]} is {values[0, joint]:g} in all {recording.samples} rows.",
                 naming(log_format, {name: ""}, "leave it out")
                 if optional
-                else "find out first whether sensor, cable or logger is at fault, then record again; or lock this "
+                else "find out if the sensor, its cable or the logger is faulty, then record again; or lock this "
                 "joint and leave its channel out.",
             )
     return tuple(
@@ -140,8 +143,9 @@ def _check_channels(recording: Recording, log_format: LogFormat) -> tuple[Findin
             "standstill",
             "warning",
             recording.channels[i],
-            f"The joint stays at {recording.q[0, i]:g}; parameters that need its motion are not identifiable.",
-            "record it while it moves, or lock it.",
+            f"The position of the joint is {recording.q[0, i]:g} in all rows; parameters that need its motion "
+            "are not identifiable.",
+            "record while this joint moves, too, or lock it.",
         )
         for i in np.flatnonzero(still)
     )
@@ -150,8 +154,9 @@ def _check_channels(recording: Recording, log_format: LogFormat) -> tuple[Findin
 def _check_gains(recording: Recording, log_format: LogFormat) -> None:
     if log_format.drive_gain is not None and recording.effort is None:
         raise RecordingError(
-            f"{recording.source}: drive_gain is given, but the recording has no effort.",
-            remedy="name the column of the currents under columns, or leave drive_gain out.",
+            f"{recording.source}: the key `drive_gain` is given, but the recording has no effort (torque or "
+            "current).",
+            remedy="name the columns of the currents under `columns`, or leave `drive_gain` out.",
         )
     if recording.effort_is_current and log_format.drive_gain is None:
         columns = recording.columns.get("effort", ())
@@ -161,16 +166,17 @@ def _check_gains(recording: Recording, log_format: LogFormat) -> None:
         raise recording_error(
             "current-without-gain",
             recording,
-            f"the effort is a motor current [A]{by_name} but there is no drive gain for its conversion to torque.",
-            "find out the drive_gain in N·m/A at the joint, one for each joint, or name a torque in columns; if "
-            "it is a torque all the same, give a drive_gain of 1 for each joint.",
+            f"the effort is a motor current [A]{by_name} but there is no drive gain to convert it to torque.",
+            "find out `drive_gain`, the torque at the joint per ampere [N·m/A], for each joint, or name "
+            "columns of torque under `columns`; if the effort is a torque all the same, give a drive_gain of 1 "
+            "for each joint.",
         )
 
 
 def _on_joint_side(
     recording: Recording, log_format: LogFormat, robot: Robot
 ) -> tuple[Recording, tuple[Finding, ...]]:
-    """Converts to radians without wrapping, motor to joint side, current to torque, and the URDF's signs."""
+    """Converts degrees to radians, motor side to joint side, current to torque, and signs; unwraps angles."""
     turns = np.array([not joint.is_prismatic for joint in robot.joints])
     sign = np.asarray(log_format.position_sign)
     unit = sign * np.where(turns & log_format.degrees(robot.n), np.pi / 180, 1.0)
@@ -208,7 +214,7 @@ def _on_joint_side(
 
 
 def _unwrapped(q: Array, turns: NDArray[np.bool_], robot: Robot) -> tuple[Array, tuple[Finding, ...]]:
-    """Continuous angles, and a mask of those that were wrapped."""
+    """Makes wrapped angles continuous; findings name the joints."""
     findings: list[Finding] = []
     q = q.copy()
     for i in np.flatnonzero(turns):
@@ -218,13 +224,16 @@ def _unwrapped(q: Array, turns: NDArray[np.bool_], robot: Robot) -> tuple[Array,
         if not jump.any() or median(np.abs(step)) >= WRAP_TOLERANCE:
             continue
         q[1:, i] -= 2 * np.pi * np.cumsum(np.where(jump, whole, 0.0))
-        evidence = f"{jump.sum()} jumps by whole turns, first after row {int(np.argmax(jump)) + 1}; unwrapped."
+        evidence = (
+            f"The angle jumps by whole turns {jump.sum()} times, first after row {int(np.argmax(jump)) + 1}; it "
+            "was made continuous."
+        )
         findings.append(Finding("position-wrapped", "info", robot.joint_names[i], evidence))
     return q, tuple(findings)
 
 
 def _check_limits(recording: Recording, log_format: LogFormat, robot: Robot) -> tuple[Finding, ...]:
-    """Raises an error for degrees taken for radians; reports joints far outside their limits."""
+    """Raises an error if degrees were read as radians; reports joints far outside their limits."""
     limits = np.array([joint.position_limits for joint in robot.joints])
     span = limits[:, 1] - limits[:, 0]
     known = np.isfinite(span) & (span > 0)
@@ -239,18 +248,18 @@ def _check_limits(recording: Recording, log_format: LogFormat, robot: Robot) -> 
     plain = ~log_format.degrees(robot.n)
     worst = int(np.argmax(np.where(far, beyond, -np.inf)))
     evidence = (
-        f"joint {robot.joint_names[worst]} goes from {low[worst]:.4g} to {high[worst]:.4g} "
+        f"joint {robot.joint_names[worst]} moves from {low[worst]:.4g} to {high[worst]:.4g} "
         f"{robot.joints[worst].unit}, far outside its limits [{limits[worst, 0]:.4g}, {limits[worst, 1]:.4g}]"
     )
     if (far & turns & plain & as_degrees).sum() == far.sum():
         several = 2 * far.sum() > turns.sum() and plain.all() and as_degrees[turns].all()
         units = "deg" if several else ["deg" if each else "rad" for each in far | ~plain]
-        others = "all joints are inside" if several else f"{_listed(robot, far)} are inside, the others unchanged"
+        others = "all joints would be inside" if several else f"{_listed(robot, far)} would be inside"
         raise recording_error(
             "degrees",
             recording,
-            f"{evidence}; read as degrees, {others}.",
-            lines("or transmission and joint_offset, where the log is motor-side", units=units),
+            f"{evidence}; if the angles were degrees, {others}.",
+            lines("or transmission and joint_offset, if the log is on the motor side", units=units),
         )
     return (
         Finding(
@@ -258,7 +267,7 @@ def _check_limits(recording: Recording, log_format: LogFormat, robot: Robot) -> 
             "warning",
             robot.joint_names[worst],
             f"J{evidence[1:]}.",
-            "find out units, joint_offset, transmission, the order of the channels and the limits.",
+            "find out units, joint_offset, transmission, the order of the channels and the position limits.",
         ),
     )
 

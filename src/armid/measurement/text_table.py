@@ -1,4 +1,4 @@
-"""Text tables: encoding, header, units, delimiter and rows; decimal commas and dates become numbers."""
+"""Text tables: encoding, header, units, delimiter and rows; decimal commas and dates are converted to numbers."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from armid.measurement.columns.names import unit_kind
 from armid.values import Array
 
 DELIMITERS = (",", ";", "\t")
-"""Delimiters that a header may have; a header without any is delimited by spaces."""
+"""Delimiters that a header may have; a header without any of them is delimited by spaces."""
 
 COMMENTS = ("#", "%", "//")
-"""Beginnings of comment lines; the last before the rows may be the header."""
+"""Characters that begin a comment line; the last comment before the rows may be the header."""
 
 PREAMBLE = 50
-"""Largest number of lines of notes before a header."""
+"""Largest number of lines with notes before a header."""
 
 DECIMAL_COMMA = re.compile(r"\s*[+-]?\d*,\d+([eE][+-]?\d+)?\s*")
 MOMENT = re.compile(r"(\d{4}-\d\d-\d\d[T ]\d\d:\d\d(?::\d\d)?)(?:[.,](\d+))?\s*(Z|[+-]\d\d:?\d\d)?")
@@ -54,7 +54,7 @@ def decoded(data: bytes, path: Path) -> str:
     """Text of a file in UTF-8, UTF-16 or, for other plain text, the Windows code page.
 
     Raises:
-        RecordingError: The data is not text.
+        RecordingError: The data are not text.
     """
     if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
         return data.decode("utf-16", errors="replace")
@@ -65,7 +65,7 @@ def decoded(data: bytes, path: Path) -> str:
             return data.decode("cp1252")
         raise RecordingError(
             f"{path} is not a text file ({error.reason} at byte {error.start}).",
-            remedy="export the table as UTF-8 text, or give the file the ending of its format.",
+            remedy="export the table as UTF-8 text, or give the file the suffix of its format.",
         ) from error
 
 
@@ -73,7 +73,8 @@ def table_of(text: str, path: Path) -> TextTable:
     """Header and rows of a text.
 
     Raises:
-        RecordingError: No header, no rows, or a row with too few or too many fields; the message names the line.
+        RecordingError: There is no header or no row, or a row has too few or too many fields. The message names the
+            line.
     """
     lines = text.splitlines()
     head = _header_index(lines, path)
@@ -90,7 +91,7 @@ def table_of(text: str, path: Path) -> TextTable:
         numbers = numbers[1:]
     rows = [lines[i] for i in numbers]
     if not rows:
-        raise RecordingError(f"{path} has a header and no rows.", remedy="record again; nothing was written.")
+        raise RecordingError(f"{path} has a header, but no rows.", remedy="record again; nothing was written.")
     names, rows = _without_ends(names, rows, delimiter)
     _check_widths(rows, numbers, len(names), delimiter, path)
     return TextTable(tuple(names), rows, numbers, delimiter)
@@ -105,8 +106,8 @@ def numbers_of(table: TextTable, wanted: Sequence[str], path: Path) -> dict[str,
     for name in wanted:
         if table.names.count(name) > 1:
             raise RecordingError(
-                f"{path}: {table.names.count(name)} columns are called {name!r}.",
-                remedy="rename them, or name other columns.",
+                f"{path}: {table.names.count(name)} columns have the same name {name!r}.",
+                remedy="rename these columns, or use other columns.",
             )
     if not wanted:
         return {}
@@ -123,10 +124,10 @@ def numbers_of(table: TextTable, wanted: Sequence[str], path: Path) -> dict[str,
 
 
 def seconds_of(table: TextTable, name: str, path: Path) -> Array | None:
-    """Dates or times of day in seconds since the first; `None` where the times are numbers.
+    """Dates or times of day, converted to seconds since the first row; `None` if the times are numbers.
 
     Raises:
-        RecordingError: A field is not such a time.
+        RecordingError: A field is neither a date nor a time of day.
     """
     at = table.names.index(name)
     if is_number(table.fields(0)[at]) or not table.fields(0)[at].strip(' "'):
@@ -139,9 +140,9 @@ def seconds_of(table: TextTable, name: str, path: Path) -> Array | None:
             whole[k], part[k] = _moment(cell)
         except ValueError:
             raise RecordingError(
-                f"{path}, line {table.numbers[k] + 1}: {name} is {cell!r}, not a number and not a time.",
+                f"{path}, line {table.numbers[k] + 1}: {name} is {cell!r}, which is neither a number nor a time.",
                 possible="2026-05-01T12:00:00.125Z, 2026-05-01 12:00:00.125+02:00, 12:00:00.125",
-                remedy="correct that line, or name another column of times.",
+                remedy="correct this line, or name another time column.",
             ) from None
     return (whole - whole[0]) + part
 
@@ -190,12 +191,12 @@ def _header_index(lines: Sequence[str], path: Path) -> int:
         return above
     raise RecordingError(
         f"{path} has no header: line {first + 1} begins with the number {lines[first].strip()[:20]!r}….",
-        remedy="put a line with column names on top, for instance t,q1,q2,tau1,tau2.",
+        remedy="add a first line with the names of the columns, for instance t,q1,q2,tau1,tau2.",
     )
 
 
 def _after_notes(lines: Sequence[str], plain: Sequence[int]) -> int:
-    """Index of the header below lines of notes: the first line with as many fields as the rows below."""
+    """Index of the header after lines of notes: the first line with as many fields as the rows."""
     below = next((k for k, i in enumerate(plain) if k and _begins_with_number(lines[i])), 0)
     row = lines[plain[below]]
     for k in range(below):
@@ -212,7 +213,7 @@ def _begins_with_number(line: str) -> bool:
 
 
 def _units(fields: Sequence[str], count: int) -> list[str]:
-    """Units in a second line of the header that change the values; none where that line is a row."""
+    """Units in a second line of the header that change the values; empty if this line is a row."""
     units = [field.strip().strip("[]()") for field in fields]
     if (
         len(units) != count
@@ -227,7 +228,7 @@ def _units(fields: Sequence[str], count: int) -> list[str]:
 
 
 def _without_ends(names: list[str], rows: list[str], delimiter: str) -> tuple[list[str], list[str]]:
-    """Names and rows without a trailing delimiter."""
+    """Names and rows after trailing delimiters are removed."""
     if delimiter == " ":
         return names, rows
     more = len(split(rows[0], delimiter)) - len(names)
@@ -238,19 +239,20 @@ def _without_ends(names: list[str], rows: list[str], delimiter: str) -> tuple[li
 
 
 def _check_widths(rows: Sequence[str], numbers: Sequence[int], width: int, delimiter: str, path: Path) -> None:
-    """Raises an error for a row with another number of fields than the header."""
+    """Raises an error if a row has more or fewer fields than the header."""
     for row, number in zip(rows, numbers, strict=True):
         plain = delimiter != " " and '"' not in row
         found = row.count(delimiter) + 1 if plain else len(split(row, delimiter))
         if found != width:
             raise RecordingError(
-                f"{path}, line {number + 1}: {found} fields where the header has {width}: {row:.60}",
-                remedy="correct or remove that line; the last line may be incomplete where the recorder was stopped.",
+                f"{path}, line {number + 1} has {found} fields, but the header has {width}: {row:.60}",
+                remedy="correct or remove this line; the last line may be incomplete because the recorder was "
+                "stopped.",
             )
 
 
 def _field_by_field(table: TextTable, wanted: dict[int, str], path: Path) -> Array:
-    """Reads wanted columns field by field, which is slow: an empty field is NaN, other text is an error."""
+    """Reads wanted columns field by field, which is slow; an empty field becomes NaN, and other text is an error."""
     values = np.empty((len(table.rows), len(wanted)))
     for i in range(len(table.rows)):
         fields = table.fields(i)
@@ -259,7 +261,7 @@ def _field_by_field(table: TextTable, wanted: dict[int, str], path: Path) -> Arr
             if cell and not is_number(cell):
                 raise RecordingError(
                     f"{path}, line {table.numbers[i] + 1}: {name} is {cell!r}, not a number.",
-                    remedy="correct or remove that line; numbers must have no thousands separators.",
+                    remedy="correct or remove this line; numbers must not contain thousands separators.",
                 )
             values[i, k] = float(cell.replace(",", ".")) if cell else np.nan
     return values

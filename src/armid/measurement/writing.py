@@ -1,4 +1,4 @@
-"""Writers of recordings, in the formats of `load_recording` and under its preferred names."""
+"""Writers of recordings, in formats and with column names that `load_recording` reads."""
 
 from __future__ import annotations
 
@@ -20,20 +20,21 @@ EXTRA = "io"
 PATTERNS = (("q", "q{}"), ("dq", "dq{}"), ("ddq", "ddq{}"), ("effort", "tau{}"))
 
 EPOCH = 1_600_000_000
-"""First time stamp of a bag for a recording that begins at 0 [s], since stamps of zero mean no clock."""
+"""First time stamp in a bag for a recording that begins at 0 [s], because a stamp of zero means that there is no
+clock."""
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
 
 FLOAT = "%.17g"
-"""Format of numbers in full precision, so that reading a text table gives back every bit."""
+"""Format of numbers in full precision, so that a text table reproduces every bit."""
 
 
 def save_recording(recording: Recording, path: Path | str) -> Path:
-    """Writes a recording completely or not at all, in the format of the suffix.
+    """Writes a recording in the format that the suffix shows; the file is written completely or not at all.
 
     Args:
         recording: The recording; its mask is not written.
-        path: Path with a suffix of `WRITERS`.
+        path: Path of the file; its suffix must be a key of `WRITERS`.
 
     Raises:
         OutputError: The suffix is unknown, or the file cannot be written.
@@ -42,7 +43,7 @@ def save_recording(recording: Recording, path: Path | str) -> Path:
     path = Path(path)
     writer = WRITERS.get(path.suffix.lower())
     if writer is None:
-        raise OutputError(f"{path} is of a format that cannot be written.", possible=", ".join(WRITERS))
+        raise OutputError(f"{path} has a suffix for which no format can be written.", possible=", ".join(WRITERS))
     return replace_file(path, writer(recording))
 
 
@@ -57,7 +58,7 @@ def _columns(recording: Recording) -> dict[str, Array]:
 
 
 def _matrices(recording: Recording) -> dict[str, Array]:
-    """Matrices by quantity, with names as in MATLAB."""
+    """Matrices by the usual name of each quantity in MATLAB."""
     names = {"t": recording.time, "q": recording.q, "dq": recording.dq, "ddq": recording.ddq, "tau": recording.effort}
     return {name: values for name, values in names.items() if values is not None}
 

@@ -1,1 +1,1 @@
-"""Pages about runs: what can be trusted, how well torque is predicted, what it was all made from."""
+"""Pages about runs: which results can be trusted, the torque error, and the inputs of the run."""

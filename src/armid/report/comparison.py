@@ -21,7 +21,7 @@ from armid.runs.changes import recorded_changes
 from armid.values import Array
 
 BY_CHANCE = 0.05
-"""Expected share of unchanged parameters whose estimates differ by more than a 95 % interval."""
+"""Expected share of unchanged parameters whose estimates differ by more than the 95 % interval."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -29,8 +29,8 @@ class Pair:
     """Two runs.
 
     Attributes:
-        before: The earlier one.
-        after: The later one.
+        before: The earlier run.
+        after: The later run.
     """
 
     before: PageData
@@ -39,13 +39,13 @@ class Pair:
 
 @dataclass(frozen=True, slots=True)
 class RunChange:
-    """Change of a parameter that means the same in both runs.
+    """Change of a parameter that has the same definition in both runs.
 
     Attributes:
         change: The change with half of its own 95 % interval.
         unit: Unit of the parameter.
         before_half: Half of the earlier 95 % interval.
-        after_half: Half of the later one.
+        after_half: Half of the later 95 % interval.
     """
 
     change: ParameterChange
@@ -55,35 +55,36 @@ class RunChange:
 
     @property
     def name(self) -> str:
-        """The parameter."""
+        """Name of the parameter."""
         return self.change.name
 
     @property
     def difference(self) -> float:
-        """Later less earlier."""
+        """Later value minus earlier value."""
         return self.change.change
 
     @property
     def size(self) -> float:
-        """Change divided by half of its own interval; above 1 noise alone does not explain it."""
+        """Absolute change divided by half of its own interval; noise alone does not explain a value above 1."""
         return self.change.size
 
 
 def pair_of(before: PageData, after: PageData) -> Pair:
-    """Pair of two runs, checked to be comparable.
+    """Pair of two runs, after a check that they can be compared.
 
     Raises:
-        ArmidError: They are of arms with other joints, or share no parameter.
+        ArmidError: The runs are of arms with different joints, or have no common parameter.
     """
     names = [page_data.run.robot.joint_names for page_data in (before, after)]
     if names[0] != names[1]:
         raise ArmidError(
-            f"{before.run.folder} has joints {', '.join(names[0])}; {after.run.folder} has {', '.join(names[1])}.",
-            remedy="compare two runs of one arm.",
+            f"The runs cannot be compared: {before.run.folder} has the joints {', '.join(names[0])}, but "
+            f"{after.run.folder} has {', '.join(names[1])}.",
+            remedy="compare two runs of the same arm.",
         )
     if not changes(pair := Pair(before, after)):
         raise ArmidError(
-            f"{before.run.folder} and {after.run.folder} have no parameter in common.",
+            f"The runs cannot be compared: {before.run.folder} and {after.run.folder} have no common parameter.",
             remedy="identify both with the same description, gravity and terms.",
         )
     return pair
@@ -92,8 +93,8 @@ def pair_of(before: PageData, after: PageData) -> Pair:
 def changes(pair: Pair) -> list[RunChange]:
     """Changes of parameters in both runs, largest first; parameters with different groupings are excluded.
 
-    Where the later run was recalibrated from the earlier one, they are those of the recalibration, whose intervals
-    know what both runs share. Otherwise the two estimates are compared as independent.
+    If the later run was recalibrated from the earlier run, the changes are taken from the recalibration, whose
+    intervals include the correlation of both runs. Otherwise the two estimates are treated as independent.
     """
     recorded = recorded_changes(pair.before.run, pair.after.run)
     result = _independent(pair) if recorded is None else _recorded(pair, recorded)
@@ -101,7 +102,7 @@ def changes(pair: Pair) -> list[RunChange]:
 
 
 def _recorded(pair: Pair, recorded: Iterable[ParameterChange]) -> list[RunChange]:
-    """Changes of a recalibration, beside the intervals of the two runs."""
+    """Changes of a recalibration, together with the intervals of the two runs."""
     base = pair.after.run.estimate.base
     units: dict[str, str] = dict(zip(base.names, base.units, strict=True))
     halves: list[dict[str, float]] = []
@@ -180,10 +181,13 @@ def _show_changes(pair: Pair) -> Section:
                 TableCell(fixed(each.size, 2) + mark, each.size, kind="poor" if mark else ""),
             ]
         )
-    origin = "is that of the recalibration" if recalibrated else "follows from both"
-    note = f"± half of the 95 % interval. The interval of a change {origin}; ▲ marks changes beyond it."
+    origin = "is taken from the recalibration" if recalibrated else "follows from both"
+    note = (
+        f"± half of the 95 % interval. The interval of a change {origin}; ▲ marks changes that are larger than "
+        "this interval."
+    )
     return Section(
-        "Changes", content, (Table("changes", "Parameters, the largest change first", columns, rows, note),)
+        "Changes", content, (Table("changes", "Parameters, sorted by the size of the change", columns, rows, note),)
     )
 
 

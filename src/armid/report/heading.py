@@ -15,7 +15,7 @@ from armid.report.data.page_data import PageData
 from armid.report.plots.arm_picture import picture_of
 
 MAX_RECORDINGS = 4
-"""Largest number of recordings of a role that the head names; the provenance names all."""
+"""Largest number of recordings of a role that the head names; the provenance section names all."""
 
 NEXT_COMMANDS = (
     ("validate {run} RECORDING", "torque error on another recording"),
@@ -63,7 +63,7 @@ def commands_of(page_data: PageData) -> list[tuple[str, str]]:
 
 
 def export_command(run: str, estimate: Estimate, description: str) -> tuple[str, str]:
-    """Export that fits an estimate: the description where it has a body for each link, else source code."""
+    """Export that suits an estimate: the description if there is a body for each link, otherwise source code."""
     format_name = "mjcf" if Path(description).suffix == ".xml" else "urdf"
     if estimate.fit.standard is None:
         return f"armid export {run} --to c", f"the model as source code; as a robot description: --to {format_name}"

@@ -1,7 +1,8 @@
-"""HTML page of a run or a comparison: all sections with content, in one file that needs no network.
+"""HTML page of a run or a comparison: all sections that are not empty, in one file that needs no network.
 
-plotly.js is 4.8 MB, and its Python package has no smaller build of it. It is stored once and compressed, at a third
-of its size, and the page's script unpacks it. Plots hold four-byte numbers, no more than a screen can show.
+plotly.js has 4.8 MB, and its Python package contains no smaller build. It is stored once in the page, compressed to a
+third of its size, and the script of the page unpacks it. Plots contain four-byte numbers, not more of them than a
+screen can show.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ def write_report(run: Run, path: Path | str, *, data: Path | str | None = None) 
 
     Args:
         run: The run.
-        path: The file; written whole or not at all.
+        path: The file; it is written completely or not at all.
         data: Folder that is searched first for recordings.
 
     Raises:
@@ -53,8 +54,8 @@ def write_comparison(before: Run, after: Run, path: Path | str) -> Path:
 
     Args:
         before: The earlier run.
-        after: The later one.
-        path: The file; written whole or not at all.
+        after: The later run.
+        path: The file; it is written completely or not at all.
 
     Raises:
         MissingExtraError: jinja2 or plotly is not installed.
@@ -93,7 +94,7 @@ def assemble(
     with_plots: bool,
     heading: Heading | None = None,
 ) -> str:
-    """HTML of a page, each section rendered with the template of its name.
+    """HTML of a page; each section is rendered with the template of its name.
 
     Args:
         title: Heading of the page.

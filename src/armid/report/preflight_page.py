@@ -1,4 +1,4 @@
-"""Page of the pre-flight check: margins of a plan to all limits, and the expected accuracy of the estimate."""
+"""Page of the preflight check: margins of a plan to all limits, and expected accuracy of the estimate."""
 
 from __future__ import annotations
 
@@ -37,17 +37,17 @@ PLOT_POINTS = 4000.0
 
 COLLISION = "collision"
 DISTANCES = (COLLISION, "tip")
-"""Limits whose value is a distance that must not become smaller than the bound."""
+"""Kinds of limits whose value is a distance that must not become smaller than the bound."""
 
 CLOSE = 0.99
-"""Share of a limit from which on the limit counts as fully used."""
+"""Share of a limit from which the limit counts as fully used."""
 
 MANY = 12
 """Number of rows above which a table is folded."""
 
 
 def write_preflight(designed: Checked, path: Path | str) -> Path:
-    """Write the page, whole or not at all.
+    """Write the page completely or not at all.
 
     Raises:
         MissingExtraError: jinja2 or plotly is not installed.
@@ -81,9 +81,9 @@ def show_limits(designed: Checked) -> Section:
         Column("at", "s"),
     )
     note = (
-        "Reached: largest value on a grid of 1 kHz. Certified: bound that also holds between the points of the grid. "
-        "For friction, which may jump where a joint reverses, and for poses and sweeps the largest step between two "
-        "points is added instead. ▲ marks limits that are fully used."
+        "Reached: largest value on a grid of 1 kHz. Certified: bound that also holds between the points of "
+        "the grid. For friction, which may jump at a reversal of a joint, and for poses and sweeps, the "
+        "largest step between two points is added instead. ▲ marks limits that are fully used."
     )
     content = {
         "verdict": designed.preflight.verdict,
@@ -100,7 +100,7 @@ def show_limits(designed: Checked) -> Section:
 def _worst_rows(report: Preflight) -> list[tuple[str, str, str, str]]:
     """Limit, joint or pair, value and time of the smallest margin of each kind.
 
-    The search keeps capsules or hulls apart; the distance that counts is that of the closest approaches.
+    The search uses distances of capsules or hulls; the distances shown here are those of the closest approaches.
     """
     rows = [
         (m.limit, m.label, _reached(m), "" if math.isnan(m.time) else fixed(m.time, 2))
@@ -186,14 +186,15 @@ def show_approaches(designed: Checked) -> Section | None:
         Column("required", "mm"),
     )
     note = (
-        "Closest: distance measured independently of the search, between the bodies as described, the convex hulls "
-        "of up to four slabs of a mesh, or its triangles, 50 times a second, and 250 near the minimum. In search: "
-        "distance of the capsules around the bodies, or of hulls where capsules are too wide, on a grid of 1 kHz; "
-        "certified: lower bound of it between the points, too. Required: less than the clearance where links are "
-        "built closer than that; those that keep the same distance in all poses stand last. ▲ marks pairs that come "
-        "too close."
+        "Closest: distance that is measured independently of the search, 50 times per second and 250 times "
+        "per second near the minimum, between the shapes of the description, the convex hulls of up to four "
+        "slices of a mesh, or its triangles. In search: distance of the capsules around the bodies, or of "
+        "hulls if capsules are too wide, on a grid of 1 kHz. Certified: lower bound of this distance that "
+        "also holds between the points of the grid. Required: the clearance, or less if links are built "
+        "closer to each other. Pairs with the same distance in all poses are at the end. ▲ marks pairs that "
+        "come too close."
     )
-    title = f"Closest approach of each of {len(rows)} pairs of links, the nearest first, constant distances last"
+    title = f"Closest approach of each of {len(rows)} pairs of links, nearest pairs first, constant distances last"
     table = Table("approaches", title, columns, rows, note, folded=len(rows) > MANY)
     skipped = [each.account for each in report.skipped]
     return Section("Closest approaches", {"skipped": skipped, "why": NOT_LOOKED_AT}, (table,))
@@ -208,7 +209,7 @@ def nearest_of_links(approaches: Sequence[ClosestApproach]) -> list[ClosestAppro
 
 
 def show_expected(designed: Checked) -> Section | None:
-    """Section of the deviations to expect from the recording of a series."""
+    """Section of the predicted standard deviations after the recording of a series."""
     if not isinstance(designed, Designed):
         return None
     expected, goal = designed.expected, designed.problem.goal

@@ -16,14 +16,14 @@ PACKAGES = ("jinja2", "plotly")
 """Packages that a page with plots needs."""
 
 INLINE = 40
-"""Largest number of characters of code within a sentence; longer code would be broken between lines."""
+"""Largest number of characters of code in a sentence; longer code is shown as a block."""
 
 
 def require_extra(*names: str) -> None:
-    """Check that the packages needed by a page are installed, by default those of a page with plots.
+    """Check that the packages that a page needs are installed; by default for a page with plots.
 
     Raises:
-        MissingExtraError: One is not installed.
+        MissingExtraError: A package is not installed.
     """
     for name in names or PACKAGES:
         if find_spec(name) is None:

@@ -17,10 +17,10 @@ class Section:
     """A section of a page.
 
     Attributes:
-        title: Its heading.
+        title: Heading of the section.
         content: Values for its template, by name.
-        tables: Its tables.
-        plots: Its plots, row by row: a heading for the row and its plots.
+        tables: Tables of the section.
+        plots: Plots of the section, row by row: the heading of the row and its plots.
         legend: Roles of the traces, and their descriptions.
         template: Name of its template; if empty, the name of the section on the page.
     """
@@ -39,7 +39,7 @@ def effort_unit(page_data: PageData) -> str:
 
 
 def one_of(units: list[str]) -> str:
-    """Units in a list without duplicates: `N·m`, or `N·m or N` for an arm with prismatic joints, too."""
+    """Units as text without duplicates: `N·m`, or `N·m or N` for an arm that also has prismatic joints."""
     return " or ".join(dict.fromkeys(units))
 
 

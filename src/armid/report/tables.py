@@ -69,9 +69,9 @@ class Column:
     """Column of a table.
 
     Attributes:
-        title: Its title.
-        unit: Unit of its numbers, if all have the same.
-        words: True if it holds text, which is left-aligned.
+        title: Title of the column.
+        unit: Unit of the numbers, if all have the same unit.
+        words: True if the column contains text, which is left-aligned.
     """
 
     title: str
@@ -102,10 +102,10 @@ class Table:
 
     Attributes:
         key: Name that is unique on the page.
-        caption: Its caption.
-        columns: Its columns.
-        rows: Cells, row by row; the first of a row is its head.
-        note: Meaning of its symbols.
+        caption: Caption of the table.
+        columns: Columns of the table.
+        rows: Cells, row by row; the first cell of a row is its head.
+        note: Note with the meaning of the symbols.
         folded: True if the page shows only the caption until the reader opens it.
         groups: Group titles, for instance joints, by the index of the group's first row.
     """

@@ -1,1 +1,1 @@
-"""Finished runs: what they hold, and what is done with them."""
+"""Finished runs: their contents and their use."""

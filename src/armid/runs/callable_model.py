@@ -1,10 +1,10 @@
-"""Callable model of a run: torque, gravity, friction and mass matrix of one sample, in microseconds.
+"""Callable model of a run: computes torque, gravity, friction and mass matrix of one sample in microseconds.
 
     model = Model.of(load_run("runs/iiwa"))
     tau = model.torque(q, dq, ddq)
 
-The functions are those of the generated code, run by the kernel. A call never changes a model, so several threads may
-share it; the hysteresis states of a motion are in a `CallableMemory` of their own.
+The functions are the same as in the generated code and are run by the kernel. A call never changes a model, so
+several threads may use the same model. The hysteresis states of a motion are stored in a separate `CallableMemory`.
 """
 
 from __future__ import annotations
@@ -29,14 +29,14 @@ from armid.values import Array, array
 
 
 class CallableModel:
-    """Model with its parameters, called for one sample at a time.
+    """Model with parameter values, which computes one sample per call.
 
-    Vectors have shape (n,); arrays of float64 in C order are used as they are, anything else is converted.
+    Vectors have shape (n,). Arrays of float64 in C order are used directly; other values are converted.
 
     Args:
         model: Arm and torque terms.
         base: Base parameters of the model.
-        values: Their values, shape (b,).
+        values: Values of the base parameters, shape (b,).
     """
 
     __slots__ = ("_calls", "joints", "memories")
@@ -45,7 +45,7 @@ class CallableModel:
     """Names of the joints."""
 
     memories: int
-    """Number of hysteresis states; 0 where the model needs no `CallableMemory`."""
+    """Number of hysteresis states; if it is 0, the model needs no `CallableMemory`."""
 
     def __init__(self, model: DynamicsModel, base: BaseParameters, values: ArrayLike) -> None:
         given = {"parameters": array(values, (base.count,), "base parameters")}
@@ -67,10 +67,10 @@ class CallableModel:
             q: Joint positions [rad or m].
             dq: Joint velocities [rad/s or m/s].
             ddq: Joint accelerations [rad/s² or m/s²].
-            memory: Hysteresis states, updated with this q; needed where the model has hysteresis.
+            memory: Hysteresis states, which are updated with this q; needed if the model has hysteresis.
 
         Raises:
-            ArmidError: A wrong shape, values that are not finite, or a missing memory.
+            ArmidError: A shape is wrong, values are not finite, or the memory is missing.
         """
         call = self._calls["inverse_dynamics"].run
         return call(q, dq, ddq) if not self.memories else call(q, dq, ddq, self._state(memory))
@@ -91,8 +91,8 @@ class CallableModel:
         Args:
             q: Joint positions.
             dq: Joint velocities.
-            ddq: Joint accelerations, on which only load-dependent friction depends; zero if not given.
-            memory: As for `torque`.
+            ddq: Joint accelerations; zero if not given. Only load-dependent friction depends on them.
+            memory: Hysteresis states, as for `torque`.
         """
         call, inputs = self._calls["friction"], [q, dq]
         if "ddq" in call.inputs:
@@ -100,7 +100,7 @@ class CallableModel:
         return call.run(*inputs, *([self._state(memory)] if self.memories else []))
 
     def memory(self, q: ArrayLike) -> CallableMemory:
-        """Hysteresis states of a motion that begins at positions q (n,)."""
+        """Makes the hysteresis states of a motion that begins at positions q (n,)."""
         if not self.memories:
             return CallableMemory(np.zeros(0), None)
         return CallableMemory(self._calls["state_start"].run(q), self._calls["state_update"])
@@ -108,14 +108,15 @@ class CallableModel:
     def _state(self, memory: CallableMemory | None) -> Array:
         if memory is None:
             raise ArmidError(
-                "The model has hysteresis, and no memory was given.",
-                remedy="make one with model.memory(q) where the motion begins, and update it at every sample.",
+                "The model has hysteresis, but no memory was given.",
+                remedy="create a memory with model.memory(q) at the begin of the motion, and update it at every "
+                "sample.",
             )
         return memory.state
 
 
 class CallableMemory:
-    """Hysteresis states of one motion, to be used by one thread at a time.
+    """Hysteresis states of one motion; only one thread may use them at a time.
 
     Attributes:
         state: Hysteresis states, shape (m,).
@@ -128,19 +129,19 @@ class CallableMemory:
         self._update = update
 
     def update(self, q: ArrayLike) -> None:
-        """Updates the states with the next sample, at positions q (n,). A refused q leaves them unchanged."""
+        """Updates the states with the positions q (n,) of the next sample; invalid positions leave them unchanged."""
         if self._update is not None:
             self.state = self._update.run(q, self.state)
 
 
 @dataclass(frozen=True, eq=False, slots=True, init=False)
 class _Call:
-    """One generated function, run by the kernel.
+    """Generated function that is run by the kernel.
 
     Attributes:
         inputs: Names of its inputs.
-        lengths: Their lengths.
-        run: Computes the result from one vector for each input.
+        lengths: Lengths of the inputs.
+        run: Function that computes the result from one vector for each input.
     """
 
     inputs: tuple[str, ...]
@@ -169,7 +170,7 @@ class _Call:
         object.__setattr__(self, "run", run)
 
     def _in_numpy(self, program: Program, given: dict[str, Array]) -> Callable[..., Array]:
-        """The function evaluated without the compiled kernel."""
+        """Function that is evaluated without the compiled kernel."""
 
         def run(*vectors: ArrayLike) -> Array:
             inputs = dict(zip(self.inputs, self._converted(vectors), strict=True))
@@ -181,13 +182,13 @@ class _Call:
         """Vectors converted for the kernel.
 
         Raises:
-            ArmidError: A wrong shape, or values that are no numbers.
+            ArmidError: A shape is wrong, or values are not numbers.
         """
         wanted = zip(vectors, self.lengths, self.inputs, strict=True)
         return [array(x, (length,), name) for x, length, name in wanted]
 
     def _error(self, wrong: int, vectors: tuple[ArrayLike, ...]) -> ArmidError:
-        """Error for the kernel's code: k if vector k, from 1, has another length, -k if it is not finite."""
+        """Error for a code of the kernel: k if vector k (from 1) has a wrong length, -k if it is not finite."""
         k = abs(wrong) - 1
         name, length = self.inputs[k], self.lengths[k]
         if wrong < 0:

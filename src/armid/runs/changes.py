@@ -1,4 +1,4 @@
-"""Record of a recalibration's changes in its run's folder, and its reader."""
+"""Record of the changes of a recalibration in the folder of its run, and its reader."""
 
 from __future__ import annotations
 
@@ -43,14 +43,14 @@ def changes_record(recalibration: Recalibration) -> dict[str, Any]:
 
 
 def recorded_changes(before: Run, after: Run) -> tuple[ParameterChange, ...] | None:
-    """Changes that were recorded when one run was recalibrated from the other.
+    """Changes of the parameters that were recorded when one run was recalibrated from another.
 
     Args:
         before: The earlier run.
         after: The later run.
 
     Returns:
-        Changes of every base parameter; `None` where the later run is no recalibration of the earlier one.
+        Changes of every base parameter; `None` if the later run is not a recalibration of the earlier run.
 
     Raises:
         ArmidError: The record is damaged.

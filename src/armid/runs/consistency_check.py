@@ -1,4 +1,4 @@
-"""Certification of an arm's parameters: base, standard or physical ones, or those of a run."""
+"""Certification of the parameters of an arm: base, standard or physical parameters, or those of a run."""
 
 from __future__ import annotations
 
@@ -30,10 +30,10 @@ from armid.validation.thesis_constraints import Constraint, thesis_constraints
 from armid.values import Array
 
 HEAVIEST = 10.0
-"""Default largest mass of a link of the nearest consistent body [kg]."""
+"""Default of the largest mass that a link of the nearest consistent body may have [kg]."""
 
 HEAVIER = 2.0
-"""The same as a multiple of the heaviest link, for descriptions with heavier links."""
+"""Factor on the mass of the heaviest link that gives the largest mass, for descriptions with heavy links."""
 
 TERM_OF_SYMBOL: Mapping[str, type[Term]] = {"FV": Viscous, "FS": Coulomb, "FO": Offset, "IA": RotorInertia}
 PHYSICAL = ("m", "rx", "ry", "rz", "Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz")
@@ -46,12 +46,12 @@ class Verdict(Displayed):
 
     Attributes:
         kind: `base`, `standard` or `physical`.
-        certificate: Distance to the nearest real body.
-        limited: The same with no link heavier than `heaviest`.
-        heaviest: Largest mass of a link [kg].
+        certificate: Certificate, with the distance to the nearest real body.
+        limited: Certificate under the condition that no link is heavier than `heaviest`.
+        heaviest: Largest mass of a link in `limited` [kg].
         pose: Worst pose of the mass matrix within the joint limits.
         along: Worst pose along a motion, if one was given.
-        constraints: Constraints of the thesis, where the parameters determine them.
+        constraints: Constraints of the thesis, if the parameters determine them.
         findings: Findings on consistency and gravity.
     """
 
@@ -72,7 +72,7 @@ class Verdict(Displayed):
                 "distance to the nearest consistent parameters",
                 f"{nearest.distance:.4g} ({nearest.relative_distance:.3%})",
             ),
-            ("masses of links that have these", ", ".join(f"{mass:.4g}" for mass in nearest.masses) + " kg"),
+            ("masses of links with these parameters", ", ".join(f"{mass:.4g}" for mass in nearest.masses) + " kg"),
             ("mass matrix, smallest eigenvalue", f"{self.pose.min_eigenvalue:.5g} {self.pose.unit}"),
         )
         result = "physically consistent" if nearest.feasible else "not physically consistent"
@@ -90,8 +90,9 @@ def described_values(robot: Robot) -> dict[str, float]:
     theta = model.nominal_parameters()
     if theta is None:
         raise ModelError(
-            f"The description of {robot.name} has no bodies to certify.",
-            remedy="give a VALUES.json after it, or the folder of a run.",
+            f"The description of {robot.name} has no masses and inertias, so there are no parameters to check.",
+            remedy="give a file of parameters as the second argument (armid certify ROBOT VALUES.json), or the "
+            "folder of a run.",
         )
     return {parameter.name: float(value) for parameter, value in zip(model.parameters, theta, strict=True)}
 
@@ -106,14 +107,14 @@ def read_values(path: Path | str) -> dict[str, float]:
     """Reads parameters by name from a JSON object.
 
     Raises:
-        ArmidError: The file is missing or is no JSON object of numbers.
+        ArmidError: The file is missing or is not a JSON object of numbers.
     """
     try:
         values = json.loads(Path(path).read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
         raise ArmidError(f"{path} cannot be read: {error}.", remedy="give a JSON object {name: value}.") from error
     if not isinstance(values, dict) or not values:
-        raise ArmidError(f"{path} is no JSON object of parameters.", remedy='write {"ZZR_1": 0.05, …}.')
+        raise ArmidError(f"{path} is not a JSON object of parameters.", remedy='write {"ZZR_1": 0.05, …}.')
     for name, value in values.items():
         if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
             raise ArmidError(f"{path}: {name} must be a finite number; found {value!r}.")
@@ -121,7 +122,7 @@ def read_values(path: Path | str) -> dict[str, float]:
 
 
 def read_plan(name: str) -> Motion:
-    """The motion of a built-in plan or one of `armid excite`, at 100 samples a second."""
+    """Motion of a built-in plan or of a plan of `armid excite`, sampled at 100 Hz."""
     from armid.study.plans.plan_files import series_of  # brings the design of plans
 
     return series_of(name).sample(PLAN_RATE)
@@ -130,12 +131,13 @@ def read_plan(name: str) -> Motion:
 def certify_named(
     robot: Robot, values: Mapping[str, float], *, motion: Motion | None = None, heaviest: float | None = None
 ) -> Verdict:
-    """Certifies parameters by name; the torque terms follow from the names.
+    """Certifies parameters that are given by name; the torque terms follow from the names.
 
     Args:
         robot: The arm.
-        values: Base parameters (`ZZR_1`), standard ones (`ZZ_1`) or physical ones (`m_1`, `rx_1`, `Ixx_1`, …).
-        motion: Motion along which the mass matrix is checked, too.
+        values: Values by name: base parameters (`ZZR_1`), standard parameters (`ZZ_1`) or physical parameters (`m_1`,
+            `rx_1`, `Ixx_1`, …).
+        motion: Motion along which the mass matrix is also checked.
         heaviest: Largest mass of a link in the second of the two certificates [kg]; `usual_heaviest` if not given.
 
     Raises:
@@ -160,15 +162,15 @@ def certify_named(
 def _incomplete(
     robot: Robot, values: Mapping[str, float], base: Sequence[str], standard: Sequence[str]
 ) -> ModelError:
-    """Error for an incomplete set of names: the set that they belong to, and the missing names."""
+    """Error for an incomplete set of names; it gives the set to which they belong and the missing names."""
     known = {*base, *standard}
     if unknown := [name for name in values if name not in known]:
-        fault = f"{', '.join(unknown[:8])} not known."
-        named = f"The names are neither {robot.name}'s {len(base)} base parameters nor its standard ones"
+        fault = f"Unknown names: {', '.join(unknown[:8])}."
+        named = f"The names are neither the {len(base)} base parameters of {robot.name} nor its standard parameters"
     else:
         alone = set(values) - set(base)  # names that only the standard set has
         wanted, kind = (standard, "standard") if alone else (base, "base")
-        named = f"The names are not all of {robot.name}'s {len(wanted)} {kind} parameters"
+        named = f"The names are not all of the {len(wanted)} {kind} parameters of {robot.name}"
         lacking = [name for name in wanted if name not in values]
         others = [name for name in values if name not in wanted]
         fault = f"{', '.join((lacking or others)[:8])} {'missing' if lacking else 'of another set'}."
@@ -176,12 +178,12 @@ def _incomplete(
         f"{named}: {fault}",
         possible=f"base: {', '.join(base)}; or standard: {', '.join(standard[:10])}, … for every link; or physical: "
         f"{', '.join(f'{symbol}_1' for symbol in PHYSICAL)}, … for every link; with friction FV_1, FS_1, …",
-        remedy="look at armid base for the names under this gravity, locks and terms.",
+        remedy="run armid base with the same gravity, locks and terms to print the names.",
     )
 
 
 def certify_run(run: Run, *, motion: Motion | None = None, heaviest: float | None = None) -> Verdict:
-    """Certifies the base parameters of a run; a finding explains inconsistent ones."""
+    """Certifies the base parameters of a run; if they are inconsistent, a finding explains why."""
     base = run.estimate.base
     values = collapse(base.names, run.estimate.fit)
     theta = np.zeros(len(base.standard_names))
@@ -194,13 +196,13 @@ def certify_run(run: Run, *, motion: Motion | None = None, heaviest: float | Non
 
 
 def _own_bodies(run: Run, standard: StandardFit) -> Finding:
-    """Finding on the links that a run has estimated, one of many sets with the same base parameters."""
+    """Finding about the links that a run has estimated, which are one of many sets with the same base parameters."""
     places = [standard.names.index(f"M_{link + 1}") for link in range(run.model.n)]
     masses = ", ".join(f"{standard.values[k]:.4g}" for k in places)
     evidence = (
-        f"The links that the run has estimated weigh {masses} kg; the smallest eigenvalue of their pseudo-inertias "
-        f"is {standard.proof.smallest_eigenvalue:.3g}. The masses above are another choice with the same base "
-        "parameters, and so with the same torque."
+        f"The links that the run has estimated have masses of {masses} kg; the smallest eigenvalue of their "
+        f"pseudo-inertias is {standard.proof.smallest_eigenvalue:.3g}. The masses of the certificate are "
+        "another set with the same base parameters, and therefore with the same torque."
     )
     return Finding("own-bodies", "info", "", evidence)
 
@@ -210,15 +212,18 @@ def _meaning(run: Run, verdict: Verdict) -> Finding:
     fit = run.estimate.fit
     half: dict[str, float] = dict(zip(fit.names, 0.5 * np.ptp(fit.intervals, axis=1), strict=True))
     beyond = [each.name for each in verdict.certificate.blame if abs(each.change) > half.get(each.name, np.inf)]
-    why = "the nearest consistent parameters lie within the 95 % intervals, so noise explains it"
-    remedy = "trust torques along such motions and nothing else"
+    why = "the nearest consistent parameters lie within the 95 % intervals, so noise can be the cause"
+    remedy = "use the model only for torques along motions similar to the recorded ones"
     if beyond:
         outside = ", ".join(beyond[:4])
-        why = f"the nearest consistent ones have {outside} outside the 95 % intervals, so noise is not all of it"
-        remedy = "see what armid doctor says of the recordings and what the report says of the residuals; " + remedy
+        why = (
+            f"the nearest consistent parameters have {outside} outside the 95 % intervals, so noise is not the "
+            "only cause"
+        )
+        remedy = "check the recordings with armid doctor, and the residuals in the report; " + remedy
     if fit.standard is None:
         remedy += "; identify with --method physical, which keeps links physically consistent"
-    evidence = f"{run.estimate.method} fits torque without a constraint on the links"
+    evidence = f"the method {run.estimate.method} fits the torque without physical constraints on the links"
     if fit.standard is not None:
         evidence = "The estimate is consistent up to rounding"
     return Finding("what-it-means", "info", "", f"{evidence}; {why}.", f"{remedy}.")
@@ -281,8 +286,8 @@ def _physical(robot: Robot, values: Mapping[str, float], motion: Motion | None, 
     unknown = sorted(set(values) - set(wanted) - {name for name in values if name.upper() in friction})
     if missing or unknown:
         raise ModelError(
-            f"The physical parameters of {robot.name} are not complete: {', '.join((missing or unknown)[:8])} "
-            f"{'missing' if missing else 'not known'}.",
+            f"The names are not the physical parameters of {robot.name}: "
+            f"{', '.join((missing or unknown)[:8])} {'missing' if missing else 'not known'}.",
             possible=", ".join(wanted[:10]) + ", … for every link; Fv_1, Fs_1, …",
         )
     model = _model_of(robot, friction)
@@ -340,7 +345,7 @@ def _findings(
     pose: Pose,
     theta: Array,
 ) -> tuple[Finding, ...]:
-    """Findings of a certificate. The mass of the nearest body is not stated, since torques do not determine it."""
+    """Findings of a certificate; they do not give the mass of the nearest body, which torques do not determine."""
     findings: list[Finding] = []
     if not certificate.feasible:
         worst = ", ".join(f"{each.name} by {each.change:+.3g}" for each in certificate.blame[:4])
@@ -349,17 +354,21 @@ def _findings(
                 "not-physical",
                 "error",
                 "",
-                f"No links of positive density have these parameters. The nearest consistent ones lie "
-                f"{certificate.distance:.4g} away ({100 * certificate.relative_distance:.3g} %), mostly in {worst}; "
-                f"where no link may weigh more than {heaviest:g} kg, {limited.distance:.4g}.",
-                "do not simulate or export them as they are.",
+                "No links with positive density have these parameters. The distance to the nearest "
+                f"consistent parameters is {certificate.distance:.4g} "
+                f"({100 * certificate.relative_distance:.3g} %), mostly in {worst}; it is "
+                f"{limited.distance:.4g} if no link may be heavier than {heaviest:g} kg.",
+                "do not use these parameters in a simulation or in an exported description.",
             )
         )
     if kind != "base":
         for k, own in enumerate(model.inertial_columns.reshape(-1, 10)):
             smallest = float(np.linalg.eigvalsh(pseudo_inertia(theta[own]))[0])
             if smallest < 0.0:
-                evidence = f"Smallest eigenvalue of its pseudo-inertia {smallest:.3g}."
+                evidence = (
+                    "The pseudo-inertia of the link is not positive definite: its smallest eigenvalue is "
+                    f"{smallest:.3g}."
+                )
                 findings.append(Finding("link-not-physical", "error", model.robot.links[k].name, evidence))
     if pose.min_eigenvalue <= 0.0:
         smallest = pose.min_eigenvalue
@@ -368,8 +377,8 @@ def _findings(
     elif not certificate.feasible:
         evidence = (
             "The mass matrix is positive definite within the joint limits (smallest eigenvalue "
-            f"{pose.min_eigenvalue:.4g}), although no links of positive density have these "
-            "parameters: that test is necessary, not sufficient."
+            f"{pose.min_eigenvalue:.4g}), although no links with positive density have these parameters: a "
+            "positive definite mass matrix is necessary, but not sufficient."
         )
         findings.append(Finding("mass-matrix-positive", "info", "", evidence))
     base = find_base_parameters(model)

@@ -1,4 +1,4 @@
-"""Benchmarks of the kernel: ratios of CPU time on one thread to the usual alternatives, Pinocchio and NumPy's lstsq.
+"""Benchmarks of the kernel: CPU time on one thread, relative to Pinocchio and to NumPy's lstsq.
 
 As a program it runs in a separate process with a single BLAS thread, and prints one JSON object.
 """
@@ -56,7 +56,8 @@ def run_benchmarks(samples: int, *, progress: Progress | None = None) -> dict[st
     done = subprocess.run(command, env={**os.environ, **ONE_THREAD}, capture_output=True, text=True, check=False)
     if done.returncode:
         raise ArmidError(
-            f"The benchmark failed: {done.stderr.strip().splitlines()[-1:]}", remedy="run it alone to see the reason."
+            f"The benchmark failed: {done.stderr.strip().splitlines()[-1:]}",
+            remedy="run python -m armid.runs.kernel_benchmark to see the complete error message.",
         )
     return json.loads(done.stdout)
 
@@ -77,9 +78,10 @@ def measure(samples: int) -> dict[str, Any]:
 def _result(
     name: str, peer: str, armid: Callable[[], object], other: Callable[[], object], rounds: int
 ) -> dict[str, Any]:
-    """Medians of both in alternation, so that other load of the machine affects both alike.
+    """Medians of the times of both, measured in alternation, so that other load of the machine affects both equally.
 
-    A peer that takes seconds runs fewer rounds than armid, whose milliseconds are easily disturbed.
+    If the other program takes seconds, it runs fewer rounds than armid, whose times of milliseconds are easily
+    disturbed.
     """
     mine: list[float] = []
     theirs: list[float] = []
@@ -180,7 +182,8 @@ def _least_squares(model: DynamicsModel, base: BaseParameters, motion: Motion, t
 def _design_gradient(model: DynamicsModel, base: BaseParameters) -> dict[str, Any]:
     """Value and gradient of the condition number along Table A.1, against forward differences over a Pinocchio loop.
 
-    One value of the peer is measured and multiplied by 141, for one more value for each of the 140 coefficients.
+    The time of one value with Pinocchio is measured and multiplied by 141, because forward differences need one value
+    and one more for each of the 140 coefficients.
     """
     pin: Any = import_module("pinocchio")
 

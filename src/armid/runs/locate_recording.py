@@ -1,4 +1,4 @@
-"""Search for the recordings that a run was made from, by name and sha256."""
+"""Search for the recordings from which a run was made, by name and sha256."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ from armid.study.read_recordings import read_choice
 def read_recording_of(
     run: Run, choice: RecordingChoice, sha256: str, folder: Path | str, data: Path | str | None = None
 ) -> Recording:
-    """Reads the recording that a run was made from; one of a demo is simulated again.
+    """Reads a recording from which a run was made; a recording of a demo is simulated again.
 
     Args:
         run: The run.
-        choice: The recording in the run's study.
-        sha256: Digest of its bytes when the run was made.
-        folder: Folder that the study's paths are relative to.
+        choice: The recording in the study of the run.
+        sha256: Digest of the file when the run was made.
+        folder: Folder to which the paths of the study are relative.
         data: Folder that is searched first.
 
     Raises:
-        ArmidError: It is missing or has changed.
+        ArmidError: The recording is missing or has changed.
     """
     if choice.path in MOTIONS:
         recording, _ = read_choice(choice, ".", run.robot, demo_recordings(run.folder))
@@ -38,42 +38,42 @@ def read_recording_of(
     if recording.sha256 != sha256:
         raise ArmidError(
             f"{choice.path} has changed since the run was made (sha256 {recording.sha256[:12]}…).",
-            remedy="put the file of that time back, or identify again.",
+            remedy="restore the original file, or identify again.",
         )
     return recording
 
 
 def find_recording(path: str, sha256: str, folder: Path | str, data: Path | str | None = None) -> Path:
-    """Finds a recording of a study: the file of that name with the same bytes.
+    """Finds a recording of a study: a file with this name and the same bytes.
 
     Args:
         path: Path in the study.
-        sha256: Digest of its bytes when the run was made.
-        folder: Folder that the study's paths are relative to.
+        sha256: Digest of the file when the run was made.
+        folder: Folder to which the paths of the study are relative.
         data: Folder that is searched first, by path and then by name in all its sub-folders.
 
     Raises:
-        ArmidError: There is none; the message lists files of its name with other bytes.
+        ArmidError: There is no such file; the message lists files with the same name and other bytes.
     """
     others: list[Path] = []
     for place in dict.fromkeys(_places(Path(path), Path(folder), None if data is None else Path(data))):
         if sha256_of_recording(place) == sha256:
             return place
         others.append(place)
-    study_folder = "the working folder" if folder in (Path(), ".", "") else f"{folder}"
+    study_folder = "the current working folder" if folder in (Path(), ".", "") else f"{folder}"
     where = study_folder if data is None else f"{data} or {study_folder}"
     if others:
         listed = ", ".join(str(place) for place in others)
         raise ArmidError(
-            f"{path} has changed since the run was made: {listed} "
-            f"{'holds' if len(others) == 1 else 'hold'} other data (then sha256 {sha256[:12]}…).",
-            remedy="put the file of that time back, say with --data FOLDER where it is, or identify again.",
+            f"{path} has changed since the run was made: {listed} {'has' if len(others) == 1 else 'have'} "
+            f"other data than the original file (sha256 {sha256[:12]}…).",
+            remedy="restore the original file, give its folder with --data FOLDER, or identify again.",
         )
-    raise ArmidError(f"{path} is not in {where} any more.", remedy="say with --data FOLDER where it is.")
+    raise ArmidError(f"{path} was not found in {where}.", remedy="give the folder of the file with --data FOLDER.")
 
 
 def _places(path: Path, folder: Path, data: Path | None) -> Iterator[Path]:
-    """Candidate files or folders, the likeliest first."""
+    """Candidate files or folders, the most probable first."""
     likely = [] if data is None else [data / path, data / path.name]
     yield from (place for place in likely if place.exists())
     if data is not None and data.is_dir():

@@ -1,4 +1,4 @@
-"""New recordings of a run's arm: read, processed and reduced to information as the run's own were."""
+"""New recordings of the arm of a run, which are read, processed and reduced to information like those of the run."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ from armid.values import Array, load
 
 @dataclass(frozen=True, eq=False, slots=True)
 class NewRecordings:
-    """New recordings with the run that they extend.
+    """New recordings and the run that they extend.
 
     Attributes:
         run: The run.
-        base: Its base parameters.
-        earlier: Information of the run's training recordings.
+        base: Base parameters of the run.
+        earlier: Information of the training recordings of the run.
         new: Information of the new recordings about the same base parameters.
         samples: Estimation problem of the new recordings, with their samples.
         recordings: The new recordings, processed.
@@ -49,20 +49,20 @@ class NewRecordings:
 
     @property
     def changing(self) -> NDArray[np.bool_]:
-        """Flags of base parameters that may change over time: friction and offsets, shape (b,)."""
+        """Mask of the base parameters that may change over time, which are friction and offsets; shape (b,)."""
         return changing_parameters(self.run.model)[self.base.kept]
 
 
 def load_new_recordings(
     run: Run, paths: Sequence[str], reading: Mapping[str, Any], *, gain_deviation: float | None = None
 ) -> NewRecordings:
-    """Reads and processes new recordings of a run's arm.
+    """Reads and processes new recordings of the arm of a run.
 
     Args:
         run: The run.
         paths: Recordings.
         reading: Fields of the log format that differ from that of the run's first recording.
-        gain_deviation: Relative standard deviation of every drive gain, in the place of the run's.
+        gain_deviation: Relative standard deviation of every drive gain, instead of the value of the run.
 
     Raises:
         StudyError: A recording has trained the run or is given twice, or the run has no drive gains.
@@ -70,7 +70,8 @@ def load_new_recordings(
     """
     if gain_deviation is not None and run.reading.drive_gain is None:
         raise StudyError(
-            f"{run.folder} has no drive gains that could deviate: its effort is a torque.",
+            f"The run {run.folder} has no drive gains, because its effort is a torque, so a deviation of the "
+            "gains has no meaning.",
             remedy="leave --gain-deviation out.",
         )
     recordings, findings = read_new_recordings(run, paths, reading)
@@ -111,9 +112,9 @@ def read_new_recordings(
         recording, found = read_choice(choice, ".", run.robot)
         if recording.sha256 in seen:
             raise StudyError(
-                f"{path} must be a new recording, but {seen[recording.sha256]} has the same data "
+                f"{path} must be a new recording, but it has the same data as {seen[recording.sha256]} "
                 f"(sha256 {recording.sha256[:12]}…).",
-                remedy="give a recording that was made after the run, each once.",
+                remedy="give only recordings that were made after the run, and each of them once.",
             )
         seen[recording.sha256] = path
         findings += found
@@ -122,7 +123,7 @@ def read_new_recordings(
 
 
 def new_recording_findings(run: Run) -> list[Finding]:
-    """Findings that question a run as a basis."""
+    """Findings that show why a run may be a bad basis."""
     if run.verdict != "fail":
         return []
     return [
@@ -130,20 +131,21 @@ def new_recording_findings(run: Run) -> list[Finding]:
             "earlier-run-failed",
             "warning",
             "",
-            f"{run.folder} did not pass its own validation (verdict fail), so results from it are doubtful.",
-            "look at its report, and identify the arm on a better motion before relying on this.",
+            f"The run {run.folder} did not pass its own validation (verdict fail), so results that are based "
+            "on it may be wrong.",
+            "read the report of the run, and identify the arm with a better motion first.",
         )
     ]
 
 
 def _deviation(reading: LogFormat, n: int) -> Array:
-    """Relative standard deviation of each joint's drive gain, zero where none is given."""
+    """Relative standard deviation of the drive gain of each joint; zero if not given."""
     given = reading.drive_gain_deviation
     return np.array(np.broadcast_to(0.0 if given is None else np.asarray(given, dtype=np.float64), (n,)))
 
 
 def load_columns(run: Run) -> tuple[Array, Array]:
-    """Maps from ten payload parameters in the tip frame to the base parameters (b, 10) and to the link's (10, 10).
+    """Matrices from ten payload parameters in the tip frame to base parameters (b, 10) and to the link's (10, 10).
 
     Raises:
         RobotError: The tip is fixed to the base, or its link carries further joints.
@@ -156,7 +158,7 @@ def load_columns(run: Run) -> tuple[Array, Array]:
 
 
 def link_columns(run: Run) -> tuple[int, Array]:
-    """The link that carries the tip, and the map of its ten parameters to the base parameters, shape (b, 10).
+    """Link that carries the tip, and matrix that maps its ten parameters to the base parameters, shape (b, 10).
 
     Raises:
         RobotError: The tip is fixed to the base, or the link carries further joints.
@@ -172,14 +174,14 @@ def link_columns(run: Run) -> tuple[int, Array]:
     further = [joint.name for joint in robot.joints if joint.parent == link]
     if further:
         raise RobotError(
-            f"The tip frame {robot.tip.name!r} of {robot.name} is on the link {robot.links[link].name!r}, which is "
-            f"not the last: it carries {', '.join(further)}.",
-            remedy='name a frame on a last link with tip = "…" in the study, or lock these joints.',
+            f"The tip frame {robot.tip.name!r} of {robot.name} is on the link {robot.links[link].name!r}, "
+            f"which is not the last link, because it carries the joints {', '.join(further)}.",
+            remedy='name a frame on the last link with tip = "…" in the study, or lock these joints.',
         )
     if not run.model.has_rigid_bodies:
         raise StudyError(
-            f"The model of {run.folder} has no rigid bodies, so that a load means nothing to it.",
-            remedy="identify with rigid-body among the terms.",
+            f"The model of {run.folder} has no rigid bodies, so the effect of a load cannot be computed.",
+            remedy="identify again with the term rigid-body.",
         )
     columns = run.model.inertial_columns.reshape(-1, 10)[link]
     return link, run.estimate.base.regrouping[:, columns]

@@ -1,4 +1,4 @@
-"""Payload of an identified arm, and drive gains from a known payload."""
+"""Estimation of the payload of an identified arm, or of drive gains from a known payload."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ from armid.study.records import finding_record
 from armid.values import Array
 
 FAR = 3.0
-"""Distance of the estimate from the nearest real body, in standard deviations, from which it is reported."""
+"""Distance between estimate and nearest real body, in standard deviations, from which it is reported."""
 
 NOTHING = 1e-5
-"""Lower end of the mass interval up to which the data allow no payload [kg]; consistency requires a positive mass."""
+"""Lower end of the mass interval up to which the payload may be zero [kg]; consistency requires a positive mass."""
 
 INERTIA = ("xx", "xy", "yy", "xz", "yz", "zz")
 """Entries of an inertia in parameter order."""
 
 PRINTED = (0, 1, 2, 3, 4, 5, 7, 6, 8, 9)
-"""Usual order of the payload's parameters: XX XY XZ YY YZ ZZ."""
+"""Indices that put the parameters of a payload in the usual order XX XY XZ YY YZ ZZ."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -37,13 +37,13 @@ class Payload:
     """Estimated payload.
 
     Attributes:
-        new_recordings: The recordings and the run.
+        new_recordings: New recordings and the run.
         link: Name of the link that carries the payload.
         frame: Name of the frame of the payload's parameters, the tip.
         load: The payload.
         in_link: The same ten parameters in the frame of the link, shape (10,).
-        known: Flags of the parameters that were given, shape (10,).
-        gains: Corrections of the drive gains, where the payload was known.
+        known: Mask of the parameters that were given, shape (10,).
+        gains: Corrections of the drive gains, if the payload was known.
         findings: Findings of recordings and estimate.
     """
 
@@ -67,10 +67,10 @@ def find_payload(
     gain_deviation: float | None = None,
     same_friction: bool = False,
 ) -> Payload:
-    """Estimates the payload of recordings, or with a known mass the drive gains.
+    """Estimates the payload from recordings, or, if its mass is known, the drive gains.
 
-    The loaded recordings have their own friction and offsets by default. These change with temperature and load, and
-    the change would otherwise be attributed to the payload.
+    By default, friction and offsets are estimated again for the recordings with the payload. They change with
+    temperature and load, and the change would otherwise be attributed to the payload.
 
     Args:
         run: Run of the arm without the payload.
@@ -78,8 +78,8 @@ def find_payload(
         reading: Fields of the log format that differ from that of the run's first recording.
         mass: Known mass [kg]; the drive gains are then unknowns.
         com: Known centre of mass in the tip frame [m].
-        gain_deviation: Relative standard deviation of the drive gains, in the place of the run's.
-        same_friction: Whether the loaded recordings have the friction of the run.
+        gain_deviation: Relative standard deviation of the drive gains, instead of the value of the run.
+        same_friction: True if the recordings with the payload have the friction of the run.
 
     Raises:
         ArmidError: The recordings do not fit the run, or do not determine the payload.
@@ -107,15 +107,19 @@ def _known(run: Run, mass: float | None, com: tuple[float, float, float] | None)
     """Known parameters of the payload (10,), NaN where unknown; `None` if all are unknown."""
     if mass is None:
         if com is not None:
-            raise StudyError("A centre of mass is given without a mass.", remedy="give --mass, too.")
+            raise StudyError(
+                "The centre of mass of the payload is given without its mass.", remedy="give --mass, too."
+            )
         return None
     if not 0.0 < mass < np.inf or not np.isfinite(com or 0.0).all():
-        raise StudyError(f"A known load has a mass above 0 and a finite centre of mass; found {mass:g} kg, {com}.")
+        raise StudyError(
+            f"A known load must have a mass above 0 and a finite centre of mass; found {mass:g} kg, {com}."
+        )
     if run.reading.drive_gain is None:
         raise StudyError(
-            f"The effort in {run.folder} is a torque and not a current: there are no drive gains to find.",
-            possible="the load's own parameters, without --mass",
-            remedy="to find gains, identify currents with drive_gain = […] in the study.",
+            f"Drive gains cannot be estimated, because the effort in {run.folder} is a torque and not a current.",
+            possible="an estimate of the parameters of the load, without --mass",
+            remedy="to estimate drive gains, first identify from currents with drive_gain = […] in the study.",
         )
     known = np.full(10, np.nan)
     known[0] = mass
@@ -127,7 +131,7 @@ def _known(run: Run, mass: float | None, com: tuple[float, float, float] | None)
 def _payload_findings(
     new_recordings: NewRecordings, load: PayloadEstimate, gains: DriveGains | None
 ) -> list[Finding]:
-    """Findings that question the result."""
+    """Findings that show why the result may be wrong."""
     found: list[Finding] = []
     unclear = [f"{LOAD_NAMES[k]} ({load.status[k]})" for k in PRINTED if load.status[k] != "identified"]
     if unclear:
@@ -136,9 +140,9 @@ def _payload_findings(
                 "load-weakly-excited",
                 "warning",
                 "",
-                f"The recording does not determine {', '.join(unclear)}: their values follow from the "
-                "others and from physical consistency.",
-                "turn the load through wide angles, and quickly for its inertia.",
+                f"The recording does not determine {', '.join(unclear)}; their values follow from the other "
+                "parameters and from physical consistency.",
+                "rotate the load through wide angles, and move it fast to determine its inertia.",
             )
         )
     if load.distance > FAR:
@@ -148,18 +152,16 @@ def _payload_findings(
                 "warning",
                 "",
                 f"The nearest real body is {load.distance:.1f} standard deviations from the best fit to the torques.",
-                "look for contact, for a load that was not on the arm all the time, or for other drive gains.",
+                "check for contact, for a load that was not attached all the time, and for other drive gains.",
             )
         )
     if gains is None and load.intervals[0, 0] <= NOTHING:
-        found.append(
-            Finding("load-missing", "warning", "", "The load's mass cannot be told from zero.", "is it on the arm?")
-        )
+        evidence = "The mass of the load does not differ significantly from zero."
+        found.append(Finding("load-missing", "warning", "", evidence, "check that the load was attached to the arm."))
     if gains is not None and not gains.determined.all():
         names = ", ".join(new_recordings.run.robot.joint_names[j] for j in np.flatnonzero(~gains.determined))
-        found.append(
-            Finding("gain-unseen", "warning", names, "Nothing determines the drive gain.", "move the joint.")
-        )
+        evidence = "The recordings do not determine the drive gain of the joint."
+        found.append(Finding("gain-unseen", "warning", names, evidence, "record a motion that moves the joint."))
     exact = new_recordings.run.reading.drive_gain is not None and not new_recordings.new.scale_deviation.any()
     if gains is None and exact:
         found.append(
@@ -167,8 +169,10 @@ def _payload_findings(
                 "gain-deviation-missing",
                 "warning",
                 "",
-                "The effort is a current times drive gains that are taken as exact; a load scales with them.",
-                "give --gain-deviation 0.1 for gains from a data sheet, or the known mass with --mass.",
+                "The torque is a current times drive gains that are assumed to be exact; an error of the "
+                "gains changes the load by the same factor.",
+                "give --gain-deviation 0.1 if the gains are from a data sheet, or give the mass with --mass "
+                "if it is known.",
             )
         )
     few = few_blocks_finding(load.solution.fit)

@@ -52,8 +52,9 @@ def validate_run(
         read_findings.append(found)
         if recording.sha256 in run.trained_on:
             raise StudyError(
-                f"{path} cannot validate {run.folder}: the same data trained it (sha256 {recording.sha256[:12]}…).",
-                remedy="give a recording that the run has not seen.",
+                f"{path} cannot be used to validate {run.folder}, because the run was trained on the same "
+                f"data (sha256 {recording.sha256[:12]}…).",
+                remedy="give a recording that was not used for training.",
             )
         recordings.append((choice, recording))
     scores, found = score_recordings(run.model, run.estimate, process_each(recordings, run.processing, run.robot))
@@ -62,7 +63,7 @@ def validate_run(
 
 
 def _like(run: Run, changes: Mapping[str, Any]) -> LogFormat:
-    """The run's log format for another recording, without the excluded intervals of the run's own."""
+    """Log format of the run for another recording, without the excluded intervals of the run's recording."""
     return replace(run.reading, exclude=(), start=None, **changes)
 
 
@@ -73,10 +74,10 @@ def motion_of(run: Run, path: str, *, rate: float, reading: Mapping[str, Any]) -
         run: The run.
         path: Plan or recording.
         rate: Sample rate of a plan [Hz].
-        reading: Fields of the log format that differ from the run's.
+        reading: Fields of the log format that differ from that of the run.
 
     Raises:
-        ArmidError: It cannot be read, or has other joints than the run's arm.
+        ArmidError: The motion cannot be read, or its joints are not those of the arm.
     """
     planned = motion_of_plan(path, run.robot, rate)
     if planned is not None:
@@ -105,17 +106,17 @@ def predict(run: Run, motion: Motion) -> Array:
 
 
 def band(run: Run, motion: Motion) -> Array:
-    """Half width of the 95 % prediction interval of that torque, in the study's band, (N, n) [N·m or N]."""
+    """Half width of the 95 % prediction interval of the torque in the band of the study, (N, n) [N·m or N]."""
     return torque_band(run.model, run.estimate, motion)
 
 
 def write_torque(
     path: Path | str, motion: Motion, torque: Array, joints: Sequence[str], *, band: Array | None = None
 ) -> Path:
-    """Writes time and torque, and half widths of intervals if given, as CSV or, by the suffix, as NPZ.
+    """Writes time, torque and, if given, half widths of intervals, as CSV or NPZ; the suffix decides.
 
     Raises:
-        ArmidError: The suffix is another one.
+        ArmidError: The suffix is neither `.csv` nor `.npz`.
     """
     path = Path(path)
     if path.suffix == ".npz":
@@ -126,7 +127,10 @@ def write_torque(
             np.savez(buffer, time=motion.time, torque=torque, joints=np.array(joints), band95=band)
         return replace_file(path, buffer.getvalue())
     if path.suffix != ".csv":
-        raise ArmidError(f"{path}: torque is written as .csv or .npz.", remedy="choose one of these suffixes.")
+        raise ArmidError(
+            f"Torque cannot be written to {path}, because its suffix is neither .csv nor .npz.",
+            remedy="choose one of these suffixes.",
+        )
     text = io.StringIO()
     several = [torque] if band is None else [torque, band]
     names = [f"{name}{j + 1}" for name in ("tau", "band95_")[: len(several)] for j in range(len(joints))]

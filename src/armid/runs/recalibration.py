@@ -1,4 +1,4 @@
-"""Recalibration of a run by new recordings, and the changes of its parameters."""
+"""Recalibration of a run with new recordings, and the changes of its parameters."""
 
 from __future__ import annotations
 
@@ -31,17 +31,17 @@ from armid.validation.prediction import Score, validate
 from armid.values import digest, sha256_of_file
 
 Changed = Literal["friction", "tool", "all"]
-"""Parameters that may have changed: friction and offsets, these and the last link, or all."""
+"""Parameters that may have changed: friction and offsets; friction, offsets and the last link; or all."""
 
 RECALIBRATED = ", recalibrated"
-"""Suffix of the method's name, since the method's properties do not hold for the new values."""
+"""Suffix of the name of the method, because the properties of the method do not hold for the new values."""
 
 EARLIER_RUN = "earlier run"
-"""Name of the digest of the earlier estimate among the inputs of a recalibrated one."""
+"""Name of the digest of the earlier estimate in the inputs of a recalibrated estimate."""
 
 SAME_ERROR = 1.5
-"""Ratio of the torque error on the new recordings to that of the earlier training from which more has changed than
-was estimated."""
+"""Torque error on the new recordings, divided by the error of the earlier run in training, from which more than
+the estimated parameters must have changed."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -50,10 +50,11 @@ class Recalibration:
 
     Attributes:
         result: Result in the form of an identification, which can be saved as a run.
-        earlier: The earlier run's folder.
-        changed: Parameters that were estimated anew.
-        changes: Every base parameter before and after.
-        before: Torque errors of the earlier run on the held-out recordings, or else on the new ones.
+        earlier: Folder of the earlier run.
+        changed: Parameters that were estimated again.
+        changes: Values of every base parameter before and after.
+        before: Torque errors of the earlier run on the validation recordings, or, if there are none, on the new
+            recordings.
     """
 
     result: Result
@@ -72,7 +73,7 @@ def recalibrate(
     changed: Changed = "friction",
     held_out: Sequence[str] = (),
 ) -> Recalibration:
-    """Estimates the parameters that may have changed, with the earlier run for the others.
+    """Estimates the parameters that may have changed; the other parameters are taken from the earlier run.
 
     Args:
         run: The earlier run.
@@ -90,7 +91,8 @@ def recalibrate(
     own = np.ones(new_recordings.base.count, dtype=np.bool_) if changed == "all" else new_recordings.changing
     if not own.any() and tool is None:
         raise StudyError(
-            f"The model of {run.folder} has no friction that could have changed.", remedy="use --tool or --all."
+            f"By default only friction is estimated again, but the model of {run.folder} has no friction.",
+            remedy="use --tool if the tool has changed, or --all to estimate all parameters again.",
         )
     found = recalibrate_fit(
         new_recordings.earlier, run.estimate.fit, new_recordings.new, own, tool, new_recordings.samples
@@ -127,7 +129,7 @@ def _result(
     information: Information,
     unseen: Sequence[ProcessedRecording],
 ) -> Result:
-    """The new run: scores of the new and of held-out recordings, and its study."""
+    """New run, with its study and the scores of the new recordings and of the validation recordings."""
     run = new_recordings.run
     training, _ = score_recordings(run.model, estimate, new_recordings.recordings)
     scores, found = score_recordings(run.model, estimate, unseen)
@@ -144,7 +146,7 @@ def _result(
 
 
 def _held_out(new_recordings: NewRecordings, path: str) -> tuple[RecordingChoice, Recording]:
-    """Reads a recording for validation that took part in no estimate."""
+    """Reads a validation recording that was not used for any estimate."""
     choice = replace(new_recordings.recordings[0].choice, path=str(Path(path).absolute()), role="validate")
     recording, _ = read_choice(choice, ".", new_recordings.run.robot)
     if recording.sha256 in {
@@ -152,14 +154,15 @@ def _held_out(new_recordings: NewRecordings, path: str) -> tuple[RecordingChoice
         *(each.recording.sha256 for each in new_recordings.recordings),
     }:
         raise StudyError(
-            f"{path} cannot validate, since the same data are used for training (sha256 {recording.sha256[:12]}…).",
-            remedy="give a recording that neither the run nor the recalibration has seen.",
+            f"{path} cannot be used for validation, because the same data are used for training (sha256 "
+            f"{recording.sha256[:12]}…).",
+            remedy="give a recording that was used neither by the run nor by the recalibration.",
         )
     return choice, recording
 
 
 def _study(run: Run) -> Study:
-    """The earlier run's study: arm, model, processing and estimation."""
+    """Study of the earlier run: arm, model, processing and estimation."""
     path = Path(run.folder) / "study.json"
     try:
         record: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
@@ -178,7 +181,7 @@ def _study(run: Run) -> Study:
 
 
 def _assumption_findings(new_recordings: NewRecordings, result: Result, changed: Changed) -> list[Finding]:
-    """Findings that question the assumption that nothing else has changed."""
+    """Findings about the assumption that only the estimated parameters have changed."""
     found: list[Finding] = []
     new = np.sqrt(np.mean([score.rms**2 for score in result.training[: len(new_recordings.recordings)]], axis=0))
     seen = np.isfinite(new)
@@ -192,9 +195,10 @@ def _assumption_findings(new_recordings: NewRecordings, result: Result, changed:
                 "noisier-recordings",
                 "info",
                 "",
-                f"The torque error on the new recordings is {error:.3g}, the earlier run had {before:.3g}; with "
-                f"every parameter free, {least:.3g} would be left. Noise in the band is larger, as at a lower rate "
-                "or with fewer periods; it does not show that more has changed.",
+                f"The torque error on the new recordings is {error:.3g}, but was {before:.3g} in the earlier "
+                f"run; with all parameters free it would still be {least:.3g}. The noise in the band is "
+                "therefore larger, for instance because of a lower rate or fewer periods. This does not show "
+                "that other parameters have changed.",
             )
         )
     elif larger:
@@ -204,8 +208,8 @@ def _assumption_findings(new_recordings: NewRecordings, result: Result, changed:
                 "more-has-changed",
                 "warning",
                 "",
-                f"The torque error on the new recordings is {error:.3g}, the earlier run had {before:.3g}: more "
-                "seems to have changed than was estimated anew.",
+                f"The torque error on the new recordings is {error:.3g}, but was {before:.3g} in the earlier "
+                "run, so other parameters than the estimated ones seem to have changed.",
                 f"try {further}.",
             )
         )
@@ -215,7 +219,7 @@ def _assumption_findings(new_recordings: NewRecordings, result: Result, changed:
 
 
 def _least_error(new: Information, seen: NDArray[np.bool_]) -> float:
-    """Torque error that is left of new recordings by themselves with every parameter free, over some joints."""
+    """Torque error of some joints that remains if all parameters are estimated from the new recordings alone."""
     whole = total(new)
     values = minimum_norm_solution(*stack(whole))[0]
     rows = np.maximum(whole.rows.sum(axis=0), 1)
@@ -226,7 +230,7 @@ def _least_error(new: Information, seen: NDArray[np.bool_]) -> float:
 def _regression_findings(
     new_recordings: NewRecordings, result: Result, before: Sequence[Score], changed: Changed
 ) -> list[Finding]:
-    """Findings where the earlier run is better on held-out motion."""
+    """Findings if the earlier run is better on held-out motion."""
     scores = result.validation.recordings
     if not scores:
         return []
@@ -243,10 +247,10 @@ def _regression_findings(
             "recalibration-worse",
             "warning",
             "",
-            f"On validation motion the torque error is {error:.3g}, the earlier run's is {earlier:.3g}: the new "
-            "values are no better than the earlier ones.",
-            "record longer or wider motion"
-            + (", let less change," if changed != "friction" else "")
+            f"On validation motion the torque error is {error:.3g} with the new values and {earlier:.3g} with "
+            "the earlier values, so the new values are not better.",
+            "record a longer motion or one with larger amplitudes"
+            + (", estimate fewer parameters again," if changed != "friction" else "")
             + " or keep the earlier run.",
         )
     ]
@@ -258,13 +262,14 @@ def _error(scores: Sequence[Score]) -> float:
 
 
 def _older_validation(error: float, earlier: float, new: float) -> Finding:
-    """Finding for a validation recording that was made before the change."""
+    """Finding about a validation recording that was made before the change."""
     return Finding(
         "recalibration-worse",
         "warning",
         "",
-        f"On validation motion the torque error is {error:.3g}, the earlier run's is {earlier:.3g}, as in its "
-        f"training, and {new:.3g} on the new recordings. The validation recording shows the arm as it was before the "
-        "change, so that its verdict says nothing of the new values.",
-        "validate on a recording of after the change that was not recalibrated on: --validate RECORDING.",
+        f"On validation motion the torque error is {error:.3g} with the new values, but {earlier:.3g} with "
+        "the earlier values, as in training; on the new recordings, the earlier values have an error of "
+        f"{new:.3g}. The validation recording was therefore probably made before the change, and its verdict "
+        "does not apply to the new values.",
+        "validate on another recording that was made after the change: --validate RECORDING.",
     )

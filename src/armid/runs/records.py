@@ -1,6 +1,6 @@
 """Typed values of a run's records: study, validation, friction selection and comparison of methods.
 
-They are made from a result in memory, or read from the run's folder with the same values.
+They are made from a result in memory, or read from the folder of a run; both give the same values.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class RunRecords:
     """Records of a run.
 
     Attributes:
-        study: The study with its automatic choices resolved; its folder is absolute.
+        study: Study, in which automatic choices are replaced by their results; its folder is an absolute path.
         validation: Torque error on the validation recordings.
         friction: Friction selection, if there was one.
         methods: Comparison of methods, if there was one.
@@ -55,7 +55,7 @@ def read_records(run: Run) -> RunRecords:
     """Reads the records of a run.
 
     Raises:
-        ArmidError: One of them is missing or damaged.
+        ArmidError: A record is missing or damaged.
     """
     study, validation = _read(run, "study"), _read(run, "validation")
     friction, methods = (_read(run, name) if _path(run, name).is_file() else None for name in ("friction", "compare"))
@@ -74,7 +74,7 @@ def read_records(run: Run) -> RunRecords:
 
 
 def trained_and_validated(run: Run, study: Study) -> list[tuple[RecordingChoice, str]]:
-    """The recordings of a run's study with their digests (sha256)."""
+    """Recordings in the study of a run, with their digests (sha256)."""
     return list(zip(study.recordings, run.estimate.recording_digests, strict=True))
 
 
@@ -89,7 +89,7 @@ def _read(run: Run, name: str) -> dict[str, Any]:
     except (OSError, ValueError) as error:
         raise ArmidError(f"{path} cannot be read: {error}.", remedy="identify again.") from error
     if not isinstance(record, dict):
-        raise ArmidError(f"{path} does not hold a record of a run.", remedy="identify again.")
+        raise ArmidError(f"{path} does not contain a record of a run.", remedy="identify again.")
     return record
 
 
@@ -129,7 +129,7 @@ def _validation(record: Mapping[str, Any]) -> Validation:
 
 
 def _spread(rms: Array, relative: Array) -> Array:
-    """Standard deviation of the torque; zero where the relative error is infinite, which a record has as null."""
+    """Standard deviation of the torque; zero if the relative error is infinite, which is null in a record."""
     with np.errstate(divide="ignore", invalid="ignore"):
         spread = rms / relative
     return np.where(np.isnan(relative) & np.isfinite(rms), 0.0, spread)

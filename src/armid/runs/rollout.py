@@ -1,4 +1,4 @@
-"""Rollout of a run's model over recordings: simulated motion compared with the recorded one."""
+"""Rollout of the model of a run over recordings: comparison of simulated and recorded motion."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from armid.validation.rollout import Feedback
 from armid.validation.rollout_score import MotionScore, score_motion
 
 MOST_LOST = 0.5
-"""Largest share of windows that may be lost: beyond it there is no median error."""
+"""Largest share of windows that may be lost; with more, there is no median error."""
 
 LOST, INDEFINITE = ROLL_OUT_CODES = ("roll-out-lost", "roll-out-indefinite")
 """Codes of findings on lost windows: a joint ran away, or the mass matrix became indefinite."""
@@ -31,28 +31,30 @@ GAINS = ("proportional", "derivative", "integral")
 
 
 def load_feedback(path: Path | str) -> Feedback:
-    """Reads gains of the controller from a JSON file: `{"controller": {"proportional", "derivative", "integral"}}`.
+    """Reads controller gains from a JSON file: `{"controller": {"proportional", "derivative", "integral"}}`.
 
-    A `truth.json` of the lab has them.
+    A `truth.json` of the lab contains these gains.
 
     Raises:
-        ArmidError: The file is missing, no JSON, or has no gains.
+        ArmidError: The file is missing, is not JSON, or has no gains.
     """
     try:
         content: Any = json.loads(Path(path).read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
-        raise ArmidError(f"{path} holds no gains: {error}.", remedy="give a JSON file.") from error
+        raise ArmidError(f"{path} has no controller gains: {error}.", remedy="give a JSON file.") from error
     table: Any = content.get("controller") if isinstance(content, Mapping) else None
     if not isinstance(table, Mapping) or any(name not in table for name in GAINS[:2]):
         raise ArmidError(
-            f"{path} holds no gains of a controller.",
-            remedy='write {"controller": {"proportional": […], "derivative": […]}}, one number a joint.',
+            f"{path} has no controller gains.",
+            remedy='write {"controller": {"proportional": […], "derivative": […]}}, with one number for each joint.',
         )
     try:
         none = np.zeros(len(table["proportional"]))
         return Feedback(table["proportional"], table["derivative"], table.get("integral") or none)
     except TypeError as error:
-        raise ArmidError(f"{path}: gains must be lists of numbers, one a joint ({error}).") from error
+        raise ArmidError(
+            f"{path}: controller gains must be lists with one number for each joint ({error})."
+        ) from error
 
 
 def roll_out_run(
@@ -71,8 +73,8 @@ def roll_out_run(
         paths: Recordings.
         reading: Fields of the log format that differ from that of the run's first recording.
         seconds: Length of a window [s].
-        tolerance: Position error that counts as lost [rad or m].
-        feedback: Feedback of the recorded controller; without one the recorded torque acts alone.
+        tolerance: Position error from which a window counts as lost [rad or m].
+        feedback: Feedback of the controller that was recorded; if not given, only the recorded torque acts.
 
     Raises:
         RecordingError: A recording cannot be read or does not fit.
@@ -80,7 +82,8 @@ def roll_out_run(
     """
     if feedback is not None and len(feedback.proportional) != run.robot.n:
         raise StudyError(
-            f"The controller has {len(feedback.proportional)} joints; {run.robot.name} has {run.robot.n}.",
+            f"The controller has gains for {len(feedback.proportional)} joints, but {run.robot.name} has "
+            f"{run.robot.n}.",
             remedy="give the gains of this arm.",
         )
     how = replace(run.reading, exclude=(), start=None, **reading)
@@ -110,12 +113,12 @@ def roll_out_run(
 
 
 def judged_by_motion(validation: Validation, scores: Sequence[MotionScore], *, closed: bool) -> Validation:
-    """Adds a check to a validation: that at most half of the rolled-out windows are lost.
+    """Adds a check to a validation: at most half of the windows of the rollout may be lost.
 
     Args:
         validation: Validation of the torque.
         scores: Scores of the rollout.
-        closed: Whether the feedback of the recorded controller acted, or the recorded torque alone.
+        closed: True if the feedback of the recorded controller acted; otherwise only the recorded torque acted.
     """
     lost = sum(score.lost for score in scores) / max(sum(score.windows for score in scores), 1)
     how = "the same controller" if closed else "the recorded torque alone"
@@ -135,8 +138,10 @@ def _lost(score: MotionScore) -> list[Finding]:
                 LOST,
                 "warning",
                 "",
-                f"{score.losses.ran_away} {windows_text} diverged: a joint became faster than any arm.",
-                "choose shorter windows, or give the controller's gains: with torque alone every model diverges.",
+                f"{score.losses.ran_away} {windows_text} diverged: the simulated speed of a joint became "
+                "impossibly large.",
+                "choose shorter windows, or give the gains of the controller, because with torque alone "
+                "every model diverges.",
             )
         )
     if score.losses.indefinite:
@@ -145,7 +150,8 @@ def _lost(score: MotionScore) -> list[Finding]:
                 INDEFINITE,
                 "warning",
                 "",
-                f"{score.losses.indefinite} {windows_text} met a mass matrix that is not positive definite.",
+                f"{score.losses.indefinite} {windows_text} reached poses in which the mass matrix is not "
+                "positive definite.",
                 Remedy("estimate with physically consistent links: ", setting("method", "physical"), "."),
             )
         )

@@ -2,7 +2,7 @@
 
     study.json  robot.npz  model.json  information.npz  estimate.npz  estimate.json  validation.json
 
-The folder is written under a temporary name and renamed when it is complete, so no run is incomplete.
+The folder is written under a temporary name and renamed when it is complete, so a run is never incomplete.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ class Run(Displayed):
         processing: Processing options.
         reading: Log format of the first training recording.
         trained_on: Digests of the training recordings (sha256).
-        verdict: Verdict of its validation: `pass`, `fail` or `not judged`.
+        verdict: Verdict of the validation: `pass`, `fail` or `not judged`.
         made: Time, place and version.
     """
 
@@ -79,11 +79,16 @@ class Run(Displayed):
             ("parameters", str(len(fit.names))),
             ("verdict on held-out motion", self.verdict),
         )
-        return Summary(f"run {self.folder}", ("", ""), rows, "values: run.estimate; bodies of the links: run.links")
+        return Summary(
+            f"run {self.folder}",
+            ("", ""),
+            rows,
+            "the parameters are in run.estimate, the bodies of the links in run.links",
+        )
 
     @property
     def links(self) -> LinkTable:
-        """Mass, centre of mass and inertia about it of each link, as described and as estimated."""
+        """Mass, centre of mass and inertia about it of each link, from the description and from the estimate."""
         return link_table(self.model, self.estimate)
 
 
@@ -94,16 +99,16 @@ def save_run(
     further_records: Mapping[str, Any] | None = None,
     made: RunOrigin | None = None,
 ) -> Path:
-    """Writes a run's folder. An existing run is replaced; anything else is refused.
+    """Writes the folder of a run. An existing run is replaced; any other folder is refused.
 
     Args:
         result: Result of an identification.
         folder: Output folder.
         further_records: Further records to write as JSON, by the name of their file.
-        made: Time, place and version; now and here where not given.
+        made: Time, place and version; if not given, now and this machine.
 
     Raises:
-        OutputError: The folder cannot be written, or holds something that is no run.
+        OutputError: The folder cannot be written, or its contents are not a run.
     """
     with whole_folder(folder, MARKER, "run") as draft:
         _write(result, draft, made or origin_now())
@@ -116,19 +121,19 @@ def refuse_folder(folder: Path | str) -> None:
     """Refuses a folder that a run cannot or must not replace, before any work is done.
 
     Raises:
-        OutputError: It holds something that is no run, is the working folder, or is not writable.
+        OutputError: The folder has contents that are not a run, is the current working folder, or is not writable.
     """
     refuse(folder, MARKER, "run")
 
 
 def saved_run(result: Result, folder: Path | str, *, further_records: Mapping[str, Any] | None = None) -> Run:
-    """Writes a run's folder as `save_run` does, and gives the run without reading it."""
+    """Writes the folder of a run as `save_run` does, and returns the run without reading it."""
     made = origin_now()
     return run_of(result, save_run(result, folder, further_records=further_records, made=made), made)
 
 
 def run_of(result: Result, folder: Path | str, made: RunOrigin) -> Run:
-    """The run that `save_run` writes, without reading it."""
+    """Run as `save_run` writes it, made without reading the folder."""
     return Run(
         str(folder),
         result.robot,
@@ -143,7 +148,7 @@ def run_of(result: Result, folder: Path | str, made: RunOrigin) -> Run:
 
 
 def _format_given(result: Result) -> LogFormat:
-    """Log format of the first training recording, without guessed columns: other recordings may have others."""
+    """Log format of the first training recording, without guessed columns, which may differ in other recordings."""
     return result.given_format or next(r.reading for r in result.study.recordings if r.role == "train")
 
 
@@ -156,11 +161,11 @@ def load_run(folder: Path | str) -> Run:
     """Reads a run.
 
     Raises:
-        ArmidError: The folder is no run, is damaged, or has a format that this version does not know.
+        ArmidError: The folder is not a run, is damaged, or has a format that this version does not know.
     """
     folder = Path(folder)
     if not (folder / MARKER).is_file():
-        raise ArmidError(f"{folder} is no run of armid.", remedy="give the folder that armid identify made.")
+        raise ArmidError(f"{folder} is not a run of armid.", remedy="give the folder that armid identify made.")
     kept = _kept(folder)
     try:
         robot, estimate = load(Robot, folder / "robot.npz"), load(Estimate, folder / "estimate.npz")
@@ -187,7 +192,7 @@ def load_run(folder: Path | str) -> Run:
 
 
 def _kept(folder: Path) -> dict[str, Any]:
-    """The record in `model.json`, of a format that this version reads."""
+    """Record in `model.json`, after a check that this version can read its format."""
     try:
         kept: dict[str, Any] = json.loads((folder / "model.json").read_text(encoding="utf-8"))
         found = dict(kept).get("format", FORMAT)
@@ -202,7 +207,7 @@ def _kept(folder: Path) -> dict[str, Any]:
 
 
 def _damaged(folder: Path, error: Exception) -> ArmidError:
-    """The error for a run whose records cannot be read."""
+    """Error for a run whose records cannot be read."""
     return ArmidError(
         f"{folder} is damaged or of another version: its model.json or validation.json cannot be read "
         f"({type(error).__name__}: {error}).",
@@ -216,7 +221,7 @@ def _verdict(folder: Path) -> str:
 
 
 def _model(robot: Robot, record: Mapping[str, Any]) -> DynamicsModel:
-    """The model as it was used, with the link parameters of its load torque, if it has one."""
+    """Model as it was used, with the link parameters of its load torque, if it has one."""
     model = build_model(robot, ModelChoice(tuple(record["terms"]), record["shapes"]))
     return dataclasses.replace(model, load_parameters=record.get("load_parameters"))
 

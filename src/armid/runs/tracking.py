@@ -1,4 +1,4 @@
-"""Tracking of a run's parameters through further recordings, with forgetting."""
+"""Tracking of the parameters of a run through further recordings, with forgetting."""
 
 from __future__ import annotations
 
@@ -31,19 +31,19 @@ from armid.threads import one_blas_thread
 from armid.values import Array, load
 
 THRESHOLD = 3.0
-"""Normalised innovation from which a change is reported: with ten independent rows chance exceeds it once in 1e14
-blocks, and other motion of the same arm gives hardly two."""
+"""Normalised innovation from which a change is reported. With ten independent rows, noise exceeds it once in 1e14
+blocks; other motion of the same arm gives hardly two."""
 
 LOOSE = np.array([100.0, 50.0, 50.0, 50.0, 25.0, 25.0, 25.0, 25.0, 25.0, 25.0])
-"""Prior standard deviations of an unknown payload [kg, kg·m, kg·m²]: ten times what such arms carry."""
+"""Prior standard deviations of an unknown payload [kg, kg·m, kg·m²]: ten times a usual payload."""
 
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """Sudden change.
+    """Sudden change of the parameters.
 
     Attributes:
-        time: End of the block that showed it [s].
+        time: End of the block in which it was detected [s].
         joint: The joint with the largest normalised innovation.
         normalized_innovation: Normalised innovation of that joint in the block.
     """
@@ -55,19 +55,19 @@ class Event:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class TrackedRun:
-    """Parameters over time, one row a block.
+    """Parameters over time, with one row for each of K blocks.
 
     Attributes:
-        names: Names of the m parameters: the base parameters and, with `tool`, those of the payload.
-        units: Their units.
-        time: End of each block on the recordings' clock, which goes on from one to the next, shape (K,) [s].
-        values: Shape (K, m).
+        names: Names of the m parameters: the base parameters and, with `tool`, the parameters of the payload.
+        units: Units of the parameters.
+        time: End of each block, shape (K,) [s]; the clock continues from one recording to the next.
+        values: Estimated values, shape (K, m).
         deviation: Standard deviations, shape (K, m).
-        error: RMS torque error of each block by the estimate before it, shape (K, n) [N·m or N]; zero where the joint
-            rests.
-        before: The same by the run, shape (K, n).
+        error: RMS torque error in each block with the estimate before the block, shape (K, n) [N·m or N]; zero if the
+            joint rests.
+        before: RMS torque error in each block with the values of the run, shape (K, n) [N·m or N].
         normalized_innovation: Normalised innovation, shape (K, n).
-        events: Blocks in which it exceeded `THRESHOLD`.
+        events: Blocks in which the normalised innovation exceeded `THRESHOLD`.
         findings: Findings of run, reading and processing.
     """
 
@@ -94,22 +94,22 @@ def track(
     changed: Changed = "friction",
     progress: Progress | None = None,
 ) -> TrackedRun:
-    """Tracks parameters that may change through recordings that come after a run.
+    """Tracks the parameters that may change, through recordings that were made after a run.
 
     Args:
-        run: The run; the estimate begins with its values and intervals.
+        run: The run; its values and intervals are the initial estimate.
         paths: Recordings, in the order of time.
         reading: Fields of the log format that differ from that of the run's first recording.
-        memory: Time constant of forgetting [s]; infinite for none.
+        memory: Time constant of forgetting [s]; if infinite, nothing is forgotten.
         block: Time from one estimate to the next [s].
-        changed: Parameters that may change: friction and offsets, these and a payload at the tip, or all.
+        changed: Parameters that may change: friction and offsets; friction, offsets and a payload at the tip; or all.
         progress: Called with each stage.
 
     Raises:
-        ArmidError: Recordings that do not fit the run, or times that are none.
+        ArmidError: The recordings do not fit the run, or a time is not positive.
     """
     if not (memory > 0.0 and 0.0 < block < np.inf):
-        raise StudyError(f"memory and block are times above 0 s; found {memory:g} and {block:g} s.")
+        raise StudyError(f"The times `memory` and `block` must be above 0 s; found {memory:g} s and {block:g} s.")
     tell = progress or no_progress
     tell("recordings", 0.0)
     recordings, findings = read_new_recordings(run, paths, reading)
@@ -130,7 +130,8 @@ def track(
         jump = np.append(jump, LOOSE)
     elif not changing.any():
         raise StudyError(
-            f"The model of {run.folder} has no friction that could change.", remedy="use --tool or --all."
+            f"By default only friction is tracked, but the model of {run.folder} has no friction.",
+            remedy="use --tool to track a payload, or --all to track all parameters.",
         )
     factors = load(Information, Path(run.folder) / "information.npz")
     state = resume(
@@ -189,7 +190,7 @@ def _update_all(
 
 
 def _cut(run: ObservedRun, seconds: float) -> ObservedRun:
-    """The run divided into blocks of some seconds."""
+    """Run that is divided into blocks of a given length."""
     time = run.motion.time[run.rows]
     block = np.floor((time - time[0]) / seconds + 1e-9).astype(np.int64)
     return replace(run, block=np.unique(block, return_inverse=True)[1])
@@ -236,7 +237,7 @@ def track_record(found: TrackedRun) -> dict[str, Any]:
 
 
 def track_table(found: TrackedRun) -> str:
-    """Tracked parameters as CSV: time, each parameter with its deviation, normalised innovation of each joint."""
+    """Tracked parameters as CSV: time, parameters with deviations, and normalised innovation of each joint."""
     names = ["t"]
     for name in found.names:
         names += [name, f"{name}_deviation"]

@@ -1,1 +1,1 @@
-"""Studies, and the runs that they become."""
+"""Studies and their identification."""

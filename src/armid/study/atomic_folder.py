@@ -14,15 +14,15 @@ from armid.errors import OutputError
 
 @contextmanager
 def whole_folder(folder: Path | str, marker: str, kind: str) -> Generator[Path]:
-    """Context with a draft folder that replaces the target when the block ends without error.
+    """Context manager with a draft folder, which replaces the target folder if the block ends without error.
 
     Args:
-        folder: Target. An existing one of the same kind is replaced; anything else is refused.
+        folder: Target folder. An existing folder of the same kind is replaced; any other folder is refused.
         marker: File that identifies a folder of this kind.
         kind: Word for this kind in messages.
 
     Raises:
-        OutputError: The folder cannot be written, or holds something else.
+        OutputError: The folder cannot be written, or has other contents.
     """
     folder = Path(folder)
     refuse(folder, marker, kind)
@@ -39,7 +39,7 @@ def whole_folder(folder: Path | str, marker: str, kind: str) -> Generator[Path]:
     except OSError as error:
         raise OutputError(
             f"{folder} could not be written: {error.strerror or error}.",
-            remedy="choose another folder with --out, one that is writable and has room.",
+            remedy="choose another folder with --out that is writable and has enough free space.",
         ) from error
     finally:
         if draft is not None:
@@ -55,7 +55,7 @@ def refuse(folder: Path | str, marker: str, kind: str) -> None:
         kind: Word for this kind in messages.
 
     Raises:
-        OutputError: It holds something else, is the working folder, or is not writable.
+        OutputError: The folder has other contents, is the current working folder, or is not writable.
     """
     folder = Path(folder)
     try:
@@ -63,12 +63,18 @@ def refuse(folder: Path | str, marker: str, kind: str) -> None:
         taken = taken and (not folder.is_dir() or any(folder.iterdir()))
     except OSError as error:
         raise OutputError(
-            f"{folder} cannot be used: {error.strerror}.", remedy="choose another with --out."
+            f"{folder} cannot be used: {error.strerror}.", remedy="choose another folder with --out."
         ) from error
     if taken:
-        raise OutputError(f"{folder} exists and is no {kind} of armid.", remedy="choose another folder with --out.")
+        raise OutputError(
+            f"The result cannot be written to {folder}, because the folder exists and is not a {kind} of armid.",
+            remedy="choose another folder with --out.",
+        )
     if folder.resolve() == Path.cwd():
-        raise OutputError(f"{folder} is the working folder.", remedy="name a folder inside it with --out.")
+        raise OutputError(
+            f"The result cannot be written to {folder}, because this is the current working folder.",
+            remedy="choose another folder with --out, for instance a new folder inside this one.",
+        )
     nearest = next(parent for parent in folder.resolve().parents if parent.exists())
     try:
         with tempfile.TemporaryDirectory(prefix=".armid-", dir=nearest):
@@ -76,7 +82,7 @@ def refuse(folder: Path | str, marker: str, kind: str) -> None:
     except OSError as error:
         why = "is not writable" if nearest.is_dir() else "is a file"
         raise OutputError(
-            f"{folder} cannot be written: {nearest} {why}.", remedy="choose another with --out."
+            f"{folder} cannot be written: {nearest} {why}.", remedy="choose another folder with --out."
         ) from error
 
 

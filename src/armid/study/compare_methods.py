@@ -1,9 +1,9 @@
 """Comparison of all estimation methods on one data set: training error, held-out error, physical consistency.
 
-Recordings are read and processed once, and their information is shared. The held-out error is that on the validation
-recordings. Without any, quick methods are cross-validated on blocks of the training data, with the prior's weight
-that they found on all of it. If friction was selected on the training data, no motion is held out and there is no
-such error.
+Recordings are read and processed once, and all methods use the same information. The held-out error is the error on
+the validation recordings. If there are none, quick methods are cross-validated on blocks of the training data, with
+the weight of the prior that was determined on all of these data. If friction was selected on the training data, no
+motion is held out, and there is no held-out error.
 """
 
 from __future__ import annotations
@@ -32,11 +32,14 @@ from armid.study.progress import Progress
 from armid.validation.consistency_certificate import certify_values
 from armid.values import Array
 
-VALIDATE = "keep a recording for validation."
+VALIDATE = "use one recording for validation only."
 
 NOTES = {
     "validation": "on the validation recordings",
-    "cross-validation": "on stretches of the training data left out in turn, a prior's weight as found on all of it",
+    "cross-validation": (
+        "on stretches of the training data that are left out in turn, with the weight of the prior that was "
+        "determined on all data"
+    ),
     "none": "not known, since friction and the prior's weight were chosen on all training data: " + VALIDATE[:-1],
 }
 """Description of the held-out motion, by kind."""
@@ -47,17 +50,17 @@ UnseenError = Callable[[Estimator, Fit], Array]
 
 @dataclass(frozen=True, eq=False, slots=True)
 class MethodScore:
-    """Scores of one method; only the reason where it fails.
+    """Scores of one method; if it fails, only the reason.
 
     Attributes:
         method: Name of the method.
         training: RMS residual of each joint in the band, shape (n,) [N·m or N].
-        unseen: RMS error on held-out motion, shape (n,); NaN where there is none.
-        consistent: Whether the base parameters are physically consistent; `None` where that is not known.
-        distance: Their distance to the nearest consistent ones; NaN where it is not known.
-        relative_distance: This distance over the norm of the parameters.
-        eigenvalue: Smallest eigenvalue of the links' pseudo-inertias, where the method estimates links.
-        dropped: Number of parameters that the method holds at zero.
+        unseen: RMS error on held-out motion, shape (n,) [N·m or N]; NaN if no motion is held out.
+        consistent: True if the base parameters are physically consistent; `None` if this is not known.
+        distance: Distance between the base parameters and the nearest consistent parameters; NaN if it is not known.
+        relative_distance: Distance divided by the norm of the base parameters.
+        eigenvalue: Smallest eigenvalue of the pseudo-inertias of the links, if the method estimates links.
+        dropped: Number of parameters that the method sets to zero.
         seconds: Time for the estimate [s].
         failure: Reason why the estimate or its cross-validation failed; empty without failure.
     """
@@ -80,9 +83,9 @@ class MethodTable:
 
     Attributes:
         joints: Names of the joints.
-        unseen: Held-out motion: `validation` recordings, `cross-validation` on the training ones, or `none`.
+        unseen: Held-out motion: `validation` recordings, `cross-validation` on the training recordings, or `none`.
         scores: Scores of each method.
-        seconds: Time for the comparison, without the run's own estimate [s].
+        seconds: Time for the comparison, without the estimate of the run itself [s].
     """
 
     joints: tuple[str, ...]
@@ -103,11 +106,11 @@ def compare_methods(
 
     Args:
         prepared: Data and model of the study, which all methods share.
-        methods: Names of the methods; all where none are given.
+        methods: Names of the methods; all methods if none are given.
         progress: Called before each method.
 
     Raises:
-        ArmidError: No row of the validation recordings counts.
+        ArmidError: No row of the validation recordings can be used.
     """
     began = time.perf_counter()
     problem = stated_problem(prepared)
@@ -131,7 +134,7 @@ def compare_methods(
 
 
 def compare_record(table: MethodTable) -> dict[str, Any]:
-    """The contents of `compare.json`; totals are over joints, the root of the sum of squares."""
+    """The contents of `compare.json`; a total is the root of the sum of squares over the joints."""
     return {
         "joints": table.joints,
         "unseen": table.unseen,
@@ -157,7 +160,7 @@ def compare_record(table: MethodTable) -> dict[str, Any]:
 
 
 def _score(prepared: Prepared, problem: EstimationProblem, name: str, unseen: UnseenError) -> MethodScore:
-    """Scores of one method; a failure is recorded, too."""
+    """Scores of one method; if it fails, the failure is recorded."""
     model, base = prepared.model, prepared.base
     nothing = np.full(model.n, np.nan)
     began = time.perf_counter()
@@ -181,7 +184,7 @@ def _score(prepared: Prepared, problem: EstimationProblem, name: str, unseen: Un
 
 
 def _quick(method: Estimator) -> Estimator:
-    """The method with a single start where it uses several, since its estimate is only compared."""
+    """Method with a single start instead of several, because its estimate is only used for a comparison."""
     return method.with_one_start() if isinstance(method, MultiStartEstimator) else method
 
 
@@ -191,7 +194,7 @@ def _reason(error: Exception) -> str:
 
 
 def _on_recordings(prepared: Prepared, unseen: Information) -> UnseenError:
-    """Function for the error on validation recordings."""
+    """Function that computes the error on the validation recordings."""
 
     def error(method: Estimator, fit: Fit) -> Array:
         del method
@@ -201,22 +204,27 @@ def _on_recordings(prepared: Prepared, unseen: Information) -> UnseenError:
 
 
 def _no_error(method: Estimator, fit: Fit) -> Array:
-    """NaN errors, where no motion is held out."""
+    """Errors that are NaN, because no motion is held out."""
     del method
     return np.full(len(fit.rows), np.nan)
 
 
 def _on_folds(problem: EstimationProblem) -> UnseenError:
-    """Function for the cross-validation error on folds of the training data."""
+    """Function that computes the cross-validation error on folds of the training data."""
     information = problem.information
 
     def error(method: Estimator, fit: Fit) -> Array:
         if not method.quick:
-            raise EstimationError("Not repeated with parts left out, since that takes too long.", remedy=VALIDATE)
+            raise EstimationError(
+                "Cross-validation was left out, because the method would take too long.", remedy=VALIDATE
+            )
         fold = folds(information)
         numbers = np.unique(fold)
         if len(numbers) < 2:
-            raise EstimationError("The recording is too short to leave a part of it out.", remedy=VALIDATE)
+            raise EstimationError(
+                "Cross-validation is not possible, because the recording is too short to leave a part of it out.",
+                remedy=VALIDATE,
+            )
         fixed_method = method.with_prior_of(problem, fit) if isinstance(method, EstimatorWithPrior) else method
         squares = np.zeros(information.n)
         for k in numbers:
@@ -229,7 +237,7 @@ def _on_folds(problem: EstimationProblem) -> UnseenError:
 
 
 def _without(problem: EstimationProblem, left_out: NDArray[np.bool_]) -> EstimationProblem:
-    """The problem without some blocks, in factors and samples."""
+    """Estimation problem without some blocks, in its factors and in its samples."""
     information = problem.information
     observations = problem.observations
     if observations is not None:

@@ -1,8 +1,8 @@
-"""Study: robot, model, recordings, processing and estimation, each named once.
+"""Study: robot, model, recordings, processing and estimation.
 
 A `study.toml` has the tables `[robot]`, `[model]`, `[[recording]]`, `[processing]` and `[estimation]`. Its keys are
-the fields of the dataclasses here, of `LogFormat` and of `ProcessingOptions`; an unknown key is an error that lists
-the known ones. Paths are relative to the study.
+the fields of the dataclasses in this module, of `LogFormat` and of `ProcessingOptions`. An unknown key is an error
+that lists the known keys. Paths are relative to the folder of the study.
 """
 
 from __future__ import annotations
@@ -28,25 +28,25 @@ from armid.study.input_summary import study_summary
 T = TypeVar("T")
 
 Shapes = Mapping[str, Any] | Sequence[Mapping[str, Any]]
-"""Options of a term, or of several of one name."""
+"""Options of one term, or of several terms with the same name."""
 
 PLAIN_METHOD = "wls"
 AUTOMATIC_METHOD = "ridge"
-"""Default methods; friction that was selected under a prior is estimated with one."""
+"""Default estimation methods. Friction that was selected under a prior is estimated by a method with a prior."""
 
 
 @dataclass(frozen=True, slots=True)
 class RobotChoice:
-    """The arm of a study.
+    """Options of the arm of a study.
 
     Attributes:
         description: Name of a built-in arm or path to a URDF, xacro, MJCF or DH table.
-        gravity: Acceleration of gravity in the base frame [m/s²]; the description's where not given.
-        lock: Joints held still: names or patterns, `"name=position"`, or a table of positions; at 0, or next to it
-            within the limits, where no position is given.
-        tip: Frame that stands for the tool flange; the joints between the base and it move, others are held still,
-            unless `only` says which.
-        only: Names or patterns of the joints that move; all others are held still.
+        gravity: Acceleration of gravity in the base frame [m/s²]; if not given, that of the description.
+        lock: Joints that are locked: names or patterns, `"name=position"`, or a table of positions. If no position is
+            given, a joint is locked at the position within its limits that is closest to 0.
+        tip: Frame that is the tool flange. If `only` is not given, the joints between the base and this frame move,
+            and all other joints are locked.
+        only: Names or patterns of the joints that move; all other joints are locked.
     """
 
     description: str
@@ -68,14 +68,14 @@ class RobotChoice:
 
 @dataclass(frozen=True, slots=True)
 class ModelChoice:
-    """The torque terms of a study.
+    """Torque terms of a study.
 
     Attributes:
-        terms: Their names; chosen by the kind of effort where none are given. A name may stand here several times;
-            `default` stands for the default terms with their shapes.
-        shapes: Options of terms, by the term's name: one table, or a list of tables where a term has other shapes on
-            other joints.
-        automatic: Whether friction is selected and added joint by joint; `terms = "auto"` in a study.
+        terms: Names of the terms; if none are given, they follow from the kind of effort. A name may occur several
+            times; `default` stands for the default terms with their shapes.
+        shapes: Options of terms, by the name of the term: one table, or a list of tables if a term has different
+            shapes on different joints.
+        automatic: True if friction is selected joint by joint and added (`terms = "auto"` in a study).
     """
 
     terms: tuple[str, ...] = ()
@@ -89,14 +89,14 @@ class ModelChoice:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class RecordingChoice:
-    """One recording of a study.
+    """Options of one recording of a study.
 
     Attributes:
         path: The file.
         role: `train` or `validate`.
         reading: Log format.
-        part: Begin and end of the used part, as shares from 0 to 1. One file may train with one part and validate
-            with another.
+        part: Begin and end of the part that is used, as shares of the length from 0 to 1. One part of a file may be
+            used for training and another part for validation.
     """
 
     path: str
@@ -111,22 +111,22 @@ class RecordingChoice:
         _require(_are_numbers(self.part, 2), "part", "two numbers", self.part)
         low, high = self.part
         if not 0.0 <= low < high <= 1.0:
-            raise StudyError(f"{self.path}: part goes from a smaller to a larger share of 0 to 1; found {self.part}.")
+            raise StudyError(f"{self.path}: `part` must be two increasing shares from 0 to 1; found {self.part}.")
 
 
 PER_RECORDING = ("friction_per_recording", "offset_per_recording")
-"""Keys that give each recording parameters of its own."""
+"""Keys of options with which each recording has parameters of its own."""
 
 
 @dataclass(frozen=True, slots=True)
 class EstimationChoice:
-    """Estimation of a study.
+    """Options of the estimation of a study.
 
     Attributes:
         method: Name of the estimator.
-        friction_per_recording: Every recording has its own friction and offsets; the links are shared.
-        options: Options of estimators, by the estimator's name and the option's.
-        offset_per_recording: Every recording has its own offsets; links and friction are shared.
+        friction_per_recording: True if every recording has its own friction and offsets; the links are common.
+        options: Options of estimators, by the name of the estimator and the name of the option.
+        offset_per_recording: True if every recording has its own offsets; links and friction are common.
     """
 
     method: str = PLAIN_METHOD
@@ -152,10 +152,10 @@ class Study(Displayed):
     Attributes:
         robot: The arm.
         model: Its torque terms.
-        recordings: Recordings, at least one of which trains.
+        recordings: Recordings; at least one of them has the role `train`.
         processing: Processing options.
         estimation: Estimation options.
-        folder: Folder that paths are relative to.
+        folder: Folder to which paths are relative.
     """
 
     robot: RobotChoice
@@ -168,11 +168,11 @@ class Study(Displayed):
     def __post_init__(self) -> None:
         object.__setattr__(self, "recordings", tuple(self.recordings))
         if not any(recording.role == "train" for recording in self.recordings):
-            raise StudyError("The study has no recording to train on.", remedy='give one role = "train".')
+            raise StudyError('The study has no recording with the role "train".', remedy='give one role = "train".')
 
     @property
     def is_motor_side(self) -> bool:
-        """True if the effort of every recording is that of the motors."""
+        """True if the effort of every recording is the effort of the motors."""
         readings = [choice.reading for choice in self.recordings]
         return all(each.transmission is not None or each.drive_gain is not None for each in readings)
 
@@ -185,7 +185,7 @@ def load_study(path: Path | str) -> Study:
     """Reads a `study.toml`.
 
     Raises:
-        StudyError: It is missing, no TOML, has an unknown key or contradicts itself.
+        StudyError: The file is missing, is not valid TOML, has an unknown key or contradicts itself.
     """
     path = Path(path)
     try:
@@ -195,7 +195,7 @@ def load_study(path: Path | str) -> Study:
             f"The study {path} cannot be read: {error}.", remedy="give the path of a study.toml."
         ) from error
     except tomllib.TOMLDecodeError as error:
-        raise StudyError(f"{path} is no valid TOML: {error}.", remedy="correct the line.") from error
+        raise StudyError(f"{path} is not valid TOML: {error}.", remedy="correct this line.") from error
     return parse_study(table, str(path.parent))
 
 
@@ -203,16 +203,16 @@ def parse_study(table: Mapping[str, Any], folder: str = ".") -> Study:
     """Makes a study from the tables of a `study.toml`.
 
     Raises:
-        StudyError: An unknown key, a missing one, or a contradiction.
+        StudyError: A key is unknown or missing, or keys contradict each other.
     """
     _known(table, ("robot", "model", "recording", "processing", "estimation"), "The study")
     if "robot" not in table:
-        raise StudyError("The study has no table [robot].", remedy='write [robot] with description = "…".')
+        raise StudyError("The study has no table [robot].", remedy='add [robot] with description = "…".')
     recordings = table.get("recording", [])
     if not isinstance(recordings, list) or not all(isinstance(each, Mapping) for each in recordings):
         raise StudyError(
-            f"Recordings are no list of tables; found {recordings!r:.80}.",
-            remedy="write [[recording]], in two brackets, before each.",
+            f"The key `recording` of the study must be a list of tables; found {recordings!r:.80}.",
+            remedy="write [[recording]], with double brackets, above the keys of each recording.",
         )
     model = _model_choice(table.get("model", {}))
     return Study(
@@ -226,13 +226,13 @@ def parse_study(table: Mapping[str, Any], folder: str = ".") -> Study:
 
 
 def load_choice(choice: RobotChoice, folder: Path | str = ".") -> Robot:
-    """Loads the arm that a study or a command line names; a path is relative to `folder`."""
+    """Loads the arm that a study or a command line gives; paths are relative to `folder`."""
     name = choice.description if choice.description in builtin_arms() else Path(folder) / choice.description
     return load_robot(name, gravity=choice.gravity, lock=choice.lock, only=choice.only, tip=choice.tip)
 
 
 def parse_robot(table: Any) -> RobotChoice:
-    """Makes the arm's options from a `[robot]` table; `locked` is the former name of `lock`."""
+    """Makes the options of the arm from a `[robot]` table; `locked` is the former name of `lock`."""
     if isinstance(table, Mapping) and "locked" in table and "lock" not in table:
         table = {"lock" if key == "locked" else key: value for key, value in table.items()}
     return _make(RobotChoice, table, "[robot]")
@@ -244,23 +244,23 @@ def default_estimation(model: ModelChoice) -> EstimationChoice:
 
 
 def build_estimator(choice: EstimationChoice) -> Estimator:
-    """Makes the estimator that a study chooses, with its options."""
+    """Makes the estimator that a study selects, with its options."""
     return _make(ESTIMATORS[choice.method], choice.options.get(choice.method, {}), f"[estimation.{choice.method}]")
 
 
 DEFAULT = "default"
-"""Name that stands for the default terms with their shapes in a list of terms."""
+"""Name in a list of terms that stands for the default terms with their shapes."""
 
 
 def build_model(robot: Robot, choice: ModelChoice, *, motor_side: bool = False) -> DynamicsModel:
-    """Makes the model that a study chooses.
+    """Makes the model that a study defines.
 
     Args:
         robot: The arm.
         choice: Terms and shapes.
-        motor_side: Whether the recorded effort is that of the motors, which adds rotor inertia by default. Where
-            friction is selected, rotor inertia is always added: joint torques in logs are often converted motor
-            torques, and under a prior a superfluous rotor inertia does no harm.
+        motor_side: True if the recorded effort is the effort of the motors; rotor inertia is then added by default.
+            If friction is selected, rotor inertia is always added, because joint torques in logs are often converted
+            motor torques, and under a prior an unnecessary rotor inertia does not change the result much.
     """
     usual = {term.name: dataclasses.asdict(term) for term in DEFAULT_TERMS}  # pyright: ignore[reportArgumentType]
     plain = {} if choice.terms and DEFAULT not in choice.terms else usual
@@ -270,7 +270,8 @@ def build_model(robot: Robot, choice: ModelChoice, *, motor_side: bool = False) 
     for name in choice.shapes:
         if name not in names:
             raise StudyError(
-                f"[model] gives options of {name!r}, which is not among its terms.", possible=", ".join(names)
+                f"The table [model] gives options of {name!r}, but this is not one of its terms.",
+                possible=", ".join(names),
             )
     tables = {name: _tables(choice.shapes.get(name, {})) for name in names}
     terms: list[Term] = []
@@ -290,12 +291,12 @@ def build_model(robot: Robot, choice: ModelChoice, *, motor_side: bool = False) 
 
 
 def _tables(shapes: Shapes) -> list[dict[str, Any]]:
-    """Options of each term of one name."""
+    """Options of each term that has a given name."""
     return [dict(each) for each in ([shapes] if isinstance(shapes, Mapping) else shapes)]
 
 
 def resolve_model(model: DynamicsModel) -> ModelChoice:
-    """Options with all defaults of a model's terms resolved, from which `build_model` makes the same model."""
+    """Options of a model with all defaults of its terms, from which `build_model` makes the same model."""
     shapes: dict[str, list[dict[str, Any]]] = {}
     for term in model.terms:
         options = dataclasses.asdict(term)  # pyright: ignore[reportArgumentType]
@@ -305,7 +306,7 @@ def resolve_model(model: DynamicsModel) -> ModelChoice:
 
 
 def _model_choice(table: Mapping[str, Any]) -> ModelChoice:
-    """Terms and their options; each term's options stand under its name."""
+    """Terms and their options; the options of each term are under its name."""
     _known(table, ("terms", *TERMS), "[model]")
     terms = table.get("terms", ())
     automatic = terms == "auto"
@@ -319,7 +320,7 @@ def _model_choice(table: Mapping[str, Any]) -> ModelChoice:
 
 
 def _estimation_choice(table: Mapping[str, Any], method: str) -> EstimationChoice:
-    """Method, by default the one given, and options; each estimator's options stand under its name."""
+    """Method (the given one by default) and options; the options of each estimator are under its name."""
     possible = ("method", *PER_RECORDING, *ESTIMATORS)
     if unknown := sorted(table.keys() - set(possible)):  # only then are all estimators imported
         owner = {option: name for name, kind in ESTIMATORS.items() for option in getattr(kind, "__slots__", ())}
@@ -339,11 +340,11 @@ def _estimation_choice(table: Mapping[str, Any], method: str) -> EstimationChoic
 
 
 def _recording_choice(table: Mapping[str, Any]) -> RecordingChoice:
-    """A recording with its log format, from the keys of one table."""
+    """Makes a recording with its log format from the keys of one table."""
     own = [f.name for f in dataclasses.fields(RecordingChoice) if f.name != "reading"]
     _known(table, (*own, *(f.name for f in dataclasses.fields(LogFormat))), "[[recording]]")
     if "path" not in table:
-        raise StudyError("A recording has no path.", remedy='give path = "…" in every [[recording]].')
+        raise StudyError("A recording has no key `path`.", remedy='give path = "…" in every [[recording]].')
     how = {key: value for key, value in table.items() if key not in own}
     choice = {key: value for key, value in table.items() if key in own}
     reading = _make(LogFormat, how, f"[[recording]] {table['path']}:")
@@ -360,7 +361,7 @@ def _make(kind: type[T], table: Mapping[str, Any], where: str) -> T:
         if f.name not in table and f.default is dataclasses.MISSING and f.default_factory is dataclasses.MISSING
     ]
     if missing:
-        raise StudyError(f"{where} lacks {', '.join(missing)}.", remedy="add what is missing.")
+        raise StudyError(f"{where} has no value for {', '.join(missing)}.", remedy="add the missing keys.")
     values = {key: tuple(value) if isinstance(value, list) else value for key, value in table.items()}
     try:
         return kind(**values)
@@ -371,7 +372,7 @@ def _make(kind: type[T], table: Mapping[str, Any], where: str) -> T:
 
 
 def _known(table: object, known: Iterable[str], where: str) -> None:
-    """Refuses anything but a table, and unknown keys."""
+    """Refuses a value that is not a table, and unknown keys."""
     known = list(known)
     if not isinstance(table, Mapping):
         raise StudyError(f"{where} must be a table; found {table!r}.", possible=", ".join(known))

@@ -1,4 +1,4 @@
-"""Demonstration: identification of a simulated, hanging iiwa on the motions of the thesis."""
+"""Demo: identification of a simulated, hanging iiwa with the motions of the thesis."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ TRAIN, UNSEEN = "virtual A.1", "virtual A.2"
 MOTIONS = {TRAIN: "thesis-a1", UNSEEN: "thesis-a2"}
 SEED = 1
 RECORD = "demo.json"
-"""File of a demo's run with the seed of its recordings."""
+"""Name of the file in the run of a demo that contains the seed of its recordings."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -41,8 +41,9 @@ class Demo:
     Attributes:
         result: The identification.
         truth: True base parameters, shape (b,).
-        relative_error: Norm of the parameters' error over the norm of the true parameters.
-        torque_error: RMS over all samples and joints of predicted minus true torque on Table A.2 [N·m].
+        relative_error: Norm of the error of the parameters, divided by the norm of the true parameters.
+        torque_error: RMS, over all samples and joints, of predicted minus true torque on the motion of Table A.2 of
+            the thesis [N·m].
         recordings: Recordings of the simulated arm, processed.
     """
 
@@ -54,7 +55,7 @@ class Demo:
 
 
 def demo_study(processing: ProcessingOptions | None = None, method: str = "wls") -> Study:
-    """Study of the demo, with periodic edges, since the motion repeats without a pause."""
+    """Study of the demo; its edges are periodic, because the motion repeats without a pause."""
     return Study(
         RobotChoice("iiwa14-r820", gravity=HANGING),
         ModelChoice(("rigid-body", "viscous", "coulomb"), {"coulomb": {"width": 0.0}}),
@@ -68,20 +69,20 @@ def demo_study(processing: ProcessingOptions | None = None, method: str = "wls")
 
 
 def thesis_processing(edges: str = "periodic") -> ProcessingOptions:
-    """Processing of the thesis with a choice of edges."""
+    """Processing options of the thesis with the given edges."""
     return replace(THESIS, edges=edges, average=edges == "periodic")  # pyright: ignore[reportArgumentType]
 
 
 def run_demo(
     study: Study | None = None, *, seed: int = SEED, threads: int = 1, progress: Progress | None = None
 ) -> Demo:
-    """Simulates recordings, identifies, validates on Table A.2, and compares with the true parameters.
+    """Simulates recordings, identifies, validates on Table A.2 of the thesis, and compares with the true parameters.
 
     Args:
         study: Study with other options; by default `demo_study()`.
         seed: Seed of the noise.
         threads: Threads of the kernel.
-        progress: Called with each stage.
+        progress: Called with the name of each stage and its finished share.
     """
     study = study or demo_study()
     if progress is not None:
@@ -107,9 +108,10 @@ def run_demo(
 
 
 def demo_recordings(folder: Path | str) -> dict[str, Recording]:
-    """Recordings of the demo in a folder, by path in its study, simulated again from the stored seed.
+    """Simulates the recordings of a demo again, from the seed that is stored in `folder`.
 
-    They are not stored, because they have a hundred megabytes.
+    The keys of the result are the paths of the recordings in the study of the demo. The recordings are not stored,
+    because their files would take a hundred megabytes.
     """
     path = Path(folder) / RECORD
     seed = json.loads(path.read_text(encoding="utf-8"))["seed"] if path.is_file() else SEED
@@ -119,7 +121,7 @@ def demo_recordings(folder: Path | str) -> dict[str, Recording]:
 
 
 def _record(model: DynamicsModel, truth: Array, seed: int) -> tuple[dict[str, Recording], Motion, Array]:
-    """Both recordings, and true motion and torque of the validation one."""
+    """Both recordings, and the true motion and torque of the validation recording."""
     rng = np.random.default_rng(seed)
     plans = {name: builtin_plan(plan).stretched(SECONDS) for name, plan in MOTIONS.items()}
     made = {name: record(model, truth, plan, Sensors(), rng, repetitions=REPETITIONS) for name, plan in plans.items()}

@@ -1,4 +1,4 @@
-"""Checks by the doctor of the recordings of a study, with workarounds for faults that stop the reading."""
+"""Checks of the recordings of a study by the doctor, with workarounds for faults that prevent reading."""
 
 from __future__ import annotations
 
@@ -30,18 +30,19 @@ from armid.threads import one_blas_thread
 from armid.validation.gravity_sign import gravity_finding
 
 TRIES = 4
-"""Largest number of faults that are worked around one after the other."""
+"""Largest number of faults for which workarounds are tried one after the other."""
 
 PLAUSIBLE_CONFLICT, PLAUSIBLE_CORRELATION, PLAUSIBLE_SCALE = 0.6, 0.7, 0.3
-"""Largest conflict between the joints, and smallest correlation with and share of the description's torque, with
-which angles read as degrees are accepted as such; angles of motors fail this even inside the joint limits."""
+"""Limits within which angles are accepted as degrees: largest conflict between the joints, smallest correlation
+with the torque of the description, and smallest share of this torque. Angles of motors fail them even inside the
+joint limits."""
 
 
 USUAL = ProcessingOptions()
 """Default processing options."""
 
 GEARED = 3.0
-"""Range of a motion over the range of the limits from which positions are those of motors."""
+"""Range of a motion divided by the range of the limits, from which positions are positions of motors."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +51,7 @@ class Diagnosis:
 
     Attributes:
         path: The recording.
-        findings: Errors first.
+        findings: Findings, errors first.
     """
 
     path: str
@@ -58,14 +59,14 @@ class Diagnosis:
 
 
 def diagnose(study: Study, *, given: Mapping[str, Recording] | None = None) -> tuple[Diagnosis, ...]:
-    """Checks every recording of a study over its whole length.
+    """Checks the whole length of every recording of a study.
 
     Args:
         study: The study.
         given: Recordings that are in memory already, by their path in the study.
 
     Raises:
-        ArmidError: No such robot or file, or a file that cannot be read at all.
+        ArmidError: The robot or a file does not exist, or a file cannot be read at all.
     """
     robot = load_choice(study.robot, study.folder)
     model = build_model(robot, study.model) if study.model.terms else None
@@ -90,14 +91,14 @@ def diagnose_recording(
 ) -> tuple[Finding, ...]:
     """Checks one recording.
 
-    A fault that stops the reading is an error. Where it can be worked around, the rest of the log is checked, too.
+    A fault that prevents reading is an error. If there is a workaround, the rest of the log is checked, too.
 
     Args:
         robot: The arm that was recorded.
         raw: The recording as logged.
         reading: Log format.
         model: The study's model; the usual terms if not given.
-        processing: The study's options, which decide which rows count near limits and at standstill.
+        processing: Options of the study; they determine which rows are used near effort limits and at standstill.
 
     Raises:
         RecordingError: The recording does not fit the robot at all.
@@ -132,16 +133,18 @@ def diagnose_recording(
 
 
 def _no_effort(raw: Recording) -> Finding:
-    """Error of a log without effort, with the columns that may hold it."""
+    """Finding for a log without effort, with the columns that may hold it."""
     possible = next((each for each in raw.findings if each.code == "effort-possible"), None)
-    evidence = "There is no effort in the recording." + ("" if possible is None else f" {possible.evidence}")
+    evidence = "The recording has no effort (torque or motor current)." + (
+        "" if possible is None else f" {possible.evidence}"
+    )
     remedy = "" if possible is None else possible.remedy
-    remedy = remedy or "log the torque or motor current of each joint; if the file has it, name its columns"
+    remedy = remedy or "log the torque or motor current of each joint; if the file has these columns, name them"
     return Finding("effort-missing", "error", "effort", evidence, remedy)
 
 
 def _standstill(recording: Recording, processing: ProcessingOptions) -> list[Finding]:
-    """Findings on joints at rest while others move, and on rests; none for a log that cannot be processed."""
+    """Findings about joints at rest while others move, and about rests; empty if a log cannot be processed."""
     plain = replace(processing, edges="drop", average=False, saturation=None)
     try:
         found = process_recording(recording, plain)[1]
@@ -152,7 +155,7 @@ def _standstill(recording: Recording, processing: ProcessingOptions) -> list[Fin
 
 
 def _of_currents(evidence: LogEvidence) -> tuple[Finding, ...]:
-    """Checks a log of currents: only checks that need no torque, and drive gains from the description."""
+    """Checks a log of currents, by checks that need no torque, and compares drive gains with the description."""
     state = evidence.state
     scale = None if state is None else explain_scale(state)
     if scale is not None:
@@ -170,7 +173,7 @@ def findings_on(
     recordings: Sequence[tuple[RecordingChoice, Recording]],
     read: Sequence[Sequence[Finding]],
 ) -> list[Finding]:
-    """Findings of the readers and of the doctor on recordings, with the recordings' names, each once.
+    """Findings of the readers and of the doctor about recordings, with their names; each finding occurs once.
 
     Args:
         model: Arm and torque terms.
@@ -186,13 +189,13 @@ def findings_of_each(
     read: Sequence[Sequence[Finding]],
     trained: Sequence[Finding] = (),
 ) -> list[tuple[int, Finding]]:
-    """Index of a recording and a finding of the reader or of the doctor on it.
+    """Findings of the reader and of the doctor, each with the index of its recording.
 
     Args:
         model: Arm and torque terms.
         recordings: Recordings with their roles.
         read: Findings of the reader on each recording.
-        trained: Findings on the training recordings together, which are not repeated.
+        trained: Findings about all training recordings together, which are not repeated.
     """
     common = {finding.code for finding in trained if finding.severity != "info"}
     known_codes = [
@@ -220,10 +223,10 @@ def run_checks(
     Args:
         model: Arm and torque terms of the study.
         recordings: Recordings with their roles.
-        known_codes: Codes that are reported for each recording already.
+        known_codes: Codes of findings that are already reported for each recording.
 
     Returns:
-        Index of a recording and a finding on it.
+        Index of a recording and a finding about it.
     """
     result: list[tuple[int, Finding]] = []
     faulty: dict[str, bool] = {}
@@ -245,7 +248,7 @@ def run_checks(
 
 
 def _rank(recordings: Sequence[tuple[RecordingChoice, Recording]], k: int) -> tuple[bool, int, int]:
-    """Sort key: training recordings first, the longest first."""
+    """Sort key: training recordings first, longer recordings before shorter ones."""
     choice, recording = recordings[k]
     return choice.role != "train", -recording.samples, k
 
@@ -275,7 +278,7 @@ def diagnosis_record(diagnoses: tuple[Diagnosis, ...]) -> dict[str, Any]:
 
 
 def diagnosed_error(error: EstimationError, findings: Sequence[Finding]) -> EstimationError:
-    """The error with the doctor's errors on the recordings, which are its likely cause."""
+    """Error, extended by the errors that the doctor found in the recordings, which are its likely cause."""
     errors = [finding for finding in findings if finding.severity == "error"]
     if not errors:
         return error
@@ -291,7 +294,7 @@ def has_errors(diagnoses: tuple[Diagnosis, ...]) -> bool:
 
 
 def _finding(error: RecordingError) -> Finding:
-    """Finding for a fault that stopped the reading."""
+    """Finding for a fault that prevented reading."""
     evidence = error.evidence
     if error.code != "value-missing":  # that sentence begins with the name of a channel
         evidence = f"{evidence[0].upper()}{evidence[1:]}"
@@ -299,7 +302,7 @@ def _finding(error: RecordingError) -> Finding:
 
 
 def _worked_around(finding: Finding, log: Recording, reading: LogFormat) -> tuple[Recording, LogFormat] | None:
-    """The log and its format with a fault worked around, for the checks alone; `None` where that is impossible."""
+    """Log and log format with a workaround for a fault, only for the checks; `None` if there is no workaround."""
     if finding.code == "current-without-gain":
         return replace(log, effort_is_current=False), reading
     keys = tables_of(finding.remedy).get("recording", {})
@@ -328,28 +331,28 @@ def _implied_rate(log: Recording) -> float | None:
 
 
 def _reconsidered(evidence: LogEvidence) -> LogEvidence:
-    """Reports angles far outside all limits, and degrees that contradict the torque, as angles of motors."""
+    """Reports as angles of motors: angles far outside all limits, and degrees that contradict the torque."""
     degrees = next((f for f in evidence.noted if f.code == "degrees"), None)
     far = next((f for f in evidence.noted if f.code == "position-offset"), None)
     if degrees is not None and evidence.state is not None and not _believable(evidence.state):
-        doubted, why = degrees, "As degrees they contradict the torque"
+        doubted, why = degrees, "If they were degrees, they would contradict the torque"
     elif far is not None and _turns_too_far(evidence):
-        doubted, why = far, "Other joints move as far"
+        doubted, why = far, "Other joints move as far as this one"
     else:
         return evidence
     motor = Finding(
         "motor-side",
         "error",
         "q",
-        f"{doubted.evidence} {why}, as positions of motors before their gears do.",
-        "find out N with q_motor = N (q - joint_offset), and say it: transmission = [[N1, 0, …], …]",
+        f"{doubted.evidence} {why}, so they are probably positions of motors on the motor side of the gears.",
+        "find out the matrix N with q_motor = N (q - joint_offset), and give it: transmission = [[N1, 0, …], …]",
     )
     noted = tuple(motor if f is doubted else f for f in evidence.noted)
     return replace(evidence, noted=noted, recording=None)
 
 
 def _turns_too_far(evidence: LogEvidence) -> bool:
-    """True if most joints move over a multiple of the range of their limits."""
+    """True if most joints move over several times the range of their limits."""
     recording = evidence.recording
     assert recording is not None  # findings about limits need it
     span = np.array([high - low for low, high in (joint.position_limits for joint in evidence.robot.joints)])
@@ -359,7 +362,7 @@ def _turns_too_far(evidence: LogEvidence) -> bool:
 
 
 def _believable(state: LogState) -> bool:
-    """True if a model explains the log as it is read."""
+    """True if a model explains the log in the way it is read."""
     if state.nominal is not None:
         loaded = int(np.argmax(state.nominal.size))
         alike = abs(float(state.nominal.correlation[loaded])) > PLAUSIBLE_CORRELATION

@@ -1,4 +1,4 @@
-"""Estimate of a study, with digests of what it was made from."""
+"""Estimate of a study, with the digests of its inputs."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def estimate_study(
     problem: EstimationProblem,
     recordings: Sequence[ProcessedRecording],
 ) -> Estimate:
-    """Estimates by the study's method; stores covariance, digests of all inputs and speeds with it.
+    """Estimates with the method of the study; stores covariance, digests of all inputs and speeds with the estimate.
 
     Args:
         study: The study.

@@ -1,4 +1,4 @@
-"""Estimation options of a model with selected friction, where the study leaves them open."""
+"""Estimation options of a model with selected friction, if the study does not set them."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def as_chosen(choice: EstimationChoice, selection: FrictionSelection, *, describ
     Args:
         choice: Options of the study.
         selection: Result of the friction selection.
-        described: Whether the description has bodies that can be a prior.
+        described: True if the description has masses and inertias that can be a prior.
     """
     separate_offsets = choice.offset_per_recording or selection.offset_per_recording
     with_prior = with_selection_prior(choice, selection.prior_weight, described=described)
@@ -29,8 +29,8 @@ def with_selection_prior(choice: EstimationChoice, weight: float | None, *, desc
 
     Args:
         choice: Options of the study.
-        weight: Weight of the prior; `None` where the selection did not determine one.
-        described: Whether the description has bodies that can be a prior.
+        weight: Weight of the prior; `None` if the selection did not determine a weight.
+        described: True if the description has masses and inertias that can be a prior.
     """
     if weight is None:
         return choice
@@ -44,7 +44,7 @@ def with_selection_prior(choice: EstimationChoice, weight: float | None, *, desc
 
 
 def with_origin_of_weight(estimate: Estimate, selection: FrictionSelection | None) -> Estimate:
-    """The estimate with the friction selection named as the origin of the prior's weight, where it is."""
+    """Estimate that names the friction selection as the origin of the prior's weight, if this is so."""
     if selection is None or selection.prior_weight is None:
         return estimate
     weight = selection.prior_weight

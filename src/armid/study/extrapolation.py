@@ -10,16 +10,16 @@ from armid.robot import Robot
 from armid.values import Array
 
 FAR = 1.25
-"""Ratio of speed to the highest trained speed from which it is reported: two random motions of one kind differ by
-less."""
+"""Ratio of a speed to the highest trained speed from which it is reported. Two random motions of the same kind
+differ by less."""
 
 LEAST = 0.02
-"""Smallest excess of speed that is reported [rad/s or m/s]: the width of Coulomb friction, within which a joint that
-rested in training still creeps."""
+"""Smallest excess of speed that is reported [rad/s or m/s]: the width of Coulomb friction. A joint that rested in
+training may creep within this width."""
 
 
 def highest_speeds(observations: Observations) -> Array:
-    """Highest speed of each joint in the rows that count, shape (n,) [rad/s or m/s]; 0 without such rows."""
+    """Highest speed of each joint in the rows in use, shape (n,) [rad/s or m/s]; 0 without such rows."""
     speeds = [np.max(np.abs(run.motion.dq[run.rows]) * run.mask, axis=0, initial=0.0) for run in observations.runs]
     return np.max(speeds, axis=0)
 
@@ -36,7 +36,7 @@ def speed_finding(robot: Robot, trained: Array | None, requested: Array, where: 
     if trained is None:
         return None
     beyond = [
-        f"{joint.name} was trained up to {known:.3g} {joint.unit}/s and is asked for {speed:.3g} {joint.unit}/s"
+        f"{joint.name} reaches {speed:.3g} {joint.unit}/s, but only {known:.3g} {joint.unit}/s in training"
         for joint, known, speed in zip(robot.joints, trained, requested, strict=True)
         if speed > max(FAR * known, known + LEAST)
     ]
@@ -46,6 +46,6 @@ def speed_finding(robot: Robot, trained: Array | None, requested: Array, where: 
         "speed-beyond",
         "warning",
         "",
-        f"{where}: {'; '.join(beyond)}. Friction there is extrapolated, not measured.",
-        "train on a motion as fast as what is asked for.",
+        f"{where}: {'; '.join(beyond)}. At higher speeds, friction is extrapolated, not measured.",
+        "record a training motion that is as fast as this motion, and identify again.",
     )

@@ -39,10 +39,10 @@ from armid.validation.prediction import (
 
 @dataclass(frozen=True, eq=False, slots=True, repr=False)
 class Result(Displayed):
-    """Result of an identification.
+    """Result of an identification: the inputs, the estimate and its errors.
 
     Attributes:
-        study: The study with its automatic choices resolved.
+        study: Study, in which automatic choices are replaced by their results.
         robot: The arm.
         model: Arm and torque terms.
         information: Information of the training recordings.
@@ -50,8 +50,9 @@ class Result(Displayed):
         validation: Torque error on the validation recordings.
         training: Torque error on the training recordings.
         friction_selection: Friction selection, if there was one.
-        given_format: Log format of the first training recording as given, before its columns were guessed.
-        predictions: Torque of the estimate along each recording, in the order of the study; may be empty.
+        given_format: Log format of the first training recording as given in the study, before its columns were
+            guessed.
+        predictions: Torque that the estimate predicts for each recording, in the order of the study; may be empty.
     """
 
     study: Study
@@ -66,7 +67,7 @@ class Result(Displayed):
     predictions: tuple[PredictedRecording, ...] = ()
 
     def summary(self) -> Summary:
-        """Torque error on held-out motion; values are in `estimate`."""
+        """Summary of the torque error on held-out motion; the parameters are in `estimate`."""
         return self.validation.summary()
 
 
@@ -78,7 +79,7 @@ def identify(
     threads: int = 1,
     progress: Progress | None = None,
 ) -> Result:
-    """Identifies the model of a study and validates it on the study's validation recordings.
+    """Identifies the model of a study and validates it on the validation recordings of the study.
 
     Args:
         study: The study.
@@ -94,7 +95,7 @@ def identify(
 
 @one_blas_thread
 def conclude(prepared: Prepared, *, progress: Progress | None = None) -> Result:
-    """Estimates by the study's method and validates on the study's validation recordings.
+    """Estimates with the method of the study and validates on the validation recordings of the study.
 
     Raises:
         EstimationError: The data do not determine the parameters.

@@ -11,9 +11,9 @@ from armid.notebook import Summary
 
 
 def study_summary(study: Any) -> Summary:
-    """Arm, terms, method, recordings, and options of a `Study` that differ from the defaults: one row each."""
+    """Summary with the arm, terms, method, recordings, and changed options of a `Study`, one row each."""
     model = study.model
-    terms = "friction chosen joint by joint" if model.automatic else ", ".join(model.terms) or "default"
+    terms = "friction selected joint by joint" if model.automatic else ", ".join(model.terms) or "default"
     rows = [
         ("arm", study.robot.description, _changed(study.robot, "description")),
         ("terms", terms, ", ".join(f"{name} {shapes}" for name, shapes in model.shapes.items())),
@@ -29,7 +29,7 @@ def study_summary(study: Any) -> Summary:
 
 
 def _changed(value: Any, *excluded: str) -> str:
-    """Fields of a dataclass that differ from their defaults, without the excluded ones."""
+    """Text with the fields of a dataclass that differ from their defaults, without excluded fields."""
     plain = type(value)(**{name: getattr(value, name) for name in excluded})
     changed = [
         (field.name, current)

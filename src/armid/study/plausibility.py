@@ -27,25 +27,25 @@ from armid.validation.gravity_sign import gravity_finding
 from armid.values import Array
 
 FAR = 20.0
-"""Factor between the estimated and the described mass of a link from which it is reported."""
+"""Factor between the estimated mass of a link and its mass in the description from which it is reported."""
 
 NAMED = 4
 
 TELLING = 0.5
-"""Share of information from data below which a value is determined by the prior."""
+"""Share of the information that comes from data, below which a value counts as determined by the prior."""
 
 
 def plausibility_findings(
     model: DynamicsModel, information: Information, problem: EstimationProblem, fit: Fit, *, chosen: bool
 ) -> list[Finding]:
-    """Findings that question an estimate.
+    """Findings that show why an estimate may be wrong.
 
     Args:
         model: Arm and torque terms.
         information: Information with one set of friction parameters for all recordings.
         problem: Estimation problem, with its samples.
         fit: The estimate.
-        chosen: Whether friction was selected.
+        chosen: True if friction was selected.
     """
     _, _, observations = problem.require_samples("identify")
     found = [
@@ -61,7 +61,7 @@ def plausibility_findings(
 
 
 def drift_finding(model: DynamicsModel, fit: Fit) -> Finding | None:
-    """Finding on offsets that differ between recordings by more than the joint's RMS residual, or `None`."""
+    """Finding about offsets that differ between recordings by more than the RMS residual of the joint, or `None`."""
     drifts: list[str] = []
     for parameter in (each for each in model.parameters if each.name in offset_names(model)):
         copies = [k for k, name in enumerate(fit.names) if name.of_all == parameter.name]
@@ -78,12 +78,13 @@ def drift_finding(model: DynamicsModel, fit: Fit) -> Finding | None:
         "",
         f"Offsets differ between recordings: {'; '.join(drifts)}. The offset of another recording is unknown, so "
         "their mean is used for it, and its prediction interval is wider by their scatter.",
-        "zero the torque sensors before a recording, or estimate offsets anew from a short one (armid recalibrate).",
+        "set the torque sensors to zero before a recording, or estimate the offsets again from a short "
+        "recording (armid recalibrate).",
     )
 
 
 def far_finding(standard: StandardParameters | None, fit: Fit) -> Finding | None:
-    """Finding on links whose mass the data do not determine and that is far from the described one, or `None`."""
+    """Finding about link masses that the data do not determine and that are far from the description, or `None`."""
     standard_fit = fit.standard
     if standard_fit is None or standard is None or standard.nominal is None:
         return None
@@ -100,21 +101,25 @@ def far_finding(standard: StandardParameters | None, fit: Fit) -> Finding | None
         "mass-far-from-description",
         "warning",
         "",
-        f"The data do not determine these masses, and they are far from the description's: {masses_text}. "
-        "Torques are not affected, but a simulation of single links is.",
-        lines("what data leave open stays near the description", "estimation", physical={"prior": "log-det"}),
+        "The data do not determine these masses, and they are far from the masses of the description: "
+        f"{masses_text}. Torques of the model are not affected, but simulations that use single links are.",
+        lines(
+            "values that the data do not determine then stay near the description",
+            "estimation",
+            physical={"prior": "log-det"},
+        ),
     )
 
 
 def far_masses(found: Array, described: Array) -> NDArray[np.bool_]:
-    """Mask of masses (K,) [kg] that are far from those described (K,)."""
+    """Mask of the masses (K,) [kg] that are far from the masses of the description (K,)."""
     return (described > 0.0) & ((found < described / FAR) | (found > described * FAR))
 
 
 def listed_masses(names: Sequence[str], found: Array, described: Array, which: NDArray[np.bool_]) -> str:
-    """Text on some masses (K,) [kg], with those described (K,)."""
+    """Text that lists some masses (K,) [kg] and the masses of the description (K,)."""
     texts = [
-        f"{name} {mass:.3g} kg (described: {nominal:.3g})"
+        f"{name} {mass:.3g} kg (description: {nominal:.3g} kg)"
         for name, mass, nominal, wanted in zip(names, found, described, which, strict=True)
         if wanted
     ]
@@ -122,7 +127,7 @@ def listed_masses(names: Sequence[str], found: Array, described: Array, which: N
 
 
 def excitation_finding(information: Information, robot: Robot, observations: Observations) -> Finding | None:
-    """Finding on a motion that hardly separates some parameters, or `None`; as by the doctor."""
+    """Finding about a motion that hardly separates some parameters, as the doctor reports it, or `None`."""
     _, values, directions = np.linalg.svd(unit_columns(stack(total(information))[0])[0], full_matrices=False)
     condition = float(values[0] / values[-1])
     if condition <= WEAK_CONDITION:
@@ -133,46 +138,51 @@ def excitation_finding(information: Information, robot: Robot, observations: Obs
         excitation_severity(condition, robot, fastest),
         "",
         poorly_determined(information.names, directions[-1], condition),
-        "record a motion that moves all joints together, fast and wide; on other motion the estimate may fail.",
+        "record a motion that moves all joints at the same time, fast and over a wide range; otherwise the "
+        "torque error may be large on other motion.",
     )
 
 
 def chosen_finding(selection: FrictionSelection, method: str) -> Finding:
-    """Finding on how selected friction is estimated."""
+    """Finding about the method by which selected friction is estimated."""
     if selection.prior_weight is None:
-        return Finding("friction-not-chosen", "warning", "", selection.why, "record longer, or name the terms.")
+        return Finding(
+            "friction-not-chosen", "warning", "", selection.why, "record longer, or give the torque terms by name."
+        )
     evidence = (
-        "Friction was chosen with the links under a prior, whose weight has the smallest error on held-out motion, "
-        f"{selection.prior_weight:.3g} independent samples; the estimate is by {method}. The choice holds for speeds "
-        "and poses like those recorded."
+        "Friction was selected while a prior held the inertial parameters. The weight of the prior with the "
+        f"smallest error on held-out motion is {selection.prior_weight:.3g} independent samples. The "
+        f"parameters were then estimated with the method {method}. The selection is valid for speeds and "
+        "poses similar to the recorded ones."
     )
-    return Finding("friction-chosen", "info", "", evidence, "validate on another recording.")
+    return Finding("friction-chosen", "info", "", evidence, "validate the model on another recording.")
 
 
 def few_blocks_finding(fit: Fit) -> Finding | None:
-    """Finding on intervals that assume white residuals without a test, or `None`."""
+    """Finding about intervals for which white residuals are assumed without a test, or `None`."""
     if fit.covariance_kind != "white" or fit.report.whiteness is not None:
         return None
     return Finding(
         "few-blocks",
         "warning",
         "",
-        f"Fewer than {FEWEST_BLOCKS} blocks of rows: intervals take residuals as uncorrelated and are too narrow.",
+        f"There are fewer than {FEWEST_BLOCKS} blocks of rows, so the intervals are computed as if residuals "
+        "were uncorrelated; they are too narrow.",
         "record longer.",
     )
 
 
 def weak_finding(information: Information, observations: Observations, fit: Fit, *, chosen: bool) -> Finding | None:
-    """Finding on weak data, where prior, constraints or selected friction determine much of the estimate, or `None`.
+    """Finding about weak data, with which prior, constraints or selected friction determine much, or `None`.
 
-    Plain methods refuse parameters that the data do not determine. Methods with a prior give an estimate all the
-    same.
+    Methods without a prior refuse parameters that the data do not determine. Methods with a prior estimate them
+    nevertheless.
 
     Args:
         information: Information of the training recordings.
-        observations: Their observations.
+        observations: Observations of the training recordings.
         fit: The estimate.
-        chosen: Whether friction was selected.
+        chosen: True if friction was selected.
     """
     if fit.standard is None and not chosen:
         return None
@@ -183,38 +193,51 @@ def weak_finding(information: Information, observations: Observations, fit: Fit,
     longer, reasons, weak = 1.0, list[str](), False
     if rows < FEWEST_ROWS * parameters:
         longer = FEWEST_ROWS * parameters / rows
-        reasons.append(f"{rows} rows are few for {parameters} parameters, {FEWEST_ROWS} for each are the least")
+        reasons.append(
+            f"{rows} rows are too few for {parameters} parameters; at least {FEWEST_ROWS} rows for each parameter "
+            "are needed"
+        )
         weak = True
     if blocks < needed:
         longer = max(longer, needed / blocks)
-        choice = "choose friction by what is left out" if chosen else "judge the prior's weight, which is one sample"
-        reasons.append(f"{blocks} blocks of rows are too few to {choice}; {needed} are the least")
+        choice = (
+            "select friction by cross-validation"
+            if chosen
+            else "determine the weight of the prior, which is therefore one sample"
+        )
+        reasons.append(f"{blocks} blocks of rows are too few to {choice}; at least {needed} are needed")
         weak = weak or chosen
     open_ = _count_prior_determined(information, fit)
     if 2 * open_ > parameters:
         kind = "" if fit.standard is None else f"{fit.standard.prior.kind} "
         reasons.append(
-            f"{open_} of {parameters} base parameters have more of the {kind}prior and physics in them than of data"
+            f"{open_} of {parameters} base parameters are determined more by the {kind}prior and by physical "
+            "constraints than by the data"
         )
         weak = True
     if not reasons:
         return None
     seconds = sum(float(run.mask.any(axis=1).sum()) * run.step / run.rate for run in observations.runs)
-    remedy = "move all joints together, fast and wide"
+    remedy = "move all joints at the same time, fast and over a wide range"
     if longer > 1.0:
         remedy = f"record {np.ceil(longer * seconds):.0f} s or more instead of {seconds:.2g} s, and {remedy}"
     meaning = (
-        "The weight of the prior could not be chosen from data; a wrong description may have too much influence."
+        "The weight of the prior could not be determined from the data, so a wrong description may have too "
+        "much influence."
     )
     if weak:
-        meaning = "The data do not determine the model: it is physically possible but may fail on other motion."
+        meaning = (
+            "The data do not determine the model: it is physically possible, but its torque error may be large "
+            "on other motion."
+        )
     return Finding("weak-data", "warning" if weak else "info", "", f"{'; '.join(reasons)}. {meaning}", f"{remedy}.")
 
 
 def _count_prior_determined(information: Information, fit: Fit) -> int:
-    """Number of base parameters that a prior of one sample and the constraints determine more than the data do.
+    """Number of base parameters that a prior of one sample and the constraints determine more than the data.
 
-    The weight is one sample, since a larger weight of a right description does not make the data weak.
+    The weight here is always one sample, because a larger weight of a correct description does not mean that the data
+    are weak.
     """
     if fit.prior_precision is None or fit.standard is None:
         return 0
@@ -226,7 +249,7 @@ def _count_prior_determined(information: Information, fit: Fit) -> int:
 
 
 def negative_finding(model: DynamicsModel, fit: Fit) -> Finding | None:
-    """Finding on friction or rotor inertia whose whole interval is negative, or `None`."""
+    """Finding about friction or rotor inertia whose whole interval is negative, or `None`."""
     forbidden = {parameter.name for parameter in model.parameters if parameter.nonnegative}
     names = [
         name
@@ -240,7 +263,8 @@ def negative_finding(model: DynamicsModel, fit: Fit) -> Finding | None:
         "not-physical",
         "warning",
         "",
-        f"{', '.join(names[:NAMED])}{others}: the whole 95 % interval is negative, which cannot be. The model lacks "
-        "an effect that the motion shows, or the motion does not separate these parameters from others.",
-        Remedy("use ", setting("method", "physical"), ", and look at the residuals in the report."),
+        f"{', '.join(names[:NAMED])}{others}: the whole 95 % interval is negative, which is physically "
+        "impossible. Either the model lacks an effect that is present in the motion, or the motion does not "
+        "separate these parameters from others.",
+        Remedy("use ", setting("method", "physical"), ", and check the residuals in the report."),
     )

@@ -38,7 +38,7 @@ from armid.threads import one_blas_thread
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Prepared:
-    """Data, model and problem of a study, before the estimate.
+    """Data, model and estimation problem of a study, before the estimate.
 
     Attributes:
         study: The study with its automatic choices resolved.
@@ -46,8 +46,8 @@ class Prepared:
         base: Base parameters of the model.
         recordings: All recordings with their roles, processed.
         problem: Estimation problem of the training recordings.
-        findings: Findings up to here.
-        began: Begin of the work, by `time.perf_counter` [s].
+        findings: Findings before the estimate.
+        began: Time at which the identification began, from `time.perf_counter` [s].
         friction_selection: Friction selection, if there was one.
     """
 
@@ -69,7 +69,7 @@ def prepare(
     threads: int = 1,
     progress: Progress | None = None,
 ) -> Prepared:
-    """Prepares everything up to the estimate, so that several methods can share it. Arguments as in `identify`.
+    """Prepares the data and the model for the estimate, once for several methods. Arguments as in `identify`.
 
     Raises:
         ArmidError: Bad input; the message says what and where.
@@ -118,17 +118,17 @@ def prepare(
 
 
 def stated_problem(prepared: Prepared) -> EstimationProblem:
-    """Estimation problem of a study, with friction or offsets for each recording where the study asks for them.
+    """Estimation problem of a study, with friction or offsets for each recording if the study asks for them.
 
     Raises:
-        StudyError: Parameters for each recording with only one training recording.
+        StudyError: The study asks for parameters for each recording, but has only one training recording.
     """
     problem, choice = prepared.problem, prepared.study.estimation
     asked = [key for key in PER_RECORDING if getattr(choice, key)]
     if not asked:
         return problem
     if len(np.unique(problem.information.recording)) < 2:
-        raise StudyError(f"{asked[0]} needs at least two training recordings.")
+        raise StudyError(f"`{asked[0]}` needs at least two training recordings.")
     offsets = np.isin(problem.information.names, offset_names(prepared.model))
     own = changing_parameters(prepared.model)[prepared.base.kept] if choice.friction_per_recording else offsets
     return replace(problem, information=separate_by_recording(problem.information, own))

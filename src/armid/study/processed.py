@@ -1,4 +1,4 @@
-"""Recordings of a study with their observations, so that each is processed once."""
+"""Recordings of a study with their observations, so that each recording is processed only once."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from armid.study.config import RecordingChoice
 
 @dataclass(frozen=True, eq=False, slots=True)
 class ProcessedRecording:
-    """One recording of a study.
+    """Recording of a study, with its observations.
 
     Attributes:
         choice: Path, role, log format and part.
         recording: The recording in the robot's convention.
-        observations: Its runs and the band.
+        observations: Runs of the recording, and the band.
         findings: Findings of the processing.
     """
 
@@ -37,10 +37,10 @@ class ProcessedRecording:
 def process_each(
     recordings: Sequence[tuple[RecordingChoice, Recording]], processing: ProcessingOptions, robot: Robot
 ) -> tuple[ProcessedRecording, ...]:
-    """Processes recordings one by one; runs hold the number of their recording, training recordings first.
+    """Processes recordings one by one; runs store the number of their recording, training recordings first.
 
     Raises:
-        RecordingError: A recording does not allow what `processing` asks.
+        RecordingError: A recording cannot be processed with these options.
     """
     if not recordings:
         return ()

@@ -12,12 +12,12 @@ from typing import Any
 
 @dataclass(frozen=True, slots=True)
 class RunOrigin:
-    """Origin of a run; empty fields where its record has none.
+    """Origin of a run; fields that its record does not have are empty.
 
     Attributes:
         at: Date and time with the offset from UTC, ISO 8601, to the second.
         host: Name of the machine.
-        version: Of armid.
+        version: Version of armid.
     """
 
     at: str = ""

@@ -28,12 +28,12 @@ def read_choice(
 
     Args:
         choice: File, log format and part.
-        folder: Folder that its path is relative to.
+        folder: Folder to which the path is relative.
         robot: The arm.
         given: Recordings that are in memory already, by path.
 
     Raises:
-        RecordingError: It cannot be read or does not fit the robot.
+        RecordingError: The recording cannot be read or does not fit the robot.
     """
     raw = (given or {}).get(choice.path)
     if raw is None:
@@ -72,14 +72,14 @@ def read_all(
 
 
 def scale_deviation(choices: Sequence[RecordingChoice], robot: Robot) -> Array:
-    """Relative standard deviation of each joint's torque scale: the largest of the recordings.
+    """Relative standard deviation of the torque scale of each joint: the largest value of the recordings.
 
     Args:
         choices: Recordings with their log formats.
         robot: The arm.
 
     Returns:
-        One deviation for each joint, shape (n,); 0 where none is given.
+        One deviation for each joint, shape (n,); 0 if none is given.
     """
     given = [choice.reading.drive_gain_deviation for choice in choices]
     deviations = [np.broadcast_to(np.asarray(each, dtype=np.float64), robot.n) for each in given if each is not None]

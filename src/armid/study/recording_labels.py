@@ -1,4 +1,4 @@
-"""Distinct short names of recordings, and findings with the names of their recordings."""
+"""Unique short names of recordings, and findings with the names of their recordings."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from armid.study.config import RecordingChoice
 
 
 def labels(choices: Sequence[RecordingChoice]) -> list[str]:
-    """Short name of each recording: the shortest end of its path that no other has; empty for a single recording.
+    """Short name of each recording: the shortest unique end of its path; empty for a single recording.
 
     A file that is listed twice gets its role as a suffix.
     """
@@ -28,12 +28,12 @@ def labels(choices: Sequence[RecordingChoice]) -> list[str]:
 
 
 def labelled(findings: Iterable[Finding], label: str) -> list[Finding]:
-    """Findings with the name of their recording before the evidence."""
+    """Findings whose evidence begins with the name of their recording."""
     return [replace(f, evidence=f"{label}: {f.evidence}") if label else f for f in findings]
 
 
 def together(named: Iterable[tuple[str, Finding]]) -> list[Finding]:
-    """Merges findings of several recordings; equal findings become one that names all recordings."""
+    """Merges findings of several recordings; equal findings become one finding that names all recordings."""
     groups: dict[tuple[str, ...], tuple[Finding, list[str]]] = {}
     for label, f in named:
         key = (f.code, f.severity, f.channel, f.remedy)
@@ -41,6 +41,6 @@ def together(named: Iterable[tuple[str, Finding]]) -> list[Finding]:
     result: list[Finding] = []
     for f, names in groups.values():
         others = list(dict.fromkeys(name for name in names[1:] if name != names[0]))
-        same_on = f" The same on {', '.join(others)}." if others else ""
+        same_on = f" The same was found in {', '.join(others)}." if others else ""
         result += labelled([replace(f, evidence=f.evidence + same_on)], names[0])
     return result

@@ -13,14 +13,14 @@ ROWS = ("time", "q", "dq", "ddq", "effort", "valid", "number")
 """Fields of a recording with one entry for each sample."""
 
 FEWEST_ROWS = 10
-"""Smallest number of rows of a part: fewer give no derivative and no residual."""
+"""Smallest number of rows of a part; fewer are not enough for derivatives and residuals."""
 
 
 def cut_recording(recording: Recording, part: tuple[float, float]) -> Recording:
     """Rows of a recording between two shares of its length.
 
     Raises:
-        StudyError: The part is too small to hold a motion.
+        StudyError: The part is too short to contain a motion.
     """
     if part == (0.0, 1.0):
         return recording
@@ -28,8 +28,9 @@ def cut_recording(recording: Recording, part: tuple[float, float]) -> Recording:
     rows = slice(round(part[0] * samples), round(part[1] * samples))
     if rows.stop - rows.start < FEWEST_ROWS:
         raise StudyError(
-            f"{recording.source}: part {part[0]:g} to {part[1]:g} of {samples} rows leaves {rows.stop - rows.start}.",
-            remedy=f"choose a part of {FEWEST_ROWS} rows or more.",
+            f"{recording.source}: the part from {part[0]:g} to {part[1]:g} of {samples} rows contains only "
+            f"{rows.stop - rows.start} rows.",
+            remedy=f"choose a part with at least {FEWEST_ROWS} rows.",
         )
 
     def of(x: object) -> object:
@@ -43,7 +44,7 @@ def refuse_shared(recordings: Sequence[tuple[RecordingChoice, Recording]]) -> No
     """Refuses samples that are used twice: to train and to validate, or to train twice.
 
     Raises:
-        StudyError: One file is listed twice, and its parts overlap.
+        StudyError: A file is listed twice, and its parts overlap.
     """
     for k, (one, a) in enumerate(recordings):
         for other, b in recordings[k + 1 :]:
@@ -52,7 +53,9 @@ def refuse_shared(recordings: Sequence[tuple[RecordingChoice, Recording]]) -> No
                 continue
             both = "train" if one.role == other.role else "train and validate"
             raise StudyError(
-                f"{one.path} and {other.path} hold the same data (sha256 {a.sha256[:12]}…) and are to {both}.",
-                possible="different recordings, or parts of one that do not overlap",
-                remedy="for instance part = [0.0, 0.7] to train and part = [0.7, 1.0] to validate.",
+                f"{one.path} and {other.path} contain the same data (sha256 {a.sha256[:12]}…), but are used "
+                f"to {both}.",
+                possible="different recordings, or parts of one recording that do not overlap",
+                remedy="use different parts, for instance part = [0.0, 0.7] to train and part = [0.7, 1.0] to "
+                "validate.",
             )

@@ -24,7 +24,8 @@ from armid.validation.prediction import Validation
 from armid.values import Array
 
 LIST_OF_NUMBERS = re.compile(r'\[\n([^][{}"]*?)\n *\]')
-"""List of numbers as `json` breaks it into lines. No text matches, since line ends in texts are escaped."""
+"""Pattern of a list of numbers that `json` writes on several lines. Texts never match, because their line ends are
+escaped."""
 
 
 def estimate_record(estimate: Estimate) -> dict[str, Any]:
@@ -77,7 +78,7 @@ def estimate_record(estimate: Estimate) -> dict[str, Any]:
 
 
 def certificate_record(fit: StandardFit | None) -> dict[str, Any] | None:
-    """Certificate of a consistent estimate with its prior; null without."""
+    """Certificate of a consistent estimate, with its prior; null for other estimates."""
     if fit is None:
         return None
     return {
@@ -94,10 +95,11 @@ class SelectionSummary:
 
     Attributes:
         evidence: Every candidate of every joint that was tried.
-        ratio: Held-out RMS with the selected terms over that without, shape (n,).
+        ratio: RMS error on held-out motion with the selected terms, divided by the RMS error without them, shape
+            (n,).
         deviation: Standard error of the ratio, shape (n,).
-        prior_weight: Weight of the prior in independent samples, if there is one.
-        why: Reason why nothing was tried, or why there is no weight of the prior; empty otherwise.
+        prior_weight: Weight of the prior in independent samples, if it was determined.
+        why: Reason why no candidate was tried, or why the prior has no weight; otherwise empty.
     """
 
     evidence: tuple[SelectionEvidence, ...]
@@ -119,7 +121,7 @@ def selection_summary(selection: FrictionSelection) -> SelectionSummary:
 
 
 def log_format_record(reading: LogFormat) -> dict[str, Any]:
-    """Fields of a log format that are given."""
+    """Fields of a log format that have a value."""
     return {key: value for key, value in dataclasses.asdict(reading).items() if value is not None}
 
 
@@ -161,7 +163,7 @@ def friction_selection_record(selection: FrictionSelection, joints: Sequence[str
 
 
 def finding_record(finding: Finding) -> dict[str, Any]:
-    """A finding with its evidence and remedy as one message."""
+    """Finding as a JSON object, with evidence and remedy as one message."""
     where = f"{finding.channel}: " if finding.channel else ""
     message = f"{where}{finding.evidence}" + (f" {finding.remedy}" if finding.remedy else "")
     return {
@@ -197,13 +199,13 @@ def validation_record(validation: Validation) -> dict[str, Any]:
 
 
 def to_json(record: Any) -> str:
-    """JSON text with full precision, a list of numbers on one line; NaN and infinity as null."""
+    """JSON text with full precision and each list of numbers on one line; NaN and infinity become null."""
     text = json.dumps(plain(record), indent=1, ensure_ascii=False, allow_nan=False)
     return LIST_OF_NUMBERS.sub(lambda found: f"[{' '.join(found[1].split())}]", text)
 
 
 def plain(value: Any) -> Any:
-    """A record in JSON's own types: lists for arrays and tuples, null for NaN and infinity."""
+    """Converts a record to the types of JSON: lists for arrays and tuples, null for NaN and infinity."""
     if isinstance(value, np.ndarray):
         return plain(value.tolist())
     if isinstance(value, np.generic):

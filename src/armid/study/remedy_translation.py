@@ -19,15 +19,15 @@ TABLES: Mapping[str, type] = {
     "recording": LogFormat,
     "estimation": EstimationChoice,
 }
-"""Classes of the tables of a study; keys of none of them belong to `[processing]`."""
+"""Classes of the tables of a study; keys that belong to none of them belong to `[processing]`."""
 
 OF_READING = ("rate", "time_unit", "columns", "units", "period", "torque_sign")
 OPTIONS = (*OF_READING, "gravity", "terms", "cutoff", "edges", "slow", "standstill", "method")
-"""Keys that commands have options for, under the same names."""
+"""Keys for which commands have options with the same names."""
 
 
 def tables_of(remedy: str) -> dict[str, dict[str, Any]]:
-    """Keys of a remedy by table of the study; none where it is to be done by hand."""
+    """Keys of a remedy by table of the study; empty if the remedy is work by hand."""
     return _by_table(Remedy.read(remedy).keys)
 
 
@@ -41,11 +41,11 @@ def _by_table(keys: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
 
 
 def applied(study: Study, path: str, remedy: str) -> Study:
-    """The study with a remedy applied to one of its recordings.
+    """Applies a remedy to one recording of a study.
 
     Args:
         study: The study.
-        path: The recording that the remedy is for.
+        path: The recording to which the remedy applies.
         remedy: Remedy of a finding.
     """
     tables = tables_of(remedy)
@@ -59,11 +59,11 @@ def applied(study: Study, path: str, remedy: str) -> Study:
 
 
 def as_option(remedy: str, options: Collection[str] = OPTIONS) -> str | None:
-    """Options of the command line for a remedy, or `None` where there are none.
+    """Options of the command line that correspond to a remedy, or `None` if there are none.
 
     Args:
-        remedy: As a finding has it.
-        options: Keys that the command has options for.
+        remedy: Remedy of a finding.
+        options: Keys for which the command has options.
     """
     return _options(Remedy.read(remedy).keys, options)
 
@@ -83,7 +83,7 @@ def at_the_prompt(remedy: str, options: Collection[str]) -> str:
 
     Args:
         remedy: Remedy of a finding or an error.
-        options: Keys that the command has options for.
+        options: Keys for which the command has options.
     """
     if not isinstance(remedy, Remedy):
         return remedy
@@ -95,13 +95,13 @@ def at_the_prompt(remedy: str, options: Collection[str]) -> str:
 
 
 def _with_option(setting: Assignment, options: Collection[str]) -> str:
-    """A setting within a sentence, behind its option where there is one."""
+    """Setting within a sentence, after the option of the command if there is one."""
     option = _options(setting.keys, options)
     return setting.text if option is None else f"{option} (in a study: {setting.text})"
 
 
 def _values(key: str, value: Any) -> list[str] | None:
-    """Values of an option, one for each time it is given; `None` where the option cannot express the value."""
+    """Values of an option, one for each time it is given; `None` if the option cannot express the value."""
     if key == "terms":
         return [",".join(value)]
     if key == "gravity":
@@ -113,11 +113,11 @@ def _values(key: str, value: Any) -> list[str] | None:
 
 
 def as_study(remedy: str, study: Study, path: str, reading: Mapping[str, Any]) -> str:
-    """Text of a whole study with a remedy applied.
+    """Text of a complete study to which a remedy is applied.
 
     Args:
-        remedy: As a finding has it.
-        study: Study made from the command line: its arm and terms.
+        remedy: Remedy of a finding.
+        study: Study that was made from the command line; its arm and its terms are used.
         path: The recording.
         reading: Log format options of the command line.
     """
@@ -130,7 +130,7 @@ def as_study(remedy: str, study: Study, path: str, reading: Mapping[str, Any]) -
 
 
 def _quoted(name: str) -> str:
-    """Name of a column within a list with commas: in double quotes where it has a comma or begins with a quote."""
+    """Name of a column in a list with commas, in double quotes if it contains a comma or begins with a quote."""
     doubled = name.replace('"', '""')
     return f'"{doubled}"' if "," in name or name.startswith('"') else name
 

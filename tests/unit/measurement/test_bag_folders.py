@@ -159,7 +159,7 @@ def test_names_decide_and_other_joints_are_left_out(tmp_path):
 
 def test_a_missing_joint_is_an_error_that_lists_what_is_there(tmp_path):
     path = write_bag_folder(tmp_path / "bag", states(("turn", "lift", "wrist")))
-    with pytest.raises(RecordingError, match="nobody publishes elbow") as caught:
+    with pytest.raises(RecordingError, match="has the joints elbow") as caught:
         read(path)
     assert "turn, lift, wrist" in caught.value.possible
     assert_all(read(path, joints={"wrist": "elbow"}).recording)

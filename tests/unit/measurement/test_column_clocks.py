@@ -90,7 +90,9 @@ def test_a_clock_with_a_fault_is_still_the_clock():
 @pytest.mark.parametrize("unit", [1.0, 1e-3])
 def test_a_column_that_grows_without_a_unit_is_named_in_the_hint(tmp_path, unit):
     path = write_csv(tmp_path / "run.csv", {"Stempel": T / unit, **BODY, "Laune": RNG.normal(size=100)})
-    with pytest.raises(RecordingError, match=rf"'Stempel' \(by {0.004 / unit:g} a row\) increases evenly") as caught:
+    with pytest.raises(
+        RecordingError, match=rf"'Stempel' \(by {0.004 / unit:g} per row\) increases uniformly"
+    ) as caught:
         read(path)
     said = tomllib.loads(caught.value.remedy)
     assert said["columns"] == {"time": "Stempel"} and "Laune" not in str(caught.value)

@@ -360,8 +360,8 @@ def test_units_that_are_given_win_over_those_of_the_header(tmp_path, units):
     np.testing.assert_array_equal(result.recording.time, T)
     (finding,) = (f for f in result.findings if f.code == "units-of-header")
     assert finding.severity == "warning" and "units" not in finding.remedy
-    assert "The units given are used, not deg as in the name 'q1 [deg]'." in finding.evidence
-    assert "The time_unit given is used, not ms as in the name 't_ms'." in finding.evidence
+    assert "The key `units` is used, although the column name 'q1 [deg]' contains the unit deg." in finding.evidence
+    assert "The key `time_unit` is used, although the column name 't_ms' contains the unit ms." in finding.evidence
     assert not any("in deg" in f.evidence for f in result.findings)
 
 
@@ -466,7 +466,7 @@ def test_what_cannot_be_guessed_is_asked_in_the_form_of_the_arm(tmp_path):
 def test_a_file_that_holds_torques_alone_is_answered_with_what_they_were_taken_for(tmp_path):
     path = write_csv(tmp_path / "run.csv", {"t": T} | {f"tau{k + 1}": TAU[:, k] for k in range(3)})
     with pytest.raises(
-        RecordingError, match=r"No column holds positions. By their names, time is t; effort is tau1"
+        RecordingError, match=r"No column holds positions. From the names, time is t; effort is tau1"
     ) as caught:
         read(path)
     assert caught.value.remedy.startswith("log the position of each joint")

@@ -50,7 +50,7 @@ def test_a_gap_in_the_numbers_is_refused(tmp_path):
 def test_a_missing_channel_is_refused(tmp_path):
     short = {name: column for name, column in TABLE.items() if name != "tau3"}
     refused(
-        r"3 of q \(q1 … q3\), but 2 of effort \(tau1 … tau2\): 1 of effort missing",
+        r"3 columns of q \(q1 … q3\), but 2 columns of effort \(tau1 … tau2\) \(missing columns of effort: 1\)",
         write_csv(tmp_path / "short.csv", short),
     )
 
@@ -63,7 +63,7 @@ def test_currents_are_known_by_their_names(tmp_path):
     assert not load_recording(write_csv(tmp_path / "torque.csv")).effort_is_current
     both = write_csv(tmp_path / "both.csv", TABLE | {f"i{i + 1}": DDQ[:, i] for i in range(3)})
     np.testing.assert_array_equal(load_recording(both).effort, TAU)
-    refused("drive_gain applies is ambiguous", both, drive_gain=[1.0, 2.0, 3.0])
+    refused("not clear to which of them `drive_gain` applies", both, drive_gain=[1.0, 2.0, 3.0])
     named = load_recording(both, LogFormat(drive_gain=[1.0, 2.0, 3.0], columns={"effort": "i{}"}))
     np.testing.assert_array_equal(named.effort, DDQ)
     assert named.effort_is_current

@@ -95,9 +95,9 @@ def test_what_is_no_delay_is_refused(wrong: object):
 
 def test_delays_must_be_those_of_the_joints_and_of_rows_in_time():
     case = sound(4)
-    with pytest.raises(RecordingError, match="delay has 2 entries"):
+    with pytest.raises(RecordingError, match="`delay` has 2 entries"):
         to_robot_convention(case.recording, LogFormat(delay=[0.01, 0.02]), case.robot)
-    with pytest.raises(RecordingError, match="do not follow each other"):
+    with pytest.raises(RecordingError, match="not consecutive in time"):
         compensate_delay(replace(log(clock(1.0)), consecutive=False), LogFormat(delay=0.01))
 
 

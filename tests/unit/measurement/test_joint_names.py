@@ -61,7 +61,7 @@ def test_a_part_of_the_names_is_counted():
 def test_numbered_names_of_another_arm_are_a_warning():
     (finding,) = read([f"panda_joint{k}" for k in range(1, 8)]).findings
     assert finding.severity == "warning" and "none match" in finding.evidence
-    assert "by their numbers" in finding.evidence
+    assert "to the joints by number" in finding.evidence
     with pytest.raises(RecordingError, match="none match"):
         read([f"panda_joint{k}" for k in range(1, 7)])
 

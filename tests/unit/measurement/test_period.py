@@ -112,7 +112,7 @@ def test_a_found_period_is_told_and_makes_repetitions_of_short_blocks():
     log = recording(t, q=q[:, :2])
     (run,), findings = process_recording(log, ProcessingOptions(), period="find")
     (told,) = [each for each in findings if each.code == "period-found"]
-    assert told.severity == "info" and "8 s, 3 times" in told.evidence and "do not count" in told.evidence
+    assert told.severity == "info" and "8 s, 3 times" in told.evidence and "are not used" in told.evidence
     assert run.repetition is not None
     counted = run.mask.any(axis=1)
     assert set(run.repetition[counted]) == {0, 1, 2}

@@ -27,8 +27,8 @@ from motions import PERIOD, clock, codes, motion, one, recording
         ({"cutoff": -1.0}, "cutoff must be a number above 0"),
         ({"cutoff": "automatic"}, 'or "auto"'),
         ({"cutoff": True}, "cutoff"),
-        ({"order": 0}, "order must be a whole number"),
-        ({"order": 4.0}, "order must be a whole number"),
+        ({"order": 0}, "`order` must be a whole number"),
+        ({"order": 4.0}, "`order` must be a whole number"),
         ({"family": "bessel"}, "butterworth, fir, none"),
         ({"edges": "reflect"}, "drop, periodic, pad"),
         ({"derivatives": "spline"}, "given, velocity, central, periodic, filter"),
@@ -38,11 +38,11 @@ from motions import PERIOD, clock, codes, motion, one, recording
         ({"trim": -0.1}, "trim"),
         ({"slow": float("inf")}, "slow"),
         ({"motion_cutoff": 0.0}, "motion_cutoff"),
-        ({"saturation": 1.5}, "share of the limit"),
+        ({"saturation": 1.5}, "share of the effort limit"),
         ({"standstill": "mask"}, "drop, keep"),
-        ({"average": True}, "average gives one period"),
+        ({"average": True}, "because the mean of the repetitions is one closed period"),
         ({"derivatives": "periodic"}, 'needs edges = "periodic"'),
-        ({"derivatives": "filter", "family": "none"}, "differentiates by the filter"),
+        ({"derivatives": "filter", "family": "none"}, "uses the filter to differentiate"),
     ],
 )
 def test_options_that_make_no_sense_are_refused(options: dict[str, object], message: str):
@@ -59,7 +59,7 @@ def test_the_band_is_what_the_options_say():
     band = ProcessingOptions(cutoff=4.0, order=6, family="fir", edges="pad", columns=False).band
     assert (band.family, band.cutoff, band.order, band.edges, band.columns) == ("fir", 4.0, 6, "pad", False)
     assert ProcessingOptions(family="none").band.is_open
-    with pytest.raises(StudyError, match="not yet found"):
+    with pytest.raises(StudyError, match="not yet been replaced"):
         _ = ProcessingOptions(cutoff="auto").band
 
 
@@ -111,11 +111,11 @@ def test_recorded_derivatives_are_used_as_they_stand_only_if_both_are_there():
     assert np.abs(run.motion.ddq - ddq)[100:-100].max() < 1e-2
     run, _ = one(recording(t, dq=wrong, ddq=wrong), ProcessingOptions(derivatives="central"))
     assert np.abs(run.motion.ddq - ddq)[100:-100].max() < 1e-2
-    with pytest.raises(RecordingError, match="holds no accelerations"):
+    with pytest.raises(RecordingError, match="the recording has no accelerations"):
         process_recording(recording(t, dq=wrong), ProcessingOptions(derivatives="given"))
-    with pytest.raises(RecordingError, match="holds no velocities"):
+    with pytest.raises(RecordingError, match="the recording has no velocities"):
         process_recording(recording(t), ProcessingOptions(derivatives="given"))
-    with pytest.raises(RecordingError, match="holds no velocities"):
+    with pytest.raises(RecordingError, match="the recording has no velocities"):
         process_recording(recording(t), ProcessingOptions(derivatives="velocity"))
 
 

@@ -126,7 +126,9 @@ def test_matlab_version_7_3_is_transposed_on_disk(tmp_path):
 
 def test_a_matrix_that_lies_on_its_side_is_refused_not_turned(tmp_path):
     np.savez(tmp_path / "side.npz", t=T, q=Q.T, tau=TAU.T)
-    refused(r"time has shape \(25,\) where q with shape \(3, 25\)", tmp_path / "side.npz")
+    refused(
+        r"time has shape \(25,\), but it must have shape \(3,\), because q has shape \(3, 25\)", tmp_path / "side.npz"
+    )
 
 
 def test_variables_of_no_use_as_channels(tmp_path):
@@ -158,11 +160,11 @@ def test_a_broken_row_is_named_by_its_line(tmp_path):
     lines = text(TABLE).splitlines()
     path = tmp_path / "run.csv"
     path.write_text("\n".join([*lines[:9], lines[9][:40], *lines[10:]]))
-    assert "recorder was stopped" in refused(r"line 10: \d fields where the header has 10", path).remedy
+    assert "recorder was stopped" in refused(r"line 10 has \d fields, but the header has 10", path).remedy
     path.write_text("\n".join([*lines[:9], "", lines[9] + ",1", *lines[10:]]))
-    refused("line 11: 11 fields", path)
+    refused("line 11 has 11 fields", path)
     path.write_text("\n".join(lines)[:-25])
-    refused(f"line {N + 1}: ", path)
+    refused(f"line {N + 1} has ", path)
 
 
 def test_a_field_that_is_no_number_is_named(tmp_path):
@@ -186,7 +188,7 @@ def test_a_table_without_header_or_rows(tmp_path):
     path.write_text("1.0,2.0\n3.0,4.0\n")
     refused("has no header: line 1", path)
     path.write_text("t,q1,tau1\n\n")
-    refused("a header and no rows", path)
+    refused("a header, but no rows", path)
     path.write_text("\n\n")
     refused("is empty", path)
 
@@ -224,12 +226,12 @@ class Bomb:
 def test_a_pickle_by_another_name_is_never_unpickled(tmp_path, suffix):
     path = tmp_path / f"bomb{suffix}"
     path.write_bytes(pickle.dumps({"q": Bomb()}))
-    refused("not read" if suffix == ".npz" else "never executed", path)
+    refused("needs pickle" if suffix == ".npz" else "cannot be read as a MATLAB file", path)
 
 
 def test_an_archive_with_objects_is_refused(tmp_path):
     np.savez(tmp_path / "run.npz", q=np.array([Bomb()], dtype=object))
-    refused("it needs pickle", tmp_path / "run.npz")
+    refused("needs pickle", tmp_path / "run.npz")
     np.savez(tmp_path / "side.npz", **TABLE, note=np.array([Bomb()], dtype=object))
     assert_same(load_recording(tmp_path / "side.npz"))
 
@@ -250,11 +252,11 @@ def test_matlab_structs_cells_and_objects_are_refused(tmp_path):
 
     for name, value in (("struct", {"a": 1.0}), ("cell", np.array([1.0, "x"], dtype=object)), ("char", "text")):
         scipy.io.savemat(tmp_path / "run.mat", {"q": value, "tau": TAU})
-        refused(f"q is of class '{name}', not a matrix", tmp_path / "run.mat")
+        refused(f"q has the class '{name}', but it must be a matrix", tmp_path / "run.mat")
     path = write_v73(tmp_path / "new.mat", {"tau": TAU})
     with h5py.File(path, "r+") as file:
         file.create_group("q").attrs["MATLAB_class"] = np.bytes_("table")
-    refused("q is of class 'table'", path)
+    refused("q has the class 'table'", path)
 
 
 def test_a_single_array_is_no_archive(tmp_path):

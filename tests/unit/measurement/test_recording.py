@@ -63,8 +63,11 @@ def test_raw_values_may_be_nan_because_judging_comes_later():
         ({"effort": Q[:, :1]}, r"effort has shape \(12, 1\)"),
         ({"dq": Q[:5]}, r"dq has shape \(5, 2\)"),
         ({"time": TIME[:-1]}, r"time has shape \(11,\)"),
-        ({"q": Q.T, "time": TIME}, r"time has shape \(12,\) where q with shape \(2, 12\)"),
-        ({"joint_names": ("a",)}, "names 1 of 2 channels"),
+        (
+            {"q": Q.T, "time": TIME},
+            r"time has shape \(12,\), but it must have shape \(2,\), because q has shape \(2, 12\)",
+        ),
+        ({"joint_names": ("a",)}, "has 1 names for 2 channels"),
         ({"valid": np.ones(3, dtype=bool)}, "valid must have shape"),
     ],
 )

@@ -102,7 +102,7 @@ def test_missing_and_extra_joints_are_named():
     refused("extra: 3", recorded(), joints=["base", "shoulder", "finger"])
     refused("2 channels; arm has 3 joints: base, shoulder, elbow", Recording(time=TIME, q=Q[:, :2]))
     refused("twice: base", recorded(joint_names=("base", "b", "elbow")), joints={"b": "base"})
-    refused("unknown channels: lift", recorded(joint_names=NAMES), joints={"lift": "base"})
+    refused("channels that the file does not have: lift", recorded(joint_names=NAMES), joints={"lift": "base"})
     refused("missing: elbow", recorded(), joints=["base", "shoulder"])
 
 
@@ -125,20 +125,22 @@ def test_a_numbered_log_of_all_joints_needs_no_list_where_one_is_held():
     assert two.described_joints == NAMES and [h.position for h in two.held] == [0.1, 0.2]
     np.testing.assert_array_equal(read(recorded(), two).recording.q, Q[:, [1]])
     refused(
-        "2 channels; arm has 1 joints: shoulder, and holds elbow, base still", Recording(time=TIME, q=Q[:, :2]), two
+        "2 channels; arm has 1 joints: shoulder, and the locked joints elbow, base",
+        Recording(time=TIME, q=Q[:, :2]),
+        two,
     )
 
 
 def test_the_name_of_a_joint_is_written_as_it_is():
     result = read(recorded(q=Q + np.array([0.0, 0.0, 900.0]), dq=None, ddq=None))
     (finding,) = (f for f in result.findings if f.code == "position-offset")
-    assert finding.evidence.startswith("Joint elbow goes from")
-    refused("run.csv: joint elbow goes from", recorded(q=Q + np.array([0.0, 0.0, 9.0]), dq=None, ddq=None))
+    assert finding.evidence.startswith("Joint elbow moves from")
+    refused("run.csv: joint elbow moves from", recorded(q=Q + np.array([0.0, 0.0, 9.0]), dq=None, ddq=None))
 
 
 def test_lists_must_be_as_long_as_the_robot_has_joints():
-    refused("drive_gain has 2 entries; arm has 3 joints", recorded(), drive_gain=[1.0, 2.0])
-    refused("transmission has 2 entries", recorded(), transmission=np.eye(2))
+    refused("`drive_gain` has 2 entries, but arm has 3 joints", recorded(), drive_gain=[1.0, 2.0])
+    refused("`transmission` has 2 entries", recorded(), transmission=np.eye(2))
 
 
 # Units and the joint side
@@ -205,7 +207,7 @@ def test_drive_gains_and_torque_sign_give_the_torque():
 def test_a_current_without_gain_is_refused():
     error = refused("current-without-gain", recorded(effort_is_current=True))
     assert "drive_gain" in error.remedy
-    refused("drive_gain is given, but the recording has no effort", recorded(effort=None), drive_gain=[1.0] * 3)
+    refused("`drive_gain` is given, but the recording has no effort", recorded(effort=None), drive_gain=[1.0] * 3)
 
 
 def test_a_masked_motor_masks_every_joint_made_from_it():
@@ -291,14 +293,14 @@ def test_excluded_intervals_are_masked_and_stay_on_the_grid():
     inside = ((TIME >= 0.5) & (TIME <= 1.0)) | (TIME == 2.0)
     assert inside.sum() == 52
     np.testing.assert_array_equal(result.recording.valid, np.repeat(~inside[:, None], 3, axis=1))
-    refused("lies outside it", recorded(), exclude=[[100.0, 101.0]])
-    refused("leaves no row", recorded(), exclude=[[-1.0, 101.0]])
+    refused("lies outside the time of the recording", recorded(), exclude=[[100.0, 101.0]])
+    refused("contain all rows", recorded(), exclude=[[-1.0, 101.0]])
 
 
 def test_excluded_intervals_without_a_clock_count_from_the_first_row():
     result = read(recorded(time=None), rate=RATE, exclude=[[0.0, 0.095]])
     np.testing.assert_array_equal(np.flatnonzero(~result.recording.valid[:, 0]), np.arange(10))
-    refused("exclude needs a clock or a rate", recorded(time=None), consecutive=False, exclude=[[0.0, 1.0]])
+    refused("neither a time column nor a sample rate", recorded(time=None), consecutive=False, exclude=[[0.0, 1.0]])
 
 
 def test_repeated_rows_are_dropped_where_a_clock_says_when():
@@ -306,7 +308,7 @@ def test_repeated_rows_are_dropped_where_a_clock_says_when():
     stutter = recorded(q=Q[rows], dq=DQ[rows], ddq=DDQ[rows], effort=TAU[rows], time=np.arange(N + 4) / RATE)
     result = read(stutter)
     assert codes(result) == ["rows-repeated"]
-    assert "4 of 404 rows" in result.findings[0].evidence and "4 dropped" in result.findings[0].evidence
+    assert "4 of 404 rows" in result.findings[0].evidence and "4 of them were dropped" in result.findings[0].evidence
     np.testing.assert_array_equal(result.recording.q, Q)
     assert result.recording.time[11] - result.recording.time[10] == pytest.approx(2 / RATE)
 
@@ -357,8 +359,8 @@ def test_one_sample_and_hardly_any_are_refused():
     def first(k):
         return recorded(q=Q[:k], dq=DQ[:k], ddq=DDQ[:k], effort=TAU[:k], time=TIME[:k])
 
-    refused("usable samples: 1\\.", first(1))
-    refused("usable samples: 9\\.", first(9))
+    refused("usable samples is too small: 1\\.", first(1))
+    refused("usable samples is too small: 9\\.", first(9))
     assert read(first(10)).recording.samples == 10
 
 
@@ -406,12 +408,12 @@ def test_a_clock_that_runs_backwards_or_in_milliseconds_is_refused():
     time = TIME.copy()
     time[200:] -= 1.0
     refused("time runs backwards from row 200 to 201", recorded(time=time))
-    refused("not to count seconds", recorded(time=1000 * TIME))
+    refused("milliseconds, not seconds", recorded(time=1000 * TIME))
     assert read(recorded(time=1000 * TIME), consecutive=False).recording.consecutive is False
 
 
 def test_a_rate_that_contradicts_the_clock_is_refused():
-    refused("the clock says 100 Hz, rate says 500 Hz", recorded(), rate=500.0)
+    refused("the time column gives 100 Hz, but the key `rate` gives 500 Hz", recorded(), rate=500.0)
     assert read(recorded(), rate=101.0).recording.rate is None
 
 
@@ -451,4 +453,4 @@ def test_separate_samples_need_no_clock():
 
 
 def test_a_wrong_rate_is_given_away_by_the_velocities():
-    refused("imply 100 Hz, rate says 50 Hz", recorded(time=None), rate=50.0)
+    refused("imply 100 Hz, but the key `rate` gives 50 Hz", recorded(time=None), rate=50.0)

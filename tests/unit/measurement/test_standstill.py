@@ -119,7 +119,9 @@ def test_a_rest_at_the_seam_of_repetitions_is_no_sticking():
     processing = ProcessingOptions(cutoff=20.0, decimate=100.0)
     run, (finding,) = one(log := recording(t, q=q), processing)
     assert (finding.code, finding.severity) == ("rests-left-out", "info")
-    assert all(name in finding.evidence for name in log.channels) and "repeated motion begins" in finding.evidence
+    assert (
+        all(name in finding.evidence for name in log.channels) and "before a motion is repeated" in finding.evidence
+    )
     kept, silent = one(log, replace(processing, standstill="keep"))
     assert not silent and run.mask.sum() < kept.mask.sum()
     sticks, rests = sticks_and_rests(q, RATE)

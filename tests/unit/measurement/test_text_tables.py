@@ -58,9 +58,9 @@ def test_times_as_dates(tmp_path, form, first):
     assert first == ""
     np.testing.assert_allclose(recording.time - recording.time[0], T - T[0], rtol=0, atol=CLOCK)
     np.testing.assert_array_equal(recording.q, Q)
-    refused("holds dates, which have no unit", path, time_unit=0.001)
+    refused("`time_unit` is given, but the time column .* contains dates", path, time_unit=0.001)
     path.write_text(path.read_text().replace(written[3].split(",")[0], "soon"))
-    refused("line 5: timestamp is 'soon', not a number and not a time", path)
+    refused("line 5: timestamp is 'soon', which is neither a number nor a time", path)
 
 
 def test_a_day_that_ends_and_summer_time(tmp_path):
@@ -148,7 +148,7 @@ def test_a_name_that_stands_twice_is_refused(tmp_path):
     lines = ["t,q1,q1,tau1", *("0,1,2,3" for _ in range(N))]
     path = tmp_path / "run.csv"
     path.write_text("\n".join(lines))
-    refused("2 columns are called 'q1'", path)
+    refused("2 columns have the same name 'q1'", path)
     path.write_text("\n".join(["t,q1,note,note", *lines[1:]]))
     assert load_recording(path).n == 1
 
@@ -162,7 +162,7 @@ def test_a_workbook(tmp_path):
     pytest.importorskip("python_calamine")
     assert_same(load_recording(write_workbook(tmp_path / "run.xlsx", notes=("Recorder 2.1",))))
     degrees = {f"q{k + 1} [deg]": np.degrees(Q[:, k]) for k in range(3)} | {"tau1": TAU[:, 0], "t": T}
-    with pytest.raises(RecordingError, match="3 of q"):
+    with pytest.raises(RecordingError, match="3 columns of q"):
         load_recording(write_workbook(tmp_path / "few.xlsx", degrees))
     spoilt = {"t": T, "q1": [*Q[:-1, 0], "off"], "q2": Q[:, 1]}
     refused("row 26: q1 is 'off', not a number", write_workbook(tmp_path / "off.xlsx", spoilt))

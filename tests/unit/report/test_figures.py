@@ -79,7 +79,7 @@ def test_one_joint_is_a_part_of_all(kind: str, run: Run):
 def test_what_is_not_there_is_said(run: Run, tmp_path: Path):
     with pytest.raises(ArmidError, match="has no joint 'joint_9'"):
         notebook_figures.plot_torque(run, joint="joint_9")
-    with pytest.raises(ArmidError, match="no theme 'blue'"):
+    with pytest.raises(ArmidError, match="Unknown theme 'blue'"):
         notebook_figures.plot_torque(run, theme="blue")  # pyright: ignore[reportArgumentType]
     for path in Path(run.folder).iterdir():
         (tmp_path / path.name).write_bytes(path.read_bytes())
@@ -100,7 +100,7 @@ def test_what_is_no_value_of_armids_is_refused(run: Run):
                 draw(wrong)
         with pytest.raises(ArmidError, match="A folder as data must be given; found 5"):
             draw(run, data=5)
-        with pytest.raises(ArmidError, match="no theme"):
+        with pytest.raises(ArmidError, match="Unknown theme"):
             draw(run, theme=["dark"])
         with pytest.raises(ArmidError, match="has no joint 2"):
             draw(run, joint=2)

@@ -251,7 +251,7 @@ def test_friction_is_the_part_that_the_laws_make(material: PageData):
 
 def test_without_recordings_the_page_says_so(run: Run, tmp_path: Path):
     page = Page(render(gather(moved(run, tmp_path))))
-    assert "run1.csv is not in" in page.prose and "--data" in page.prose
+    assert "run1.csv was not found in" in page.prose and "--data" in page.prose
     assert "plotly-packed" not in page.identities and page.data["plots"] == {}
     assert "✓ pass" in page.prose and "Torque error of each joint" in page.prose
 

@@ -17,7 +17,7 @@ from reports import make_run
 @pytest.mark.parametrize("folder", [".", ""])
 def test_a_missing_recording_names_where_it_was_looked_for(folder, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    with pytest.raises(ArmidError, match=r"log\.csv is not in the working folder any more"):
+    with pytest.raises(ArmidError, match=r"log\.csv was not found in the current working folder"):
         find_recording("log.csv", "0" * 64, folder)
 
 

@@ -160,7 +160,7 @@ def test_a_folder_that_holds_something_else_is_left_alone(result: Result, tmp_pa
     thesis.mkdir()
     (thesis / "chapter1.txt").write_text("years of work")
     for refuse in (lambda: save_run(result, thesis), lambda: refuse_folder(thesis)):
-        with pytest.raises(OutputError, match="is no run of armid") as caught:
+        with pytest.raises(OutputError, match="is not a run of armid") as caught:
             refuse()
         assert "--out" in caught.value.remedy
     assert contents(thesis) == {"chapter1.txt"} and contents(tmp_path) == {"thesis"}
@@ -168,7 +168,7 @@ def test_a_folder_that_holds_something_else_is_left_alone(result: Result, tmp_pa
 
 def test_the_working_folder_is_not_pulled_away(result: Result, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.chdir(tmp_path)
-    with pytest.raises(OutputError, match="is the working folder"):
+    with pytest.raises(OutputError, match="is the current working folder"):
         save_run(result, ".")
     assert contents(tmp_path) == set()
 
@@ -267,7 +267,7 @@ def test_a_run_of_a_later_format_is_refused(result: Result, tmp_path: Path):
 
 def test_what_is_no_run_is_refused(tmp_path: Path):
     for path in (tmp_path, tmp_path / "nowhere"):
-        with pytest.raises(ArmidError, match="is no run of armid"):
+        with pytest.raises(ArmidError, match="is not a run of armid"):
             load_run(path)
 
 
@@ -297,7 +297,7 @@ def test_the_doctor_looks_at_what_a_run_is_judged_by(saved: Path, folder: Path):
 
 def test_a_run_does_not_judge_by_what_trained_it(saved: Path, folder: Path, tmp_path: Path):
     copy = shutil.copy(folder / "run1.csv", tmp_path / "another.csv")
-    with pytest.raises(StudyError, match=r"another\.csv cannot validate .*: the same data trained"):
+    with pytest.raises(StudyError, match=r"another\.csv cannot be used to validate .* trained on the same data"):
         validate_run(load_run(saved), [str(copy)], {})
 
 
@@ -305,7 +305,7 @@ def test_a_file_of_which_only_a_part_trained_is_refused_too(tmp_path: Path):
     write_recordings(tmp_path)
     result = identify(load_study(write_study(tmp_path, HALF)))
     run = load_run(save_run(result, tmp_path / "run"))
-    with pytest.raises(StudyError, match="the same data trained"):
+    with pytest.raises(StudyError, match="trained on the same data"):
         validate_run(run, [str(tmp_path / "run1.csv")], {})
 
 
@@ -328,9 +328,9 @@ def test_the_motion_of_plans_and_recordings(saved: Path, folder: Path, tmp_path:
     inner = slice(100, -100)
     exact = small_plan(2).sample(100.0, 2)
     np.testing.assert_allclose(recorded.q[inner], exact.q[inner], atol=2e-4)
-    with pytest.raises(ArmidError, match="thesis-a1 moves 7 joints; small has 3"):
+    with pytest.raises(ArmidError, match="thesis-a1 moves 7 joints, but small has 3"):
         motion_of(run, "thesis-a1", rate=40.0, reading={})
-    with pytest.raises(ArmidError, match="rate above 0; found 0 Hz"):
+    with pytest.raises(ArmidError, match="rate of a plan must be above 0; found 0 Hz"):
         motion_of(run, str(tmp_path / "plan.json"), rate=0.0, reading={})
     with pytest.raises(ArmidError, match=r"nowhere\.json"):
         motion_of(run, "nowhere.json", rate=40.0, reading={})
@@ -371,6 +371,6 @@ def test_torque_is_written_in_full(saved: Path, tmp_path: Path, suffix: str):
 
 def test_torque_is_not_written_under_another_suffix(saved: Path, tmp_path: Path):
     motion = small_plan(3).sample(50.0)
-    with pytest.raises(ArmidError, match=r"\.csv or \.npz"):
+    with pytest.raises(ArmidError, match=r"\.csv nor \.npz"):
         write_torque(tmp_path / "torque.xlsx", motion, motion.q, "abc")
     assert contents(tmp_path) == set()

@@ -104,7 +104,7 @@ def test_what_is_repeated_does_not_hang_on_the_clock(monkeypatch: pytest.MonkeyP
     monkeypatch.setattr(module.time, "perf_counter", lambda: next(seconds))
     table = compare_methods(prepared(validated=False), ("wls", "ridge", "thesis-nlp"))
     assert [bool(np.isfinite(each.unseen).all()) for each in table.scores] == [True, True, False]
-    assert "takes too long" in table.scores[-1].failure
+    assert "would take too long" in table.scores[-1].failure
 
 
 @pytest.mark.parametrize(
@@ -134,7 +134,7 @@ def test_friction_chosen_on_all_training_data_leaves_nothing_unseen():
     trial = SelectionEvidence("joint_1", "ripple", "ripple 2", 1.0, 0.1, False)
     ladder = FrictionSelection(given.model, (), (trial,), ones, 0.0 * ones, 1.0)
     table = compare_methods(replace(given, friction_selection=ladder), ("wls",))
-    assert table.unseen == "none" and "keep a recording for validation" in table.note
+    assert table.unseen == "none" and "use one recording for validation only" in table.note
     assert np.isnan(table.scores[0].unseen).all() and not table.scores[0].failure
     unjudged = compare_methods(replace(given, friction_selection=replace(ladder, evidence=())), ("wls",))
     assert unjudged.unseen == "cross-validation"

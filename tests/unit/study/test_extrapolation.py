@@ -16,7 +16,7 @@ def test_a_joint_far_beyond_its_speeds_is_named_with_both():
     assert speed_finding(robot, None, 9.0 * trained, "other.csv") is None
     found = speed_finding(robot, trained, trained * [1.0, 3.0, 1.0], "other.csv")
     assert found is not None and found.code == "speed-beyond" and found.severity == "warning"
-    assert "joint_2 was trained up to 0.5 rad/s and is asked for 1.5 rad/s" in found.evidence
+    assert "joint_2 reaches 1.5 rad/s, but only 0.5 rad/s in training" in found.evidence
     assert "other.csv" in found.evidence and "joint_1" not in found.evidence
 
 
@@ -25,7 +25,7 @@ def test_a_joint_that_rested_may_tremble():
     rested = np.zeros(3)
     assert speed_finding(robot, rested, np.full(3, 1e-6), "other.csv") is None
     found = speed_finding(robot, rested, np.array([1e-6, 0.1, 0.01]), "other.csv")
-    assert found is not None and found.evidence.count("was trained up to") == 1 and "joint_2" in found.evidence
+    assert found is not None and found.evidence.count("in training") == 1 and "joint_2" in found.evidence
 
 
 def test_only_rows_that_count_have_trained():

@@ -82,27 +82,27 @@ def test_few_rows_are_remarked_with_what_to_record():
     """Half a second has 175 rows for 57 parameters, of which three each would be 171."""
     found = weak(0.4, "mass")
     assert found is not None and (found.code, found.severity) == ("weak-data", "warning")
-    assert "140 rows are few for 57 parameters" in found.evidence and "base parameters" in found.evidence
+    assert "140 rows are too few for 57 parameters" in found.evidence and "base parameters" in found.evidence
     assert "record 1 s or more instead of 0.4 s" in found.remedy
 
 
 def test_few_blocks_are_remarked_where_stretches_would_have_to_be_left_out():
     assert (found := weak(3.0, "log-det")) is not None
-    assert "3 blocks of rows" in found.evidence and "the prior's weight" in found.evidence
-    assert "5 are the least" in found.evidence and "record 5 s" in found.remedy
+    assert "3 blocks of rows" in found.evidence and "the weight of the prior" in found.evidence
+    assert "at least 5 are needed" in found.evidence and "record 5 s" in found.remedy
     given = weak(3.0, "log-det", weight=1.0)
     assert given is None or "blocks" not in given.evidence  # nothing had to be judged
     assert (found := weak(3.0, None, chosen=True)) is not None and found.severity == "warning"
-    assert "choose friction" in found.evidence
-    assert "8 are the least" in found.evidence and "record 8 s" in found.remedy
-    assert "rows are few" not in found.evidence
+    assert "select friction" in found.evidence
+    assert "at least 8 are needed" in found.evidence and "record 8 s" in found.remedy
+    assert "rows for each parameter" not in found.evidence
 
 
 def test_a_motion_that_hardly_moves_is_remarked_however_long_it_is():
     """Twenty seconds within a hundredth of the range: the prior decides, and a longer recording would not help."""
     found = weak(20.0, "log-det", slowly=0.01)
-    assert found is not None and "of the log-det prior and physics" in found.evidence
-    assert "record" not in found.remedy and "fast and wide" in found.remedy
+    assert found is not None and "by the log-det prior and by physical constraints" in found.evidence
+    assert "record" not in found.remedy and "fast and over a wide range" in found.remedy
 
 
 def test_masses_that_nothing_says_are_named_with_the_prior_that_keeps_them():

@@ -55,19 +55,21 @@ def evidence(designed, code):
 
 def test_torque_that_nothing_limits_is_said_not_to_be_judged(weightless, tmp_path):
     (said,) = evidence(weightless, "torque-unjudged")
-    assert said == "torque of any joint is not judged: no effort limit is given, and no mass"
+    assert said == "the torque of any joint is not checked, because no effort limit is given, and no mass is known"
     text, record = report_text(weightless), report_record(weightless)
-    assert "may use 100 % of each velocity limit; its torque is not judged" in text and record["torque_share"] is None
+    assert (
+        "may use 100 % of each velocity limit; its torque is not checked" in text and record["torque_share"] is None
+    )
     judged = planned(tmp_path, effort="90", inertial=INERTIAL)
     assert not evidence(judged, "torque-unjudged")
-    assert "so the plan may use 90 % of each torque limit, the bound below" in report_text(judged)
-    assert "so the plan may use 90 % of each torque limit" in render_preflight(judged)
+    assert "so the plan may use only 90 % of each torque limit, which is the bound below" in report_text(judged)
+    assert "so the plan may use only 90 % of each torque limit" in render_preflight(judged)
     assert report_record(judged)["torque_share"] == pytest.approx(0.9)
 
 
 def test_masses_that_are_missing_are_said_where_torque_is_not_judged(tmp_path):
     (said,) = evidence(planned(tmp_path, effort="90"), "torque-unknown")
-    assert said.startswith("torque is not judged: arm gives no masses")
+    assert said.startswith("torque is not checked and not limited, because the description of arm has no masses")
 
 
 def test_links_without_bodies_are_named_in_one_finding(weightless):

@@ -207,7 +207,7 @@ def test_an_unknown_key_is_answered_with_the_known_ones(tables: dict, where: str
     ("tables", "message"),
     [
         ({"robot": "iiwa"}, "[robot] must be a table; found 'iiwa'"),
-        ({"robot": {}}, "[robot] lacks description"),
+        ({"robot": {}}, "[robot] has no value for description"),
         ({"robot": {"description": 5}}, "[robot] description must be text; found 5"),
         ({"robot": {"description": "x", "gravity": [1, 2]}}, "[robot] gravity must be three numbers"),
         ({"robot": {"description": "x", "gravity": "down"}}, "[robot] gravity must be three numbers"),
@@ -218,16 +218,22 @@ def test_an_unknown_key_is_answered_with_the_known_ones(tables: dict, where: str
         ({"model": {"terms": "viscous"}}, "[model] terms must be a list of names; found 'viscous'"),
         ({"model": {"terms": [1]}}, "[model] terms must be a list of names"),
         ({"model": {"coulomb": 0.02}}, "[model] coulomb must be a table of options"),
-        ({"recording": {"path": "a"}}, "Recordings are no list of tables"),
-        ({"recording": ["a.csv"]}, "Recordings are no list of tables"),
-        ({"recording": [{"role": "train"}]}, "A recording has no path"),
+        ({"recording": {"path": "a"}}, "The key `recording` of the study must be a list of tables"),
+        ({"recording": ["a.csv"]}, "The key `recording` of the study must be a list of tables"),
+        ({"recording": [{"role": "train"}]}, "A recording has no key `path`"),
         ({"recording": [{"path": 3}]}, "[[recording]] path must be text"),
         ({"recording": [{"path": "a", "part": 0.5}]}, "[[recording]] part must be two numbers"),
         ({"recording": [{"path": "a", "part": [0.5]}]}, "[[recording]] part must be two numbers"),
-        ({"recording": [{"path": "a", "part": [0.7, 0.3]}]}, "part goes from a smaller to a larger share"),
-        ({"recording": [{"path": "a", "part": [0.7, 1.3]}]}, "part goes from a smaller to a larger share"),
+        (
+            {"recording": [{"path": "a", "part": [0.7, 0.3]}]},
+            "`part` must be two increasing shares",
+        ),
+        (
+            {"recording": [{"path": "a", "part": [0.7, 1.3]}]},
+            "`part` must be two increasing shares",
+        ),
         ({"recording": [{"path": "a", "role": "test"}]}, "unknown role 'test'"),
-        ({"recording": [{"path": "a", "rate": "fast"}]}, "[[recording]] a: rate must be a number"),
+        ({"recording": [{"path": "a", "rate": "fast"}]}, "[[recording]] a: `rate` must be a number"),
         ({"processing": {"cutoff": "low"}}, '[processing] cutoff must be a number above 0 or "auto"'),
         ({"processing": {"edges": "cut"}}, "[processing] edges = 'cut' is not known"),
         ({"estimation": {"method": "magic"}}, "Unknown estimation method 'magic'"),
@@ -244,7 +250,7 @@ def test_values_of_the_wrong_kind_are_refused(tables: dict, message: str):
 
 @pytest.mark.parametrize("recordings", [[], [{"path": "a", "role": "validate"}]])
 def test_nothing_to_train_on_is_refused(recordings: list):
-    with pytest.raises(StudyError, match="no recording to train on"):
+    with pytest.raises(StudyError, match="no recording with the role"):
         plain(recording=recordings)
 
 
@@ -265,7 +271,7 @@ def test_a_study_without_robot_is_refused():
 def test_a_missing_or_broken_file_is_refused(tmp_path: Path):
     with pytest.raises(StudyError, match=r"nowhere\.toml cannot be read"):
         load_study(tmp_path / "nowhere.toml")
-    with pytest.raises(StudyError, match=r"no valid TOML: .*line 2"):
+    with pytest.raises(StudyError, match=r"not valid TOML: .*line 2"):
         load_study(write_study(tmp_path, "[robot]\ndescription = iiwa\n"))
     (tmp_path / "study.toml").write_bytes(b"\xff\xfe\x00")
     with pytest.raises(StudyError, match="cannot be read"):
@@ -304,7 +310,7 @@ def test_terms_that_are_not_there_are_refused():
     with pytest.raises(StudyError, match="Unknown torque term 'viscouss'") as caught:
         names_and_width(ModelChoice(("rigid-body", "viscouss")))
     assert caught.value.possible == ", ".join((*TERMS, "default")) and "'viscous'" in caught.value.remedy
-    with pytest.raises(StudyError, match="options of 'coulomb', which is not among its terms"):
+    with pytest.raises(StudyError, match="options of 'coulomb', but this is not one of its terms"):
         names_and_width(ModelChoice(("rigid-body",), {"coulomb": {"width": 0.1}}))
 
 
@@ -383,7 +389,7 @@ stribeck = [{ velocity = 0.1, joints = ["joint_1"] }, { velocity = 0.3, joints =
     )
     again = ModelChoice(("stribeck", "viscous", "stribeck"), study.model.shapes)
     assert [term.name for term in build_model(model.robot, again).terms] == list(again.terms)
-    with pytest.raises(ModelError, match="have the same parameters: FT_1"):
+    with pytest.raises(ModelError, match="belong to two torque terms: FT_1"):
         build_model(model.robot, ModelChoice(("stribeck", "stribeck"), {"stribeck": {"velocity": 0.1}}))
     with pytest.raises(StudyError, match=r"\[model\] stribeck must be a table of options, or a list of such"):
         plain(model={"terms": ["rigid-body"], "stribeck": [0.1]})
@@ -409,7 +415,7 @@ def test_a_missing_recording_is_named(tmp_path: Path):
     study = load_study(write_study(tmp_path))
     with pytest.raises(RecordingError, match=r"run1\.csv does not exist") as caught:
         identify(study)
-    assert "relative to it" in caught.value.remedy
+    assert "relative to the folder of the study" in caught.value.remedy
 
 
 def test_a_missing_robot_is_named(tmp_path: Path):
@@ -422,7 +428,7 @@ def test_a_copy_of_a_training_file_does_not_validate(tmp_path: Path):
     """By content: another name and another place do not help."""
     train, _ = write_recordings(tmp_path)
     shutil.copy(train, tmp_path / "run2.csv")
-    with pytest.raises(StudyError, match=r"run1\.csv and run2\.csv hold the same data .* train and validate"):
+    with pytest.raises(StudyError, match=r"run1\.csv and run2\.csv contain the same data .* train and validate"):
         identify(load_study(write_study(tmp_path)))
 
 
@@ -441,7 +447,7 @@ part = [0.5, 1.0]
 
 def test_parts_of_one_recording_may_train_and_validate_unless_they_overlap(tmp_path: Path):
     write_recordings(tmp_path)
-    with pytest.raises(StudyError, match="hold the same data") as caught:
+    with pytest.raises(StudyError, match="contain the same data") as caught:
         identify(load_study(write_study(tmp_path, PARTS.format(end=0.51))))
     assert "part = " in caught.value.remedy
     result = identify(load_study(write_study(tmp_path, PARTS.format(end=0.5))))
@@ -457,7 +463,7 @@ def test_a_part_keeps_its_rows_and_what_belongs_to_them():
     np.testing.assert_array_equal(part.time, whole.time[rows])  # pyright: ignore[reportOptionalSubscript]
     np.testing.assert_array_equal(part.effort, whole.effort[rows])  # pyright: ignore[reportOptionalSubscript]
     assert part.valid.shape == (400, 3) and part.dq is None and part.sha256 == whole.sha256
-    with pytest.raises(StudyError, match=r"part 0 to 0\.001 of 1600 rows leaves 2"):
+    with pytest.raises(StudyError, match=r"part from 0 to 0\.001 of 1600 rows contains only 2"):
         cut_recording(whole, (0.0, 0.001))
 
 
@@ -465,7 +471,7 @@ def with_own(folder: Path, key: str) -> Estimate:
     """The estimate of two recordings with parameters of their own, which one recording by itself is refused."""
     write_recordings(folder)
     own = STUDY + f"[estimation]\n{key} = true\n"
-    with pytest.raises(StudyError, match=f"{key.split()[-1]} needs at least two training recordings"):
+    with pytest.raises(StudyError, match=f"{key.split()[-1]}` needs at least two training recordings"):
         identify(load_study(write_study(folder, own)))
     return identify(load_study(write_study(folder, own.replace('role = "validate"\n', "")))).estimate
 

@@ -136,7 +136,7 @@ def test_a_recording_that_validates_is_examined_itself_and_told_by_its_name():
     assert found.code == "torque-sign" and found.evidence.startswith("day2/log.csv: ")
     both = replace(case, recording=replace(case.recording, effort=-case.recording.effort, dq=None))
     (found,) = [f for f in findings(both, turned, fine, train=1) if f.severity == "error"]
-    assert found.evidence.startswith("run0.csv: ") and found.evidence.endswith(" The same on run1.csv.")
+    assert found.evidence.startswith("run0.csv: ") and found.evidence.endswith(" The same was found in run1.csv.")
 
 
 def test_names_tell_recordings_apart():

@@ -1,1 +1,1 @@
-"""Commands, one a file."""
+"""Commands; each module contains one command."""

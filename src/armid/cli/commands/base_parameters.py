@@ -1,4 +1,4 @@
-"""`armid base`: base parameters of an arm, the ones that its torques determine."""
+"""`armid base`: base parameters of an arm, which are the parameters that its torques determine."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ def base(
 
 
 def _group_by_joint(base_parameters: BaseParameters, formulas: Sequence[str], joints: Sequence[str]) -> list[str]:
-    """Lines by joint: base parameters that are sums, as formulas; then those of a single parameter, as names."""
+    """Lines by joint: base parameters that are sums, as formulas; then single parameters, as names."""
     from armid.model.parameter_counts import by_joint
 
     lines: list[str] = []

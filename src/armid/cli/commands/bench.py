@@ -11,10 +11,10 @@ from armid.cli.options import Json
 
 
 def bench(
-    samples: Annotated[int, typer.Option(min=2000, help="Samples of the least-squares problem.")] = 216_000,
+    samples: Annotated[int, typer.Option(min=2000, help="Number of samples of the least-squares problem.")] = 216_000,
     json: Json = False,
 ) -> None:
-    """Measure the kernel's CPU time on one thread against that of other packages, in the same run.
+    """Measure the CPU time of the kernel and of other packages on one thread, in the same run.
 
     Example:
         armid bench --samples 50000

@@ -21,33 +21,32 @@ RULES = {
     "(3.53b)": "smallest moment of inertia at least a hundredth of the largest",
     "(3.53c)": "products of inertia at most a tenth of the smallest moment of inertia",
     "(3.53d)": "smallest moment of inertia at least 1e-4 kg·m²",
-    "(3.53e)": "moments about x and y at least three times that about z, as of a link that is long along z",
-    "(3.53f)": "moments about x and z at least three times that about y, as of a link that is long along y",
+    "(3.53e)": "moments about x and y at least three times the moment about z, as for a link that is long along z",
+    "(3.53f)": "moments about x and z at least three times the moment about y, as for a link that is long along y",
 }
-"""Requirement of each constraint of the thesis [Halper2024], by its number there."""
+"""Requirement of each constraint of the thesis [Halper2024], by the number of its equation."""
 
 
 def certify(
     subject: Annotated[
         str,
-        typer.Argument(
-            metavar="RUN | ROBOT", help="A run, or an arm: the links of its description, or the values that follow."
-        ),
+        typer.Argument(metavar="RUN | ROBOT", help="A run; or an arm, whose description or VALUES.json is checked."),
     ],
     values: Annotated[
         str | None,
         typer.Argument(
             metavar="[VALUES.json]",
-            help="{name: value} by base (ZZR_1), standard (ZZ_1) or physical names (m_1, rx_1, Ixx_1); FV_1, FS_1.",
+            help="JSON file {name: value} with base (ZZR_1), standard (ZZ_1) or physical parameters (m_1, rx_1, "
+            "Ixx_1), and friction (FV_1, FS_1).",
         ),
     ] = None,
-    motion: Annotated[str | None, typer.Option(metavar="PLAN", help="Mass matrix along this plan, too.")] = None,
+    motion: Annotated[
+        str | None, typer.Option(metavar="PLAN", help="Check the mass matrix on this plan, too.")
+    ] = None,
     heaviest: Annotated[
         float | None,
         typer.Option(
-            min=0.0,
-            help="Largest mass of a link in the second check, kg; 10, or twice the heaviest link where the "
-            "description has heavier ones.",
+            min=0.0, help="Largest mass of a link, kg; 10 by default, or twice a heaviest link above 10 kg."
         ),
     ] = None,
     gravity: Gravity = None,
@@ -57,9 +56,9 @@ def certify(
     package: Package = None,
     json: Json = False,
 ) -> None:
-    """Certify parameters: physical consistency, the mass matrix over all poses, rules of thumb for single links.
+    """Certify parameters: physical consistency, mass matrix in all poses, rules of thumb for single links.
 
-    Exit code 1: the parameters are not physically consistent, that is, no links of positive density have them.
+    Exit code 1: the parameters are not physically consistent, that is, no links with positive density can have them.
 
     Examples:
         armid certify runs/today
@@ -93,8 +92,8 @@ def _report(verdict: Verdict, motion: str | None) -> None:
     from armid.cli.console import output_console, print_findings
 
     console, certificate = output_console(), verdict.certificate
-    yes = "[bold green]physically consistent[/]: links of positive density have them"
-    no = "[bold red]not physically consistent[/]: no links of positive density have them"
+    yes = "[bold green]physically consistent[/]: links with positive density can have them"
+    no = "[bold red]not physically consistent[/]: no links with positive density can have them"
     console.print(f"{verdict.kind} parameters: {yes if certificate.feasible else no}")
     console.print(
         f"  nearest consistent parameters: Euclidean distance {certificate.distance:.4g} "
@@ -102,8 +101,8 @@ def _report(verdict: Verdict, motion: str | None) -> None:
         f"inertial parameters); one choice of link masses for them, kg: {_list(certificate.masses)}"
     )
     console.print(
-        f"  with no link above {verdict.heaviest:.3g} kg (10 kg, or twice the heaviest described link; --heaviest "
-        f"says another): distance {verdict.limited.distance:.4g}; masses, kg: "
+        f"  with no link above {verdict.heaviest:.3g} kg (10 kg, or twice the heaviest link of the "
+        f"description; option --heaviest): distance {verdict.limited.distance:.4g}; masses, kg: "
         f"{_list(verdict.limited.masses)}"
     )
     definite = "positive definite" if verdict.pose.min_eigenvalue > 0.0 else "not positive definite everywhere"
@@ -116,7 +115,8 @@ def _report(verdict: Verdict, motion: str | None) -> None:
     broken = [each for each in verdict.constraints if not each.ok]
     if broken:
         console.print(
-            "rules of thumb that are not met; they do not affect the verdict, because real bodies break some of them:"
+            "rules of thumb that are not met; they do not affect the verdict, because some real bodies do "
+            "not meet them:"
         )
     for each in broken:
         note = " (met within rounding)" if each.rounding else ""

@@ -27,10 +27,10 @@ def demo(
     out: Out = None,
     json: Json = False,
 ) -> None:
-    """Identify and validate a virtual, hanging KUKA LBR iiwa 14 on the motions of the thesis.
+    """Identify and validate a virtual, hanging KUKA LBR iiwa 14 with the motions of the thesis.
 
-    The arm is recorded at 8 kHz through five repetitions of Table A.1 over 27 s, with friction of Table 4.1 and noise
-    (1e-5 rad, 0.3 N·m), and validated on Table A.2.
+    The motion of Table A.1 of the thesis, with a period of 27 s, is repeated five times and recorded at 8 kHz, with
+    friction of Table 4.1 and noise (1e-5 rad, 0.3 N·m). The model is validated on Table A.2.
 
     Example:
         armid demo --preset thesis
@@ -64,8 +64,8 @@ def demo(
     else:
         print_result(done.result, verbose=verbose)
         output_console().print(
-            f"against the truth: base parameters off by {100 * done.relative_error:.3f} %, "
-            f"torque on Table A.2 by {done.torque_error:.4f} N·m RMS"
+            f"error against the true values: base parameters {100 * done.relative_error:.3f} %, torque on "
+            f"Table A.2 {done.torque_error:.4f} N·m RMS"
         )
     page = not no_report and write_page(run, done.result, done.recordings)
     if not json:

@@ -1,4 +1,4 @@
-"""`armid doctor`: faults of a recording, found before it is used."""
+"""`armid doctor`: check of recordings for faults before they are used."""
 
 from __future__ import annotations
 
@@ -52,8 +52,8 @@ def doctor(
 ) -> None:
     """Examine recordings: signs, order, units, zeros, gravity, clock, delays, channels, motion.
 
-    Nothing is repaired. Each finding gives its evidence and its remedy: a line for the study, or without a study an
-    option of the command line or a study to write. Exit code 1: there is at least one error.
+    Nothing is repaired. Each finding gives its evidence and its remedy. With a study, the remedy is a line for it;
+    without, it is an option of the command line or the text of a study. Exit code 1: there is at least one error.
 
     Examples:
         armid doctor study.toml
@@ -69,13 +69,12 @@ def doctor(
     if not recordings:
         if Path(subject).suffix != ".toml":
             raise ArmidError(
-                f"{subject} is not a study, and no recording is given.", remedy="give a recording of it."
+                f"{subject} is an arm and not a study, but no recording is given.",
+                remedy="give at least one recording of this arm, or a study.toml.",
             )
         if reading_options or any((gravity, lock, only, tip, package, terms)):
-            raise StudyError(
-                f"{subject} is a study and takes no options; options are for an arm and recordings.",
-                remedy="write them into the study.",
-            )
+            problem = f"{subject} is a study, but options are only possible with an arm and recordings."
+            raise StudyError(problem, remedy="write these options into the study.")
         study = load_study(subject)
     else:
         reading = LogFormat(**reading_options)

@@ -17,7 +17,9 @@ from armid.export.catalogue import EXPORTERS
 if TYPE_CHECKING:
     from armid.export.write import Exported
 
-Moved = Annotated[Path | None, typer.Option(metavar="FILE", help="The robot description, if it was moved.")]
+Moved = Annotated[
+    Path | None, typer.Option(metavar="FILE", help="Robot description of the run, if the file was moved.")
+]
 Limit = Annotated[
     list[str] | None,
     typer.Option(
@@ -29,14 +31,15 @@ Limit = Annotated[
 Nearest = Annotated[
     bool,
     typer.Option(
-        "--nearest", help="Where torques do not determine how links share mass, share it as the description does."
+        "--nearest",
+        help="Distribute the mass among the links as in the description, as far as torques do not determine it.",
     ),
 ]
 Lumped = Annotated[
     bool,
     typer.Option(
         "--lumped",
-        help="Give all mass of a link to its main body; bodies on fixed or held joints are written without mass.",
+        help="Give all mass of a link to its main body; bodies on fixed or locked joints are written without mass.",
     ),
 ]
 Unphysical = Annotated[bool, typer.Option("--allow-unphysical", help="Also write physically inconsistent links.")]
@@ -65,7 +68,9 @@ def export(
     out: Annotated[
         Path | None,
         typer.Option(
-            "--out", metavar="FILE", help="File to write, or a folder for code; by default in the run's folder."
+            "--out",
+            metavar="FILE",
+            help="File to write, or folder for source code; by default in the folder of the run.",
         ),
     ] = None,
     description: Moved = None,

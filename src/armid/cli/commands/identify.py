@@ -67,12 +67,18 @@ Cutoff = Annotated[
     str | None,
     typer.Option(metavar="HZ|auto", help="Cut-off of the filter, Hz; 5 by default; auto: from the motion."),
 ]
-Edges = Annotated[str | None, typer.Option(metavar="drop|pad|periodic", help="Ends of a recording; drop by default.")]
+Edges = Annotated[
+    str | None,
+    typer.Option(metavar="drop|pad|periodic", help="Treatment of the ends of a recording; drop by default."),
+]
 Slow = Annotated[
-    float | None, typer.Option(help="Least speed at which rows of a joint count, rad/s or m/s; 0 by default.")
+    float | None, typer.Option(help="Smallest speed at which rows of a joint are used, rad/s or m/s; 0 by default.")
 ]
 Standstill = Annotated[
-    str | None, typer.Option(metavar="drop|moving|keep", help="Rows in which a joint stands still; drop by default.")
+    str | None,
+    typer.Option(
+        metavar="drop|moving|keep", help="Treatment of rows in which a joint stands still; drop by default."
+    ),
 ]
 Method = Annotated[
     str | None,
@@ -89,7 +95,7 @@ def identify(
     inputs: Inputs,
     validate: HeldOut = None,
     preset: Annotated[
-        LogPreset | None, typer.Option(help="`thesis`: its processing, terms and ordinary least squares.")
+        LogPreset | None, typer.Option(help="`thesis`: processing and terms of the thesis, ordinary least squares.")
     ] = None,
     gravity: Gravity = None,
     lock: Lock = None,
@@ -161,14 +167,14 @@ def _shared_format_finding(study: Study, validate: list[str]) -> list[Finding]:
     options = ", ".join(lines(**{key: value}) for key, value in keys.items())
     names = ", ".join(Path(path).name for path in validate)
     return [
-        Finding("reading-shared", "info", "", f"{options} also holds for {names}, as for the training recordings.")
+        Finding("reading-shared", "info", "", f"{options} applies to the training recordings and also to {names}.")
     ]
 
 
 def _identified(
     study: Study, threads: int, *, compare: bool, quiet: bool
 ) -> tuple[Prepared, Result, MethodTable | None]:
-    """Prepared data, the result, and the comparison of methods if requested; shows a progress bar."""
+    """Prepared data, the result, and, if requested, the comparison of methods; shows a progress bar."""
     from armid.cli.console import progress
     from armid.study.compare_methods import compare_methods
     from armid.study.identify import conclude
@@ -223,7 +229,7 @@ def _study(
     arm: tuple[Any, ...],
     terms: str | None,
 ) -> Study:
-    """Study that the arguments name or describe, with the log format that they give."""
+    """Study that the arguments name or define, with the given log format."""
     from armid.measurement.log_format import LogFormat
     from armid.study.config import RecordingChoice, Study, default_estimation
 
@@ -246,7 +252,7 @@ def _period(text: str | None) -> float | str | None:
     try:
         return float(text)
     except ValueError:
-        raise StudyError(f"--period {text} is not a time.", possible="a number [s], none") from None
+        raise StudyError(f"--period {text} is neither a time nor `none`.", possible="a number [s], none") from None
 
 
 ARM = ("gravity", "lock", "tip", "only")
@@ -260,20 +266,20 @@ def _changed_study(
     arm: tuple[Any, ...],
     terms: str | None,
 ) -> Study:
-    """Study of a file, changed by the command line; added recordings are read like its first one."""
+    """Study of a file, changed by the command line; further recordings are read like its first recording."""
     from armid.errors import StudyError
     from armid.study.config import RecordingChoice, default_estimation, load_study
 
     if not path.endswith(".toml"):
         raise StudyError(
-            f"{path} is not a study, and an arm needs recordings.",
+            f"{path} is an arm and not a study, but no recordings are given.",
             remedy="give a study.toml, or an arm followed by its recordings.",
         )
     if reading:
         options = ", ".join("--" + name.replace("_", "-") for name in reading)
         raise StudyError(
-            f"{path} defines the log format of its recordings; found {options} as well.",
-            remedy="write these into the [[recording]] tables of the study.",
+            f"{path} defines the log format of its recordings, but {options} was given, too.",
+            remedy="write these options into the [[recording]] tables of the study.",
         )
     study = load_study(path)
     overrides = robot_choice(study.robot.description, *arm)

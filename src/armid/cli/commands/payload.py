@@ -21,14 +21,15 @@ def payload(
     run: Annotated[str, typer.Argument(help="Run of the arm without the payload.")],
     recordings: Annotated[list[str], typer.Argument(metavar="RECORDING…", help="Recordings with the payload.")],
     mass: Annotated[
-        float | None, typer.Option(metavar="KG", help="Known mass of the payload; the drive gains are estimated.")
+        float | None,
+        typer.Option(metavar="KG", help="Known mass of the payload, kg; the drive gains are then estimated."),
     ] = None,
     com: Annotated[
         tuple[float, float, float] | None,
         typer.Option(metavar="X Y Z", help="Known centre of mass of the payload in the tip frame, m."),
     ] = None,
     gain_deviation: Annotated[
-        float | None, typer.Option(min=0.0, help="Relative standard deviation of the drive gains, as 0.1.")
+        float | None, typer.Option(min=0.0, help="Relative standard deviation of the drive gains, for instance 0.1.")
     ] = None,
     same_friction: Annotated[
         bool, typer.Option("--same-friction", help="Keep the friction of the run; by default it may have changed.")
@@ -39,7 +40,7 @@ def payload(
     out: Out = None,
     json: Json = False,
 ) -> None:
-    """Estimate the ten inertial parameters of a payload; recordings are processed as the run's own.
+    """Estimate the ten inertial parameters of a payload; recordings are processed like those of the run.
 
     Examples:
         armid payload runs/arm with_load.csv
@@ -109,7 +110,7 @@ def _report(payload: Payload) -> None:
 
 
 def _body(payload: Payload) -> Table:
-    """Table of mass, centre of mass and inertia about it, the values that robot controllers need."""
+    """Table of mass, centre of mass and inertia about the centre of mass, which robot controllers need."""
     from rich.markup import escape
     from rich.table import Table
 
@@ -139,8 +140,8 @@ def _parameters(record: dict[str, Any]) -> Table:
 
     parameters = record["parameters"]
     differs = any(not np.array_equal(p["interval95"], p["statistical95"], equal_nan=True) for p in parameters)
-    table = Table(title="The same about the frame's origin, as the torques determine it", header_style="bold")
-    names = ["parameter", "value", "unit", "95 % interval", *(["with exact gains"] if differs else []), "status"]
+    table = Table(title="Parameters about the origin of the frame, which the torques determine", header_style="bold")
+    names = ["parameter", "value", "unit", "95 % interval", *(["if gains are exact"] if differs else []), "status"]
     for name in names:
         table.add_column(name, justify="left" if name in ("parameter", "unit", "status") else "right")
     for each in parameters:

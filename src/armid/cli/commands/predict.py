@@ -48,7 +48,10 @@ def predict(
     from armid.study.records import to_json
 
     if out.resolve() == Path(motion).resolve():
-        raise ArmidError(f"{out} is the motion itself.", remedy="write the torque to another file with --out.")
+        raise ArmidError(
+            f"The torque cannot be written to {out}, because this file is the motion.",
+            remedy="write the torque to another file with --out.",
+        )
     loaded = load_run(run)
     reading = changed_reading(loaded.reading, rate, torque_sign, columns)
     along = prediction.motion_of(loaded, motion, rate=plan_rate, reading=reading)

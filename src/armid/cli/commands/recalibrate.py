@@ -25,7 +25,7 @@ def recalibrate(
     ] = None,
     tool: Annotated[bool, typer.Option("--tool", help="The tool, that is the last link, has changed, too.")] = False,
     everything: Annotated[
-        bool, typer.Option("--all", help="Everything may have changed: use only the new recordings.")
+        bool, typer.Option("--all", help="Estimate all parameters again, from the new recordings only.")
     ] = False,
     rate: Rate = None,
     torque_sign: TorqueSign = None,
@@ -33,7 +33,7 @@ def recalibrate(
     out: Out = None,
     json: Json = False,
 ) -> None:
-    """Estimate friction and offsets anew, take the rest from an earlier run, and list the changes.
+    """Estimate friction and offsets again, take other parameters from an earlier run, and list the changes.
 
     Examples:
         armid recalibrate runs/spring autumn.csv --out runs/autumn
@@ -47,12 +47,15 @@ def recalibrate(
     from armid.study.records import estimate_record, to_json, validation_record
 
     if tool and everything:
-        raise StudyError("--tool and --all are given.", remedy="give one: --all includes the tool.")
+        raise StudyError("--tool and --all are both given.", remedy="give only one of them; --all includes the tool.")
     let_change: Changed = "tool" if tool else "all" if everything else "friction"
     earlier = load_run(run)
     folder = run_folder(out, f"{earlier.robot.name}-recalibrated")
     if folder.resolve() == Path(run).resolve():
-        raise OutputError(f"{folder} is the earlier run.", remedy="choose another folder with --out.")
+        raise OutputError(
+            f"The result cannot be written to {folder}, because this is the folder of the earlier run.",
+            remedy="choose another folder with --out.",
+        )
     refuse_folder(folder)
     reading = changed_reading(earlier.reading, rate, torque_sign, columns)
     recalibration = stage(earlier, recordings, reading, changed=let_change, held_out=validate or [])

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 PAGE = "report.html"
 
-MISSING_REMEDY = "give its folder with --data FOLDER; the page has its numbers, but not its plots."
+MISSING_REMEDY = "give the folder of the recording with --data FOLDER; without it the page has tables, but no plots."
 """Remedy for a recording that could not be read for the plots of a page."""
 
 NoReport = Annotated[bool, typer.Option("--no-report", help=f"Do not write {PAGE} into the run's folder.")]
@@ -35,10 +35,10 @@ def report(
     data: Data = None,
     json: Json = False,
 ) -> None:
-    """Write a page that opens without a network: verdict, torque, residuals, friction, parameters, provenance.
+    """Write a page that needs no network: verdict, torque, residuals, friction, parameters, provenance.
 
-    The plots need the run's recordings, which are read again; without them the page has only its tables. For two runs
-    the page lists the parameters whose change exceeds its interval.
+    The plots need the recordings of the run, which are read again; without them the page has only tables. For two
+    runs, the page lists the parameters whose change is larger than its interval.
 
     Examples:
         armid report runs/today
@@ -74,12 +74,12 @@ def write_page(
 ) -> bool:
     """Write the page of a run into its folder; if this fails, print the reason on standard error.
 
-    It is called after the results are printed, so that they do not wait for the page.
+    The page is written after the results are printed, so that the results do not wait for the page.
 
     Args:
         run: The run, as it has just been saved.
-        result: What it holds.
-        recordings: Processed recordings that the run was identified from.
+        result: Result of the identification.
+        recordings: Processed recordings from which the run was identified.
         methods: Comparison of methods, if there was one.
 
     Returns:
@@ -100,7 +100,7 @@ def write_page(
 
 
 def attempt(page: str, write: Callable[[], object]) -> bool:
-    """Write a page that the results do not depend on; if this fails, print the reason and return false."""
+    """Write a page that is not needed for the results; if this fails, print the reason and return false."""
     from armid.errors import ArmidError
 
     sys.stdout.flush()

@@ -1,4 +1,4 @@
-"""`armid thesis`: the reference study, reproduced from end to end."""
+"""`armid thesis`: complete reproduction of the reference study."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ def thesis(
     out: Out = None,
     json: Json = False,
 ) -> None:
-    """Reproduce the study of the thesis on a virtual arm, with corrections, and write a page like a paper.
+    """Reproduce the study of the thesis on a virtual arm, with corrections, and write it as a page.
 
     The arm hangs. Frames, base parameters, excitation and estimates follow the thesis, first as printed, then with
     each correction in turn; the published tables are checked. The folder holds `thesis.html`, `thesis.json` with
-    every number, and the tables as CSV and LaTeX. The extras lab, nlp and report are needed.
+    every number, and the tables as CSV and LaTeX. The command needs the extras lab, nlp and report.
 
     Examples:
         armid thesis

@@ -24,12 +24,16 @@ MAX_CHANGED = 12
 
 
 def track(
-    run: Annotated[str, typer.Argument(help="Run to start from.")],
-    recordings: Annotated[list[str], typer.Argument(metavar="RECORDING…", help="Later recordings, in order.")],
-    memory: Annotated[float, typer.Option(metavar="S", help="Time constant of forgetting, s; inf for none.")] = 30.0,
+    run: Annotated[str, typer.Argument(help="Run with the initial values.")],
+    recordings: Annotated[
+        list[str], typer.Argument(metavar="RECORDING…", help="Recordings made after the run, in the order of time.")
+    ],
+    memory: Annotated[
+        float, typer.Option(metavar="S", help="Time constant of forgetting, s; inf: nothing is forgotten.")
+    ] = 30.0,
     block: Annotated[float, typer.Option(metavar="S", help="Time from one estimate to the next, s.")] = 1.0,
     tool: Annotated[bool, typer.Option("--tool", help="Also follow a payload at the tip.")] = False,
-    everything: Annotated[bool, typer.Option("--all", help="Let every parameter change.")] = False,
+    everything: Annotated[bool, typer.Option("--all", help="Track all parameters.")] = False,
     rate: Rate = None,
     torque_sign: TorqueSign = None,
     columns: Columns = None,
@@ -52,7 +56,9 @@ def track(
     from armid.values import replace_file
 
     if tool and everything:
-        raise StudyError("--tool and --all are given.", remedy="give one: --all includes the payload.")
+        raise StudyError(
+            "--tool and --all are both given.", remedy="give only one of them; --all includes the payload."
+        )
     changed: Changed = "tool" if tool else "all" if everything else "friction"
     earlier = load_run(run)
     if out is not None:
@@ -99,7 +105,7 @@ def _report(run: Run, tracked: TrackedRun, *, tool: bool) -> None:
             f"{event.time:.2f} s: {escape(event.joint)} has {event.normalized_innovation:.1f} times the usual error"
         )
     names = _most_changed(run, tracked, MAX_CHANGED)
-    last = Table(title="changed most by the end")
+    last = Table(title="largest changes at the end")
     for name in ("parameter", "before", "after", "unit", "change / σ"):
         last.add_column(name, justify="left" if name in ("parameter", "unit") else "right")
     for name in names:

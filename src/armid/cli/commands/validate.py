@@ -28,11 +28,14 @@ def validate(
     tolerance: Annotated[float, typer.Option(help="Tolerated position error of a simulated joint, rad or m.")] = 0.01,
     controller: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="Simulate under this controller: a JSON with its gains, as truth.json."),
+        typer.Option(
+            metavar="FILE",
+            help="JSON file with the gains of the controller for the simulation, for instance truth.json.",
+        ),
     ] = None,
     json: Json = False,
 ) -> None:
-    """Validate a run on held-out recordings, read and processed as the run's own.
+    """Validate a run on held-out recordings, which are read and processed like those of the run.
 
     Example:
         armid validate runs/today next_week.csv

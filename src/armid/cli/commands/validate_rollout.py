@@ -1,4 +1,4 @@
-"""Rollout of the model in `armid validate`: motion from torque, and its table of errors."""
+"""Rollout of the model in `armid validate`: motion from torque, and the table of its errors."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def roll_out(
     tolerance: float,
     controller: Path | None,
 ) -> tuple[MotionScore, ...]:
-    """Scores of the rolled-out model; findings about the rollout go to standard error."""
+    """Scores of the rollout of a model; its findings are printed on standard error."""
     from armid.cli.console import print_findings
     from armid.runs.rollout import ROLL_OUT_CODES, load_feedback, roll_out_run
 
@@ -54,9 +54,9 @@ def motion_table(robot: Robot, scores: Sequence[MotionScore], *, closed: bool) -
         )
     count = sum(score.windows for score in scores)
     table.caption = (
-        f"{count} windows of {first.seconds:g} s; moved: RMS distance from a window's start; until: median time "
-        "until the error exceeds the tolerance in rad or m; CAD: the description's own masses, without friction"
-        f"{_missing_nominal(scores, count)}"
+        f"{count} windows of {first.seconds:g} s; moved: RMS distance from a window's start; until: median "
+        "time until the error exceeds the tolerance in rad or m; CAD: masses of the description, without "
+        f"friction{_missing_nominal(scores, count)}"
     )
     table.caption_justify = "left"
     return table
@@ -65,13 +65,13 @@ def motion_table(robot: Robot, scores: Sequence[MotionScore], *, closed: bool) -
 def _missing_nominal(scores: Sequence[MotionScore], count: int) -> str:
     """Reason why the table has no error of the description, if it has none."""
     if all(score.prior_rms is None for score in scores):
-        return ", which has no inertias here"
+        return "; no error is given, because the description has no inertias"
     lost = sum(score.losses.nominal for score in scores)
-    return f", whose simulation diverged in {lost} of the {count} windows, so its error is not given" if lost else ""
+    return f"; no error is given, because the simulation diverged in {lost} of the {count} windows" if lost else ""
 
 
 def _held_time(held: float, longest: float) -> str:
-    """Time [s] within the tolerance; more than the window where it was never left."""
+    """Time [s] within the tolerance; "> window" if the tolerance was never exceeded."""
     return f"> {longest:.2f} s" if held > 0.999 * longest else f"{held:.2f} s"
 
 

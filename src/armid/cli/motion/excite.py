@@ -61,26 +61,29 @@ OPTIONS: dict[str, tuple[Any, Any]] = {
         "one joint at a time, for friction."
     ),
     "poses": _option(int, 30, "Number of static poses."),
-    "rest": _option(float, 2.0, "Rest in each static pose, s."),
+    "rest": _option(float, 2.0, "Time at rest in each static pose, s."),
     "criterion": _option(
         str | None,
         None,
-        "d-optimal, condition, scaled-condition, a-optimal, e-optimal, prediction (--predict), or worst: the largest "
-        "deviation of a parameter, over its size with --after RUN. Worst after a run, d-optimal otherwise.",
+        "d-optimal, condition, scaled-condition, a-optimal, e-optimal, prediction (--predict), or worst: the "
+        "largest standard deviation of a parameter, with --after RUN divided by its value. By default worst "
+        "after a run, otherwise d-optimal.",
         metavar="NAME",
         complete=among(CRITERIA),
     ),
     "duration": _option(float, 20.0, "Length of a period, s."),
     "harmonics": _option(int, 10, "Number of harmonics."),
-    "start": _option(str | None, None, "Start pose, rad or m: one number a joint; chosen by armid if left out.",
+    "start": _option(str | None, None,
+        "Start pose, rad or m: one number for each joint; chosen by armid if left out.",
         metavar=POSE),
     "free_start": _option(bool, False, "Let the search choose the start pose.", "--free-start"),
-    "free_centre": _option(bool, False, "Let joints oscillate about another pose than the start.", "--free-centre"),
+    "free_centre": _option(bool, False,
+        "Let joints oscillate about a pose other than the start pose.", "--free-centre"),
     "begin": _option(str | None, None, "Pose before the motion, rad or m: adds a lead-in.", metavar=POSE),
     "end": _option(str | None, None, "Pose after the motion, rad or m: adds a lead-out.", metavar=POSE),
     "limits": _option(
-        str, "true", "true: position, velocity and known torque of the motion itself; thesis: (3.55d-f) without "
-        "1/L; thesis-literal: as printed."
+        str, "true", "true: limits on position, velocity and known torque of the motion; thesis: equations (3.55d-f) "
+        "of the thesis without 1/L; thesis-literal: as printed."
     ),
     "limit": _option(
         SEVERAL, None, "Limits: A1.velocity=1.2, A1.position=-1:1, '*.effort=80' (of all joints), …; repeatable.",
@@ -88,16 +91,17 @@ OPTIONS: dict[str, tuple[Any, Any]] = {
     ),
     "acceleration": _option(float | None, None, "Acceleration limit of every joint, rad/s² or m/s²."),
     "jerk": _option(float | None, None, "Jerk limit of every joint, rad/s³ or m/s³."),
-    "torque_margin": _option(float | None, None, "Share of the torque limits kept free; 0.1 with --limits true."),
+    "torque_margin": _option(float | None, None,
+        "Share of the torque limits that must stay unused; by default 0.1 with --limits true."),
     "collision": _option(
-        bool | None, None, "Keep links apart from each other and from the surroundings; on where the description has "
-        "bodies.", "--collision/--no-collision",
+        bool | None, None, "Check distances between links and to the surroundings; by default on if the description "
+        "has shapes.", "--collision/--no-collision",
     ),
     "clearance": _option(float, 0.02, "Required distance between bodies, m."),
     "ignore_pair": _option(
-        SEVERAL, None, "Two links or bodies that need not keep apart, also patterns; repeatable.", metavar="A,B"
+        SEVERAL, None, "Two links or bodies whose distance is not checked, also patterns; repeatable.", metavar="A,B"
     ),
-    "srdf": _option(Path | None, None, "SRDF whose disabled pairs of links need not keep apart."),
+    "srdf": _option(Path | None, None, "SRDF file whose disabled pairs of links are not checked."),
     "floor": _option(
         float | None, None, "Height of a floor above the base, m. By default the plane through "
         "the base, if the arm stands on it."
@@ -105,7 +109,7 @@ OPTIONS: dict[str, tuple[Any, Any]] = {
     "no_floor": _option(bool, False, "Assume no floor.", "--no-floor"),
     "environment": _option(Path | None, None, "TOML of boxes, spheres and half-spaces; implies --collision."),
     "tip_box": _option(
-        str | None, None, "Box that the tip stays in, m: low and high corner.", metavar="X,Y,Z,X,Y,Z"
+        str | None, None, "Box in which the tip must stay, m: low and high corner.", metavar="X,Y,Z,X,Y,Z"
     ),
     "envelope": _option(
         str | None, None, "Recording, plan.json or thesis-a1@27: stay inside its velocity and acceleration.",
@@ -115,12 +119,13 @@ OPTIONS: dict[str, tuple[Any, Any]] = {
         bool, False, "Use the highest velocity and acceleration of any joint as the envelope of all joints.",
         "--envelope-of-arm"
     ),
-    "noise": _option(str | None, None, "Torque noise, N·m or N: one number, or one a joint.", metavar="S…"),
+    "noise": _option(str | None, None,
+        "Standard deviation of the torque noise, N·m or N: one number, or one for each joint.", metavar="S…"),
     "rate": _option(float, 100.0, "Rate at which samples count as independent, Hz."),
     "repetitions": _option(int, 1, "Number of periods that will be recorded."),
     "after": _option(SEVERAL, None, "Run or plan.json that already gives information; repeatable."),
     "predict": _option(SEVERAL, None, "Plan whose torque the model shall predict well; repeatable."),
-    "budget": _option(float, 30.0, "Wall time of the search alone, s; Ctrl-C keeps the best so far."),
+    "budget": _option(float, 30.0, "Wall time of the search, s; Ctrl-C ends it and keeps the best plan so far."),
     "seed": _option(int, 1, "Seed of the random starts; the same seed gives the same search."),
     "workers": _option(int, 2, "Number of processes; 0 searches in the main process."),
     "formats": _option(SEVERAL, None, "csv, ros2, fri, urscript, mat; repeatable, all by default.", "--format"),
@@ -143,16 +148,16 @@ STEPS = {
     "files": "files: write the motions",
     "preview": "preview: draw the arm",
 }
-"""Line for each stage of a design where standard error is no terminal."""
+"""Line for each stage of a design if standard error is not a terminal."""
 
 
 @contextmanager
 def _search_context(options: dict[str, Any]) -> Generator[tuple[Executor | None, Progress, Stage]]:
     """Process pool for the search, and callbacks for a line on standard error: the best value so far, and stages.
 
-    Where standard error is no terminal, each stage is one line of `STEPS` when it begins.
+    If standard error is not a terminal, one line of `STEPS` is printed at the begin of each stage.
 
-    The pool is made first: before other threads run, processes can be forked, which takes no time.
+    The pool is made first, because processes can be forked, which is fast, only before other threads run.
     """
     from armid.cli.console import print_missing_meshes, progress
     from armid.excitation.design.multistart import single_threaded_pool

@@ -37,7 +37,7 @@ from armid.values import Array, load
 Limit = float | tuple[float, float]
 
 TORQUE_MARGIN = 0.1
-"""Default share of the torque limits that is kept free, because the masses of a description are rough."""
+"""Default share of the torque limits that stays unused, because the masses of a description are inaccurate."""
 
 
 def run_request(
@@ -130,12 +130,12 @@ def _pose(options: Mapping[str, Any], name: str, robot: Robot) -> Array | None:
     """Pose given by an option, shape (n,) [rad or m].
 
     Raises:
-        ArmidError: There is not one number for each joint.
+        ArmidError: The number of values is not the number of joints.
     """
     try:
         return numbers(options[name], f"--{name}", robot.n)
     except ArmidError as error:
-        order = f"one number a joint, in this order: {', '.join(robot.joint_names)}"
+        order = f"one number for each joint, in this order: {', '.join(robot.joint_names)}"
         raise ArmidError(error.problem, possible=order, remedy=error.remedy) from error
 
 
@@ -143,7 +143,7 @@ def numbers(text: str | None, name: str, count: int) -> Array | None:
     """Numbers separated by commas or blanks, shape (count,); `None` if no text is given.
 
     Raises:
-        ArmidError: The text holds something else, or another count of numbers.
+        ArmidError: The text is not a list of numbers, or it has a wrong count of numbers.
     """
     if text is None:
         return None
@@ -186,7 +186,7 @@ def _goal(model: DynamicsModel, options: Mapping[str, Any]) -> CriterionGoal:
 
 
 def _estimates(path: str, base: BaseParameters) -> tuple[Array, Array]:
-    """Base parameters (b,) and deviations (b,) of a run; zero and infinite for those that it lacks."""
+    """Base parameters (b,) and deviations (b,) of a run; zero and infinite for parameters not in the run."""
     fit = load_run(path).estimate.fit
     index = {name: k for k, name in enumerate(fit.names)}
     known = np.array([name in index for name in base.names])
@@ -212,7 +212,7 @@ def _of_motion(path: str, goal: CriterionGoal) -> Array:
     motion = motion_of_file(path, goal.model.robot) if series is None else series.sample(goal.rate)
     if motion.n != goal.model.n:
         raise ArmidError(
-            f"{path} moves {motion.n} joints; {goal.model.robot.name} has {goal.model.n}.",
+            f"{path} moves {motion.n} joints, but {goal.model.robot.name} has {goal.model.n}.",
             remedy="give a plan or recording of this arm.",
         )
     return information_along(goal, motion)
@@ -221,7 +221,7 @@ def _of_motion(path: str, goal: CriterionGoal) -> Array:
 def prior_of_run(folder: str, goal: CriterionGoal) -> Array:
     """Information matrix (b, b) of a run's data for the goal's base parameters, matched by name.
 
-    The run's stored rows are weighted with the goal's noise.
+    The stored rows of the run are weighted with the noise of the goal.
 
     Raises:
         ArmidError: The run has none of these parameters.
@@ -234,7 +234,7 @@ def prior_of_run(folder: str, goal: CriterionGoal) -> Array:
         raise ArmidError(
             f"The run {folder} has none of the parameters of {goal.model.robot.name} with these terms.",
             possible=", ".join(information.names[:8]) + ", …",
-            remedy=f"for the same arm give that run's terms: --terms {terms}.",
+            remedy=f"if it is the same arm, give the terms of the run: --terms {terms}.",
         )
     result = np.zeros((goal.base.count, goal.base.count))
     for joint, noise in zip(information.joints, goal.noise, strict=True):
@@ -264,7 +264,7 @@ def _series(path: str) -> Excitation | None:
 
 
 def motion_of_file(path: str, robot: Robot) -> Motion:
-    """The motion of a plan, or of a recording processed as default_criterion.
+    """Motion of a plan, or of a recording that is processed with the default options.
 
     Raises:
         ArmidError: The file cannot be read, or its number of joints differs from the robot's.
@@ -281,7 +281,7 @@ def motion_of_file(path: str, robot: Robot) -> Motion:
         motion = Motion(*(np.concatenate([getattr(run, key) for run in runs]) for key in ("time", "q", "dq", "ddq")))
     if motion.n != robot.n:
         raise ArmidError(
-            f"{path} moves {motion.n} joints; {robot.name} has {robot.n}.",
+            f"{path} moves {motion.n} joints, but {robot.name} has {robot.n}.",
             remedy="give a plan or recording of this arm.",
         )
     return motion
@@ -312,13 +312,13 @@ def parse_limits(given: Sequence[str]) -> dict[tuple[str, str], Limit]:
 
 
 def _workspace(text: str | None) -> Workspace | None:
-    """Box that the tip stays in, from the option --tip-box."""
+    """Box in which the tip must stay, from the option --tip-box."""
     corners = numbers(text, "--tip-box", 6)
     if corners is None:
         return None
     low, high = corners[:3], corners[3:]
     if not (low < high).all():
         raise ArmidError(
-            f"--tip-box {text}: the box is empty.", remedy="give its low corner and then its high one, in metres."
+            f"--tip-box {text}: the box is empty.", remedy="give the low corner and then the high corner, in metres."
         )
     return box_workspace(low.tolist(), high.tolist())

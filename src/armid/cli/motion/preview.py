@@ -35,7 +35,7 @@ def preview(
         str | None,
         typer.Argument(
             metavar="[PLAN | RECORDING | RUN]",
-            help="A plan.json or its folder, thesis-a1, a recording or a run; by default the run's own motion.",
+            help="A plan.json or its folder, thesis-a1, a recording or a run; by default the motion of the run.",
         ),
     ] = None,
     floor: Annotated[float | None, typer.Option(help="Height of a floor above the base, m.")] = None,
@@ -50,13 +50,13 @@ def preview(
     only: Only = None,
     tip: TipLink = None,
     package: Package = None,
-    out: Annotated[Path | None, typer.Option("--out", metavar="FILE", help="Where to write the page.")] = None,
+    out: Annotated[Path | None, typer.Option("--out", metavar="FILE", help="File of the page.")] = None,
     json: Json = False,
 ) -> None:
-    """Write a page on which the arm moves: play and scrub, turn and zoom; stops, nearest bodies, masses of the links.
+    """Write a page that shows the arm in motion, with position limits, nearest bodies and masses of the links.
 
     The page is one file that opens without a network. It shows the shapes of the description, with its meshes if they
-    are found; else capsules and boxes, or the joint axes alone. The masses that a run identified are a layer.
+    are found; otherwise capsules and boxes, or only the joint axes. It can show the masses that a run identified.
 
     Examples:
         armid preview iiwa14-r820 plans/first --floor -1.5
@@ -98,14 +98,14 @@ def _run(name: str | None) -> Run | None:
 
 
 def _reading(run: Run | None, arguments: dict[str, Any]) -> LogFormat:
-    """Log format of a recording: from the command line if it gives one, else the run's."""
+    """Log format of a recording, from the command line if given, otherwise from the run."""
     from armid.measurement.log_format import LogFormat
 
     return LogFormat(**arguments) if run is None or arguments else run.reading
 
 
 def _surroundings(arm: Robot, floor: float | None, environment: Path | None) -> tuple[Shape, ...]:
-    """Bodies around the arm: those of the environment file, and the floor."""
+    """Bodies around the arm: the bodies of the environment file, and the floor."""
     from armid.excitation.collision.distances import floor as floor_at
     from armid.excitation.collision.environment import load_environment
 
@@ -123,10 +123,10 @@ def _estimate(run: Run | None, arm: Robot) -> MassLayer | None:
         return None
     notes = {
         "estimated": "",
-        "nearest": "base parameters do not determine how links share their mass; shown are the physically "
-        "consistent links with these base parameters that are nearest to the description",
-        "unphysical": "no physically consistent links have these base parameters; links without an ellipsoid are not "
-        "consistent",
+        "nearest": "base parameters do not determine how the mass is distributed among the links; the page shows the "
+        "physically consistent links with these base parameters that are nearest to the description",
+        "unphysical": "no physically consistent links have these base parameters; links that are shown without an "
+        "ellipsoid are not consistent",
     }
     try:
         theta, kind, _ = values_to_write(run, allow_unphysical=True)

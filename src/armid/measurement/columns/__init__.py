@@ -1,1 +1,1 @@
-"""Columns of a file: names, units, clock, and the joint of each."""
+"""Columns of a file: their names, units and joints, and the time column."""

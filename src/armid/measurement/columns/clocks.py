@@ -1,4 +1,4 @@
-"""Choice of the time column, by its name or by a unit of time and increasing values."""
+"""Choice of the time column: by its name, or by a unit of time together with increasing values."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from armid.measurement.columns.names import Clock, clock_of, named, time_unit, w
 from armid.values import Array
 
 Values = Callable[[str], NDArray[np.generic]]
-"""Function that returns the numbers of a column; it raises `RecordingError` where they are not numeric."""
+"""Function that returns the numbers of a column, or raises `RecordingError` if the column is not numeric."""
 
 FORWARD = 0.95
-"""Share of the steps of a clock that are not negative; single faulty steps are tolerated."""
+"""Smallest share of the steps of a clock that must not be negative; single faulty steps are tolerated."""
 
 EVEN = 0.9
-"""Share of the steps of a uniform clock that are within a half of the median step."""
+"""Smallest share of the steps of a uniform clock that differ from the median step by less than half of it."""
 
 LONGEST_STEP = 0.5
-"""Median step [s] from which a clock cannot count seconds: nobody records a motion at 2 Hz."""
+"""Median step [s] from which a clock does not count seconds, because motion is not recorded at 2 Hz or slower."""
 
 UNITS = ((100.0, 1e-3, "milliseconds"), (1e5, 1e-6, "microseconds"), (np.inf, 1e-9, "nanoseconds"))
-"""Possible units of a clock that does not count seconds, by its step: 10 Hz to 2 kHz in each of them."""
+"""Possible units of a clock that does not count seconds, by its step; each unit covers 10 Hz to 2 kHz."""
 
 IN_STEP = 1e-3
 """Relative difference up to which the spans of two clocks count as equal."""
@@ -34,7 +34,7 @@ IN_STEP = 1e-3
 
 @dataclass(frozen=True, slots=True)
 class ClockRequest:
-    """Ambiguous guess: several sets of columns that fit equally well.
+    """Ambiguous guess: several sets of columns fit equally well.
 
     Attributes:
         quantity: Quantity that the columns may hold.
@@ -46,14 +46,15 @@ class ClockRequest:
 
 
 def clock_columns(names: Sequence[str], values: Values | None = None) -> tuple[str, ...] | ClockRequest:
-    """Chooses the time column that is closest to the measurement, with its column of nanoseconds if any.
+    """Chooses the time column closest to the instant of measurement, and its column of nanoseconds if there is one.
 
     Args:
         names: All columns.
-        values: Function that returns their numbers; without it a column is judged by its name alone.
+        values: Function that returns the numbers of a column. If it is not given, columns are judged by their names
+            only.
 
     Returns:
-        One column, two (seconds and nanoseconds), or none; or the ambiguous choice.
+        Names of one column, of two columns (seconds and nanoseconds), or of none; or the ambiguous choice.
     """
     clocks = [clock for name in dict.fromkeys(names) if (clock := clock_of(name)) is not None]
     fine = {_stem(clock): clock for clock in clocks if clock.unit == 1e-9 and _counts_rest(clock)}
@@ -67,13 +68,13 @@ def clock_columns(names: Sequence[str], values: Values | None = None) -> tuple[s
 
 
 def _grows(values: Array) -> bool:
-    """Tests whether numbers increase from row to row as times do, up to single faults."""
+    """Tests whether numbers increase from row to row, as times do; single faults are tolerated."""
     step = np.diff(values)
     return bool(step.size and np.isfinite(values).all() and median(step) > 0.0 and np.mean(step >= 0.0) >= FORWARD)
 
 
 def evenly_growing(names: Sequence[str], used: Collection[str], values: Values) -> dict[str, float]:
-    """Columns that increase uniformly and may be a clock although neither name nor unit shows it.
+    """Columns that increase uniformly: each may be a clock, although neither its name nor its unit shows this.
 
     Args:
         names: All columns.
@@ -96,14 +97,14 @@ def evenly_growing(names: Sequence[str], used: Collection[str], values: Values) 
 
 
 def unit_of_step(step: float) -> tuple[float, str] | None:
-    """Name and length [s] of the unit of a clock with a given median step; `None` where it can be seconds."""
+    """Name and length [s] of the time unit of a clock, from its median step; `None` if the unit can be seconds."""
     if step < LONGEST_STEP:
         return None
     return next((length, name) for most, length, name in UNITS if step < most)
 
 
 def _by_unit(names: Sequence[str], values: Values) -> tuple[str, ...] | ClockRequest:
-    """Increasing column with a unit of time; the first where several count the same time."""
+    """Increasing column with a unit of time; if several columns count the same time, the first of them."""
     spans: dict[str, float] = {}
     for name in dict.fromkeys(names):
         unit = time_unit(name)
@@ -119,7 +120,7 @@ def _by_unit(names: Sequence[str], values: Values) -> tuple[str, ...] | ClockReq
 
 
 def _numbers(name: str, values: Values) -> Array | None:
-    """Numbers of one column; `None` where it has none, or several per row."""
+    """Numbers of one column; `None` if it is not numeric or has several values per row."""
     try:
         found = values(name)
     except RecordingError:
@@ -129,7 +130,7 @@ def _numbers(name: str, values: Values) -> Array | None:
 
 
 def _counts_rest(clock: Clock) -> bool:
-    """Tests whether a column holds the nanoseconds to a column of whole seconds."""
+    """Tests whether a column holds nanoseconds that belong to a column of whole seconds."""
     return any(word in ("nanosec", "nsec", "nsecs") for word in words(clock.column))
 
 

@@ -15,19 +15,19 @@ from armid.robot.robot import Held, Robot
 from armid.values import Array
 
 MOVES = {"rad": 0.01, "m": 1e-3}
-"""Position range above which a locked joint counts as moving: more than noise or the play of a brake."""
+"""Position range above which a locked joint counts as moving; noise and the play of a brake stay below it."""
 
 ELSEWHERE = {"rad": 0.05, "m": 5e-3}
-"""Distance from the stated position of a locked joint that changes the gravity torques noticeably."""
+"""Distance of a locked joint from its stated position above which gravity torques change noticeably."""
 
 LISTED = 20
-"""Largest number of channel names in a finding; a humanoid publishes fifty."""
+"""Largest number of channel names in a finding; a humanoid robot can have fifty channels."""
 
 
 def in_joint_order(
     recording: Recording, log_format: LogFormat, robot: Robot
 ) -> tuple[Recording, tuple[Finding, ...]]:
-    """Selects the channels of the robot's joints in its order, with findings about the other channels.
+    """Selects the channels of the robot's joints, in the order of the robot; findings report the other channels.
 
     Raises:
         RecordingError: Joints and channels that do not match.
@@ -59,13 +59,13 @@ def _reordered(columns: tuple[str, ...], order: list[int], channels: int, quanti
 
 
 def _targets(recording: Recording, log_format: LogFormat, robot: Robot) -> list[str]:
-    """Owner of each channel: a joint of the robot, a locked joint, a joint of another arm, or none (empty)."""
+    """Name of the joint of each channel, of the robot, locked or of another arm; empty if a channel has no joint."""
     given = log_format.joint_map
     channels = recording.channels
     unknown = [name for name in given if name not in channels]
     if unknown:
         raise RecordingError(
-            f"{recording.source}: joints names unknown channels: {', '.join(unknown)}.",
+            f"{recording.source}: the key `joints` names channels that the file does not have: {', '.join(unknown)}.",
             possible=", ".join(channels),
         )
     if recording.joint_names or given:
@@ -88,30 +88,30 @@ def _targets(recording: Recording, log_format: LogFormat, robot: Robot) -> list[
             f"{recording.source} does not have the joints of {robot.name} ({'; '.join(parts)}).{compared}",
             possible=f"joints {', '.join(robot.joint_names)}; channels {', '.join(channels)}",
             remedy=("give the description of the recorded arm; or " if none else "")
-            + "rename with joints = { file name = robot joint }, leave a channel out by an empty name, and lock "
-            "joints that were not recorded.",
+            + "assign the channels with joints = { file name = robot joint } (an empty name leaves a channel "
+            "out), and lock the joints that were not recorded.",
         )
     return targets
 
 
 def by_number(recording: Recording, robot: Robot) -> tuple[str, ...]:
-    """Joints of unnamed channels: those of the robot, or of its description where some are locked.
+    """Joints of unnamed channels: the joints of the robot, or all joints of its description if some are locked.
 
     Raises:
-        RecordingError: The number of channels is neither.
+        RecordingError: The number of channels fits neither of them.
     """
     described = robot.described_joints
     if recording.n == robot.n:
         return robot.joint_names
     if recording.n == len(described):
         return described
-    held = f", and holds {', '.join(each.name for each in robot.held)} still" if robot.held else ""
+    held = f", and the locked joints {', '.join(each.name for each in robot.held)}" if robot.held else ""
     raise RecordingError(
         f"{recording.source} has {recording.n} channels; {robot.name} has {robot.n} joints: "
         f"{', '.join(robot.joint_names)}{held}.",
-        remedy="name the part of the arm recorded (--tip or --only), lock the joints that were not (--lock), "
-        'or name the joint of each channel: joints = ["…", …], '
-        "with an empty name for a channel to leave out.",
+        remedy="select the joints that were recorded (--tip or --only), or lock the joints that were not recorded "
+        '(--lock). If the file also has other channels, write the joint of each channel, joints = ["…", …], '
+        "and an empty name for each channel that is not used.",
     )
 
 
@@ -126,13 +126,16 @@ def _others(recording: Recording, log_format: LogFormat, robot: Robot, targets: 
     ]
     if extra:
         more = f" and {len(extra) - LISTED} more" if len(extra) > LISTED else ""
-        evidence = f"{', '.join(extra[:LISTED])}{more}: not joints of {robot.name}, left out."
+        evidence = (
+            f"The channels {', '.join(extra[:LISTED])}{more} are left out, because they are not joints of "
+            f"{robot.name}."
+        )
         found.append(Finding("joints-extra", "info", "", evidence))
     return tuple(finding for finding in found if finding is not None)
 
 
 def _of_held(q: Array, held: Held, log_format: LogFormat) -> Finding | None:
-    """Findings about a locked joint: it moves, or it is at another position than stated."""
+    """Finding about a locked joint that moves, or that is not at the stated position."""
     q = q[np.isfinite(q)]
     if not q.size or log_format.transmission is not None:
         return None
@@ -140,12 +143,21 @@ def _of_held(q: Array, held: Held, log_format: LogFormat) -> Finding | None:
     low, high, middle = float(q.min()), float(q.max()), float(median(q))
     if high - low > MOVES[held.unit]:
         evidence = (
-            f"The joint is held still at {held.position:g} {held.unit}; the log has it from {low:.4g} to {high:.4g}."
+            f"The joint is locked at {held.position:g} {held.unit}, but in the log it moves from {low:.4g} to "
+            f"{high:.4g}."
         )
-        return Finding("locked-joint", "warning", held.name, evidence, "record it at rest, or leave it free.")
+        return Finding(
+            "locked-joint",
+            "warning",
+            held.name,
+            evidence,
+            "keep the joint at rest while recording, or do not lock it.",
+        )
     if abs(middle - held.position) > ELSEWHERE[held.unit]:
-        evidence = f"The joint is held still at {held.position:g} {held.unit}; the log has it at {middle:.4g}."
+        evidence = f"The joint is locked at {held.position:g} {held.unit}, but in the log it is at {middle:.4g}."
         place = f"{held.name} = {middle:.4g}"
-        remedy = f"correct where it is held: --lock {place.replace(' ', '')}, or locked = {{ {place} }}."
+        remedy = (
+            f"correct the position of the locked joint: --lock {place.replace(' ', '')}, or locked = {{ {place} }}."
+        )
         return Finding("locked-joint", "warning", held.name, evidence, remedy)
     return None

@@ -1,4 +1,4 @@
-"""Names of joints that a log states, compared with the joints of the description."""
+"""Comparison of the joint names in a log with the joints of the description."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ LISTED = 12
 """Largest number of joints named in a message."""
 
 GENERIC = frozenset("joint joints jnt axis axes arm robot motor motors link ch channel dof state states".split())
-"""Words of names that tell no arm from another; words of fewer than three letters do not either."""
+"""Words that do not identify an arm; words of fewer than three letters are ignored, too."""
 
 
 def stated_joints(names: Sequence[str], quantity: str) -> dict[str, str]:
-    """Columns of a quantity by the name of the joint in each: what is left without the words of the quantity.
+    """Columns of a quantity by joint name, which is the rest of the column's name without the words of the quantity.
 
     Args:
         names: All columns.
@@ -58,10 +58,10 @@ def refuse_other_joints(
     numbered: Sequence[str],
     path: Path,
 ) -> None:
-    """Refuses a log whose columns name joints by words, where these are not the joints of the description.
+    """Refuses a log whose columns name joints that are not joints of the description.
 
-    Names that differ in their number alone are numbered channels; they are refused where their number is not that of
-    the joints and they carry another arm's name.
+    Names that differ only in a number are numbered channels. They are refused if there are more or fewer channels
+    than joints and the names contain the name of another arm.
 
     Args:
         names: All columns.
@@ -93,7 +93,7 @@ def refuse_other_joints(
 
 
 def comparison(in_log: Sequence[str], labels: Sequence[str], robot: str) -> str:
-    """Sentence on the joints that a log names and those of the description, and how many match.
+    """Sentence that compares the joint names of a log with the joints of the description and counts the matches.
 
     Args:
         in_log: Names of the joints in the log.
@@ -106,13 +106,13 @@ def comparison(in_log: Sequence[str], labels: Sequence[str], robot: str) -> str:
 
 
 def same_joint(label: str, name: str) -> bool:
-    """Tests whether a name in a log is that of a joint; further words, such as a prefix, do not matter."""
+    """Tests whether a name in a log belongs to a joint; additional words, such as a prefix, are ignored."""
     parts, form = words(name), words(label)
     return any(parts[k : k + len(form)] == form for k in range(len(parts) - len(form) + 1))
 
 
 def other_arm(columns: Sequence[str], labels: Sequence[str], robot: str) -> str:
-    """Sentence about numbered columns that carry the name of another arm; empty where they do not.
+    """Sentence about numbered columns whose names contain the name of another arm; empty if they do not.
 
     Args:
         columns: Columns of positions that are read by their numbers.
@@ -127,20 +127,20 @@ def other_arm(columns: Sequence[str], labels: Sequence[str], robot: str) -> str:
     if len(names) != len(columns) or not telling or any(word in known for word in telling):
         return ""
     return (
-        f"{comparison(names, labels, robot)} The columns were assigned to the joints by their numbers; check that "
-        "the log is of this arm."
+        f"{comparison(names, labels, robot)} The columns were assigned to the joints by number; check that "
+        "the log was recorded on this arm."
     )
 
 
 def _stem(name: str) -> str:
-    """The name without its numbers."""
+    """Part of a name without its numbers."""
     return re.sub(r"\d+", "#", name)
 
 
 def _remedy(
     columns: Mapping[str, Mapping[str, str]], log_format: LogFormat, robot: Robot, labels: Sequence[str]
 ) -> Remedy:
-    """The other description, the joints that were not recorded, or the columns in the order of the joints."""
+    """Remedy: another description, locks for joints that were not recorded, or column names in joint order."""
     stated = columns["q"]
     missing = [label for label in labels if not any(same_joint(label, name) for name in stated)]
     locked = (

@@ -32,7 +32,7 @@ DEFAULTS: Mapping[str, tuple[str, ...]] = {
     "ddq": ("ddq{}", "qdd{}", "ddq", "qdd"),
     "effort": ("tau{}", "effort{}", "torque{}", "tau", "effort", "torque", "i{}"),
 }
-"""Names tried in this order where the log format gives none; `{}` counts from 1."""
+"""Names that are tried, in this order, if the log format gives none; `{}` counts from 1."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,12 +40,12 @@ class Selection:
     """Columns chosen in one file.
 
     Attributes:
-        time: No column, one, or two (seconds and nanoseconds).
-        q: One column for each channel, or one matrix.
-        dq: The same for velocities, or none.
-        ddq: The same for accelerations, or none.
-        effort: The same for efforts, or none.
-        guessed: Fields of the log format that follow from the names.
+        time: Names of the time columns: none, one, or two (seconds and nanoseconds).
+        q: Names of the position columns, one for each channel, or the name of one matrix.
+        dq: The same for velocities; empty if there are none.
+        ddq: The same for accelerations; empty if there are none.
+        effort: The same for efforts; empty if there are none.
+        guessed: Fields of the log format that were guessed from the names of the columns.
         findings: Findings about the guesses.
     """
 
@@ -59,7 +59,7 @@ class Selection:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """All chosen columns, each once."""
+        """Names of all chosen columns, without duplicates."""
         return tuple(dict.fromkeys((*self.time, *self.q, *self.dq, *self.ddq, *self.effort)))
 
 
@@ -72,19 +72,19 @@ def select(
     matrices: bool = False,
     values: Values | None = None,
 ) -> Selection:
-    """Chooses columns by the stated names, the preset, the usual names, or a guess.
+    """Chooses columns: by the names in the log format, its preset, the usual names, or a guess.
 
     Args:
         names: Columns or variables of the file.
         log_format: Log format of the file.
         path: The file, for messages.
-        robot: The arm, whose joints may occur in the names.
-        matrices: Whether a variable may hold all channels.
-        values: Function that returns the numbers of a column, to detect a clock without a telling name.
+        robot: The arm; the names of its joints may occur in the names of the columns.
+        matrices: True if one variable may hold all channels.
+        values: Function that returns the numbers of a column, to detect a clock that its name does not show.
 
     Raises:
-        RecordingError: A named column does not exist, numbered columns have a gap, or no set of columns, or several,
-            may hold positions; the message lists the columns.
+        RecordingError: A named column does not exist, numbered columns have a gap, no columns hold positions, or
+            several sets of columns may hold positions. The message lists the columns.
     """
     present = dict.fromkeys(names)
     chosen = _stated(present, log_format, path)
@@ -106,7 +106,7 @@ def select(
     doubt = "" if robot is None or guess.joints else other_arm(guess.columns.get("q", ()), labels, robot.name)
     findings = _findings(guess, guessed, chosen, contradicted, doubt)
     if contradicted:
-        remedy = "correct the names of the columns, or leave out what was given"
+        remedy = "correct the names of the columns, or remove the keys"
         findings += (Finding("units-of-header", "warning", "", " ".join(contradicted.values()), remedy),)
     if values is not None and _lacks_clock(chosen, log_format):
         findings += _possible_clocks(present, chosen, values, log_format)
@@ -115,7 +115,7 @@ def select(
 
 
 def _stated(present: Mapping[str, Any], log_format: LogFormat, path: Path) -> dict[str, tuple[str, ...]]:
-    """Columns by the names in the log format, those of its preset, or the usual names."""
+    """Columns of each quantity, by the names in the log format, the names of its preset, or the usual names."""
     chosen: dict[str, tuple[str, ...]] = {}
     for quantity in QUANTITIES:
         if quantity in log_format.columns:
@@ -149,7 +149,7 @@ def assemble(
         column: Function that returns the numbers of a name, shape (N,) or (N, n).
         log_format: Log format of the file.
         path: The file.
-        joint_names: Names of the channels, where the file has them.
+        joint_names: Names of the channels, if the file has them.
     """
     quantities = (*selection.q, *selection.dq, *selection.ddq, *selection.effort)
     names_hold = "units" not in overruled({"q": selection.q, "time": selection.time}, log_format)
@@ -190,7 +190,7 @@ def _guess(
     matrices: bool,
     values: Values | None,
 ) -> Guess:
-    """Guessed columns of the quantities that are still unknown.
+    """Guesses the columns of the quantities that are still unknown.
 
     Raises:
         RecordingError: Several sets of columns are equally good.
@@ -217,7 +217,7 @@ def _guess(
 
 
 def _labels(log_format: LogFormat, robot: Robot | None) -> tuple[list[str], list[str]]:
-    """Names in the file of the arm's joints, and of all that its description has."""
+    """Names in the file of the arm's joints, and of all joints of its description."""
     named = {} if log_format.joints_numbered else log_format.joint_map
     in_file = {joint: name for name, joint in named.items() if joint}
     wanted, labels = ([], []) if robot is None else (robot.joint_names, robot.described_joints)
@@ -247,8 +247,8 @@ def _findings(
 ) -> tuple[Finding, ...]:
     """Findings about guessed columns and units, with the lines of a study that state them."""
     units = stated_units(chosen, contradicted)
-    sentences = [f"By the names of the columns: {'; '.join(guess.reasons)}."] if guess.columns else []
-    sentences += [f"By their names, {units}."] if units else []
+    sentences = [f"The columns were chosen by their names: {'; '.join(guess.reasons)}."] if guess.columns else []
+    sentences += [f"The units were taken from the names of the columns: {units}."] if units else []
     sentences += [doubt] if doubt else []
     if not sentences:
         return ()
@@ -264,7 +264,7 @@ def _findings(
 
 
 def _lacks_clock(chosen: Mapping[str, tuple[str, ...]], log_format: LogFormat) -> bool:
-    """Tests whether a clock is needed and the log format does not leave it out."""
+    """Tests whether a time column is missing that the log format neither replaces nor leaves out."""
     needed = log_format.rate is None and log_format.consecutive is not False and log_format.preset is None
     return needed and not chosen["time"] and "time" not in log_format.columns
 
@@ -276,19 +276,19 @@ def _possible_clocks(
     found = evenly_growing(list(present), set(chain.from_iterable(chosen.values())), values)
     if not found:
         return ()
-    columns = ", ".join(f"{name!r} (by {step:.6g} a row)" for name, step in found.items())
-    evidence = f"Of the unused columns, {columns} increase{'' if len(found) > 1 else 's'} evenly."
+    columns = ", ".join(f"{name!r} (by {step:.6g} per row)" for name, step in found.items())
+    evidence = f"Of the unused columns, {columns} increase{'' if len(found) > 1 else 's'} uniformly, like a clock."
     name, step = next(iter(found.items()))
     counted = unit_of_step(step)
     remedy = naming(log_format, {"time": name}, "if it is the clock" if counted is None else "")
     if counted is not None:
-        unit = lines(f"if it is the clock; by its steps it counts {counted[1]}", time_unit=counted[0])
+        unit = lines(f"if it is the clock; its steps suggest that it counts {counted[1]}", time_unit=counted[0])
         remedy = Remedy(*remedy.parts, *unit.parts, note=unit.note)
     return (Finding("clock-possible", "info", "time", evidence, remedy),)
 
 
 def _time_unit(log_format: LogFormat, selection: Selection) -> float:
-    """Length of one unit of the time column [s], from log format or header, else from the preset."""
+    """Length of one unit of the time column [s], from the log format, the header, or else the preset."""
     if log_format.time_unit is not None or "time_unit" in selection.guessed:
         return float(log_format.time_unit or selection.guessed["time_unit"])
     preset = PRESETS.get(log_format.preset or "")
@@ -298,14 +298,14 @@ def _time_unit(log_format: LogFormat, selection: Selection) -> float:
 def _uneven(selection: Selection, q: int, effort: int, path: Path) -> RecordingError:
     """Error for more channels of one quantity than of another."""
     listed = [
-        f"{count} of {name} ({' … '.join(dict.fromkeys((*names[:1], *names[-1:])))})"
+        f"{count} columns of {name} ({' … '.join(dict.fromkeys((*names[:1], *names[-1:])))})"
         for name, names, count in (("q", selection.q, q), ("effort", selection.effort, effort))
     ]
     fewer = "effort" if effort < q else "q"
     return RecordingError(
-        f"{path} has {listed[0]}, but {listed[1]}: {abs(q - effort)} of {fewer} missing.",
-        remedy=f"add the missing columns of {fewer}; or name as many of each in columns, and lock the joints that "
-        "were not recorded.",
+        f"{path} has {listed[0]}, but {listed[1]} (missing columns of {fewer}: {abs(q - effort)}).",
+        remedy=f"add the missing columns of {fewer}; or name the same number of columns for both quantities in "
+        "`columns`, and lock the joints that were not recorded.",
     )
 
 
@@ -323,13 +323,13 @@ def numeric(values: NDArray[Any], name: str, path: Path) -> Array:
     if values.ndim not in (1, 2):
         raise RecordingError(
             f"{path}: {name!r} has {values.ndim} dimensions.",
-            remedy="give one row a sample and one column a joint.",
+            remedy="save a matrix with one row for each sample and one column for each joint.",
         )
     return values.astype(np.float64)
 
 
 def _named(patterns: tuple[str, ...], present: Mapping[str, Any], quantity: str, path: Path) -> tuple[str, ...]:
-    """Columns of one pattern or a list of names; all of them must exist."""
+    """Columns that a pattern or a list of names selects; all of them must exist."""
     if len(patterns) == 1:
         found = _expand(patterns[0], present, path)
         if not found:
@@ -342,7 +342,7 @@ def _named(patterns: tuple[str, ...], present: Mapping[str, Any], quantity: str,
 
 
 def _expand(pattern: str, present: Mapping[str, Any], path: Path, *, usual: bool = False) -> tuple[str, ...]:
-    """Columns that match a pattern, in the order of their numbers; a usual name may also count from 0."""
+    """Columns that match a pattern, in the order of their numbers; usual names may also count from 0."""
     for braces, first in (("{}", 1), ("{0}", 0)):
         if braces not in pattern:
             continue
@@ -358,20 +358,21 @@ def _expand(pattern: str, present: Mapping[str, Any], path: Path, *, usual: bool
             found = ", ".join(numbered[i] for i in sorted(numbered))
             raise RecordingError(
                 f"{path}: columns {pattern!r} must count from {first} without a gap; found {found}.",
-                possible="{} counts from 1, {0} from 0; a list of names takes any",
-                remedy="list the columns to use in columns.",
+                possible="{} counts from 1, {0} counts from 0; a list may contain any names",
+                remedy="list the names of the columns under the key `columns`.",
             )
         return tuple(numbered[i] for i in expected)
     return (pattern,) if pattern in present else ()
 
 
 def _refuse_two_efforts(effort: tuple[str, ...], present: Mapping[str, Any], path: Path) -> None:
-    """Raises an error where drive gains are given and both torque and current could be meant."""
+    """Raises an error if drive gains are given and the file has both torque and current columns."""
     current = _expand("i{}", present, path)
     if effort and current and effort != current:
         raise RecordingError(
-            f"{path} has {effort[0]} … and {current[0]} …; to which of them drive_gain applies is ambiguous.",
-            remedy=Remedy("name the effort, for instance ", setting("columns", {"effort": "i{}"}), "."),
+            f"{path} has the columns {effort[0]} … and {current[0]} …, and it is not clear to which of them "
+            "`drive_gain` applies.",
+            remedy=Remedy("name the effort columns, for instance ", setting("columns", {"effort": "i{}"}), "."),
         )
 
 
@@ -382,12 +383,12 @@ def _matrix(names: tuple[str, ...], column: Callable[[str], NDArray[Any]], path:
         return values[0] if values[0].ndim == 2 else values[0][:, None]
     if len({len(column) for column in values}) > 1:
         found = ", ".join(f"{name} {len(column)}" for name, column in zip(names, values, strict=True))
-        raise RecordingError(f"{path}: columns differ in length: {found}.", remedy="give each channel every sample.")
+        raise RecordingError(f"{path}: columns differ in length: {found}.", remedy="save all channels completely.")
     return np.column_stack(values)
 
 
 def _time(names: tuple[str, ...], column: Callable[[str], NDArray[Any]], unit: float) -> NDArray[Any] | None:
-    """Times [s]; a second column counts nanoseconds."""
+    """Times [s]; the second column, if any, counts nanoseconds."""
     if not names:
         return None
     first = column(names[0]).reshape(-1)

@@ -1,6 +1,7 @@
 """Analysis of column names: quantity, joint, unit, and measured or commanded.
 
-A name is split into words at signs, capitals and digits: `Joint1Pos`, `joint_1_pos` and `/joint_1/pos` have the same.
+A name is split into words at signs, capitals and digits; `Joint1Pos`, `joint_1_pos` and `/joint_1/pos` have the same
+words.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ UNITS: Mapping[str, tuple[str, float]] = {
     "amperes": ("current", 1.0),
     "rpm": ("rad", 2.0 * math.pi / 60.0),
 }
-"""Units by their name without signs and powers of time: their quantity, and the factor to armid's unit."""
+"""Quantity of each unit and factor that converts it to armid's unit, by its name without signs and powers of time."""
 
 SECONDS: Mapping[str, float] = {
     "s": 1.0, "sec": 1.0, "secs": 1.0, "second": 1.0, "seconds": 1.0,
@@ -74,7 +75,7 @@ QUANTITIES: Mapping[str, tuple[str, ...]] = {
     ),
     "current": ("i", "iq", "current", "currents", "cur", "curr", "amp", "amps", "ampere", "amperes", "strom"),
 }
-"""Quantities by the words in a column's name."""
+"""Words in a column's name that indicate each quantity."""
 
 PAIRS: Mapping[tuple[str, str], str] = {
     ("q", "dot"): "dq",
@@ -85,7 +86,7 @@ PAIRS: Mapping[tuple[str, str], str] = {
     ("motor", "current"): "current",
     ("time", "stamp"): "timestamp",
 }
-"""Pairs of words that replace one."""
+"""Pairs of words that together have the meaning of one word."""
 
 MEASURED = frozenset("actual act measured meas msr feedback fbk fb real is ai encoder enc sensor".split())
 COMMANDED = frozenset(
@@ -96,21 +97,21 @@ OTHER = frozenset(
     "ff feedforward tcp ee tool cart cartesian pose wrench force std var cov voltage power brake mode status contact "
     "collision hat window dot nominal x y z roll pitch yaw".split()
 )
-"""Words of columns with another quantity, or a derived one."""
+"""Words that indicate another quantity or a derived quantity."""
 
 MOTOR = frozenset("motor mot theta phi".split())
-"""Words that may mean the motor side of a gear; in libfranka theta is the motor angle and q the joint angle."""
+"""Words that may indicate the motor side of a gear; in libfranka theta is the motor angle and q the joint angle."""
 
 CLOCKS: Mapping[str, int] = {
     **dict.fromkeys(("t", "time", "timestamp", "elapsed", "clock", "zeit", "zeitstempel", "tiempo", "tempo"), 1),
     **{"stamp": 0, "rosbag": 2},
 }
-"""Words of a clock, ordered by closeness to the measurement."""
+"""Words that indicate a clock, ranked by how close its time is to the instant of measurement."""
 
 BESIDE_CLOCK = frozenset(
     "ros header field joint states since start robot controller system unix relative s sec secs".split()
 )
-"""Words that may accompany the word of a clock."""
+"""Words that may stand beside a word that indicates a clock."""
 
 INDEX = re.compile(r"[\[({](\d+)[\])}]")
 BRACKET = re.compile(r"(.+?)\s*[\[({]\s*([^\[\](){}]*?)\s*[\])}]")
@@ -119,16 +120,16 @@ TAIL = re.compile(
     r"|[mµμun]s(?:ec)?|nanosec|nsecs?)",
     re.IGNORECASE,
 )
-"""Unit in brackets or behind the last separator; a single letter there is too ambiguous."""
+"""Unit in brackets or after the last separator; a single letter after a separator is too ambiguous."""
 
 QUOTIENT = re.compile(r"(.*\d.*?|.+\s)/\s*((?:m?rad|deg|°)(?:/s(?:\^?2|²)?)?|[mck]?N[·.]?m|[cm]?m|rpm|m?A)")
 """Unit behind a solidus, as tables of physics have it: `i1/A`, `tau 1 / N·m`; a path of a topic ends in a word."""
 
 TIME_TAIL = re.compile(rf"(.+?)(?:\s+in\s+|\s*/\s*|[_\s.-])({'|'.join(SECONDS)})", re.IGNORECASE)
-"""Unit of time behind a separator, also of one letter."""
+"""Unit of time after a separator; it may be a single letter."""
 
 ANGLES = ("deg", "degree", "degrees", "rad", "mrad")
-"""Units that may occur within a name."""
+"""Units of angle that may occur inside a name."""
 
 PER_SECOND = re.compile(r"(m?rad|deg|degrees?|°)(?:ps|s|persec)?\d?[2²]?")
 WORDS = re.compile(r"[A-Z]+(?=[A-Z][a-z])|[A-Z]?[a-z]+|[A-Z]+|\d+|[^\W\d_]+")
@@ -144,8 +145,8 @@ class ColumnName:
         quantity: `q`, `dq`, `ddq`, `effort` or `current`.
         channel: Name of the joint, or its number; empty where the name has neither.
         form: Words of the name, with `*` for the channel.
-        rank: Preference: 0 and 1 are measured, 2 is commanded; then motor or joint side.
-        unit: Quantity of its unit and the factor to armid's unit; `None` without a unit.
+        rank: Preference, smallest first: 0 and 1 for measured, 2 for commanded; then joint or motor side.
+        unit: Quantity of the unit in the name and factor to armid's unit; `None` without a unit.
     """
 
     column: str
@@ -167,7 +168,7 @@ class Clock:
 
     Attributes:
         column: Name of the column.
-        rank: Preference by closeness to the measurement; the smallest is preferred.
+        rank: Rank by how close the time is to the instant of measurement; the smallest is preferred.
         unit: Length of one unit [s]; `None` without a unit.
     """
 
@@ -189,17 +190,17 @@ def words(text: str) -> list[str]:
 
 
 def split_unit(column: str) -> tuple[str, str]:
-    """Name without its unit, and the unit in brackets or behind the last separator."""
+    """Name of a column without its unit, and the unit in brackets or after the last separator."""
     text = INDEX.sub(r"_\1", column.strip())
     hit = BRACKET.fullmatch(text) or TAIL.fullmatch(text) or QUOTIENT.fullmatch(text)
     return (hit[1], hit[2]) if hit else (text, "")
 
 
 def named(column: str, labels: Sequence[str]) -> list[ColumnName]:
-    """Possible interpretations of a column's name: none, or one for each number that may be the channel.
+    """Possible interpretations of a column's name: none, or one for each number in it that may be the channel.
 
     Args:
-        column: The name.
+        column: Name of the column.
         labels: Names of the joints in the file, longer names first.
     """
     text, unit = split_unit(column)
@@ -225,7 +226,7 @@ def named(column: str, labels: Sequence[str]) -> list[ColumnName]:
 
 
 def clock_of(column: str) -> Clock | None:
-    """Interpretation of a name as a column of times; `None` where it is not one."""
+    """Interpretation of a name as that of a time column; `None` if it does not name one."""
     text, unit = split_time(column)
     parts = words(text)
     ranks = [CLOCKS[word] for word in parts if word in CLOCKS]
@@ -238,29 +239,29 @@ def clock_of(column: str) -> Clock | None:
 
 
 def time_unit(column: str) -> float | None:
-    """Length of the unit of time in a name [s]; `None` where it has none."""
+    """Length of the unit of time in a column's name [s]; `None` if the name has no such unit."""
     return SECONDS.get(split_time(column)[1].strip().lower())
 
 
 def split_time(column: str) -> tuple[str, str]:
-    """Name without its unit of time, and the unit, which may be one letter behind a separator."""
+    """Name without its unit of time, and the unit, which may be one letter after a separator."""
     text, unit = split_unit(column)
     hit = None if unit else TIME_TAIL.fullmatch(text)
     return (hit[1], hit[2]) if hit else (text, unit)
 
 
 def _is_effort(unit: str) -> bool:
-    """Tests whether a unit is one of torque or current."""
+    """Tests whether a unit is a unit of torque or current."""
     return unit != "" and (unit_of(unit) or ("", 1.0))[0] in ("torque", "current")
 
 
 def _channels(parts: Sequence[str], labels: Sequence[str], *, by_unit: bool) -> list[tuple[str | int, list[str]]]:
-    """Possible positions of the channel in a name: the longest joint name, else each number, else none.
+    """Possible channels in a name: the longest joint name, or else each number; empty if there is neither.
 
     Args:
         parts: Words of the name.
         labels: Names of the joints.
-        by_unit: Whether the unit states the quantity, so that no word is needed.
+        by_unit: True if the unit shows the quantity, so that no word for it is needed.
     """
     for label in labels:
         name = words(label)
@@ -275,7 +276,7 @@ def _channels(parts: Sequence[str], labels: Sequence[str], *, by_unit: bool) -> 
 
 
 def quantity_of(form: Sequence[str]) -> str | None:
-    """Quantity that the words of a name state without ambiguity."""
+    """Quantity that the words of a name indicate; `None` if they are ambiguous."""
     found = {quantity for quantity, known in QUANTITIES.items() if set(known) & set(form)}
     if "dot" in form and found == {"q"}:
         return "dq"
@@ -283,20 +284,20 @@ def quantity_of(form: Sequence[str]) -> str | None:
 
 
 def unit_of(unit: str) -> tuple[str, float] | None:
-    """Quantity that a unit measures, regardless of its power of time."""
+    """Quantity that a unit measures and factor to armid's unit; powers of time in the unit are ignored."""
     text = re.sub(r"[\s_·*.⋅^\-]", "", unit.split("/")[0]).lower()
     per_second = PER_SECOND.fullmatch(text)
     return UNITS.get(per_second[1] if per_second else text)
 
 
 def unit_kind(unit: str) -> tuple[str, float] | None:
-    """Quantity that any unit measures, also times, and its factor to armid's unit; `None` where unknown."""
+    """Quantity that a unit measures (time included) and factor to armid's unit; `None` if the unit is unknown."""
     seconds = SECONDS.get(unit.strip().lower())
     return ("time", seconds) if seconds is not None else unit_of(unit)
 
 
 def column_unit(column: str) -> tuple[str, float] | None:
-    """Quantity that the unit in a column's name measures, with its factor to armid's unit; or `None`."""
+    """Quantity that the unit in a column's name measures, and factor to armid's unit; `None` without a known unit."""
     text, unit = split_unit(column)
     if unit:
         return unit_of(unit)
@@ -304,7 +305,7 @@ def column_unit(column: str) -> tuple[str, float] | None:
 
 
 def _fits(quantity: str, kind: str) -> bool:
-    """Tests whether a quantity can have a unit of a kind."""
+    """Tests whether a quantity can be measured in a unit of the given kind."""
     if quantity in ("q", "dq", "ddq"):
         return kind in ("rad", "deg", "m")
     return kind == "current" if quantity == "current" else kind in ("torque", "current")

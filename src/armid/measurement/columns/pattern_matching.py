@@ -1,7 +1,7 @@
-"""Guesses of the columns of the joints from their names, by patterns in common use.
+"""Guesses which columns belong to which joints, from patterns of names in common use.
 
-Guesses use names alone, except for a clock, which its values may show. Measured columns are preferred to commanded
-ones. Two equally good sets of columns give no guess, but an error that asks for a choice.
+Only the names are used, except that a clock may also be found by its values. Measured columns are preferred to
+commanded columns. If two sets of columns are equally good, an error asks the user to choose.
 """
 
 from __future__ import annotations
@@ -19,13 +19,14 @@ Channel = str | int
 
 @dataclass(frozen=True, slots=True)
 class Guess:
-    """Columns guessed from their names.
+    """Columns that were guessed from their names.
 
     Attributes:
-        columns: Names for each quantity that was found; times may have two, seconds and nanoseconds.
+        columns: Names of the columns of each quantity that was found. Time may have two columns, seconds and
+            nanoseconds.
         joints: Labels of the joints in the order of the columns; empty where the columns are numbered.
         reasons: Reason for each guess, in words.
-        commanded: Quantities with commanded columns only.
+        commanded: Quantities for which only commanded columns were found.
     """
 
     columns: Mapping[str, tuple[str, ...]]
@@ -40,7 +41,7 @@ class _Group:
 
     Attributes:
         quantity: Quantity of the columns; a current is an effort.
-        of_current: Whether they hold currents.
+        of_current: True if the columns hold currents.
         members: Columns by channel.
     """
 
@@ -77,12 +78,13 @@ def guess_columns(
     Args:
         names: All columns.
         quantities: Quantities to guess, of `time`, `q`, `dq`, `ddq`, `effort`.
-        wanted: Names of the arm's joints in the file; unknown if empty.
-        labels: The same including locked joints, in the description's order.
-        channels: Number of columns of positions where these are known already; the columns are numbered then.
-        matrices: Whether one name may hold all channels.
-        in_file_order: Whether columns with names of joints stay in the order of the file.
-        values: Function that returns the numbers of a column, to test whether one with a unit of time is a clock.
+        wanted: Names of the arm's joints in the file; empty if they are unknown.
+        labels: Names in the file of all joints of the description, locked ones too, in its order.
+        channels: Number of columns of positions if these are known already. The other columns are then numbered.
+        matrices: True if one variable may hold all channels.
+        in_file_order: True if columns with names of joints stay in the order of the file.
+        values: Function that returns the numbers of a column. It is used to test whether a column with a unit of time
+            is a clock.
 
     Returns:
         Guess of as many quantities as possible; or the ambiguous choice.
@@ -97,7 +99,7 @@ def guess_columns(
         return time
     if time:
         columns["time"] = time
-        by_unit = "" if clock_of(time[0]) else ", by its unit and its increase"
+        by_unit = "" if clock_of(time[0]) else ", because it has a unit of time and increases"
         reasons.append(f"time is {' and '.join(time)}{by_unit}")
     chosen: dict[str, _Group] = {}
     for quantity in ("q", "dq", "ddq", "effort"):
@@ -123,7 +125,7 @@ def guess_columns(
 
 
 def _groups(names: Sequence[str], labels: Sequence[str], *, matrices: bool) -> list[_Group]:
-    """Columns grouped by quantity and form of the name; duplicates of a channel form groups of their own."""
+    """Columns grouped by quantity and form of the name; a second column of a channel starts a group of its own."""
     found: dict[tuple[str, tuple[str, ...], bool, int], dict[Channel, ColumnName]] = {}
     for column in dict.fromkeys(names):
         for each in named(column, labels):
@@ -148,7 +150,7 @@ def _in_order(members: Mapping[Channel, ColumnName]) -> dict[Channel, ColumnName
 
 
 def _is_whole(group: _Group, wanted: Sequence[str], *, matrices: bool) -> bool:
-    """Tests whether a group of columns has all joints, or channel numbers from 0 or 1 on without a gap."""
+    """Tests whether a group has a column for each joint, or channel numbers without a gap that start at 0 or 1."""
     if group.by_name:
         return bool(wanted) and set(wanted) <= set(group.members)
     if "" in group.members:
@@ -168,7 +170,7 @@ def _goes_with(group: _Group, positions: _Group | None, channels: int) -> bool:
 
 
 def _best(groups: Sequence[_Group], joints: int, described: int) -> list[_Group]:
-    """Best group and the groups that are equally good."""
+    """Best group of columns and all groups that are equally good."""
 
     def key(group: _Group) -> tuple[bool, bool, int, bool, int]:
         role, motor = group.first.rank
@@ -185,7 +187,7 @@ def _best(groups: Sequence[_Group], joints: int, described: int) -> list[_Group]
 
 
 def _order(chosen: Mapping[str, _Group], labels: Sequence[str]) -> list[Channel]:
-    """Channels that all quantities have, in the order of their numbers, of the labels, or else of the file."""
+    """Channels that all quantities have, in the order of their numbers, of the labels, or otherwise of the file."""
     if not chosen:
         return []
     first, *others = chosen.values()
@@ -196,7 +198,7 @@ def _order(chosen: Mapping[str, _Group], labels: Sequence[str]) -> list[Channel]
 def _reason(quantity: str, group: _Group, columns: tuple[str, ...], usable: Sequence[_Group]) -> str:
     """Sentence with the chosen columns, the reason, and the alternatives that were not chosen."""
     what = f"{quantity} is {shortened(columns)}"
-    what += ", by the joints' names" if group.by_name else ""
+    what += ", from the names of the joints" if group.by_name else ""
     what += ", commanded and not measured" if group.first.commanded else ""
     others = [other for other in usable if other.quantity == quantity and other is not group]
     left = [f"{shortened(other.columns)}{' (commanded)' if other.first.commanded else ''}" for other in others]
@@ -204,5 +206,5 @@ def _reason(quantity: str, group: _Group, columns: tuple[str, ...], usable: Sequ
 
 
 def shortened(columns: Sequence[str]) -> str:
-    """First and last of several names, as text."""
+    """First and last of several column names, as text."""
     return ", ".join(columns) if len(columns) < 4 else f"{columns[0]} … {columns[-1]}"

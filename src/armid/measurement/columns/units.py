@@ -1,4 +1,4 @@
-"""Units in column names, their factors, and the fields of a log format that state them."""
+"""Units in column names, their conversion factors, and the fields of a log format that state units."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def _ends_in_a(column: str) -> bool:
 
 
 def unit_fields(chosen: Mapping[str, Sequence[str]], log_format: LogFormat) -> dict[str, Any]:
-    """Fields `units` and `time_unit` that the names of the chosen columns state and the log format does not."""
+    """Fields `units` and `time_unit` from the names of the chosen columns, if the log format does not give them."""
     fields: dict[str, Any] = {}
     if log_format.units is None and any((column_unit(name) or ("",))[0] == "deg" for name in chosen["q"]):
         fields["units"] = "deg"
@@ -68,13 +68,17 @@ def overruled(chosen: Mapping[str, Sequence[str]], log_format: LogFormat) -> dic
     for name, unit in zip(chosen["q"], given, strict=False):
         kind = (column_unit(name) or ("",))[0]
         if unit is not None and kind in ("rad", "deg") and kind != unit:
-            found["units"] = f"The units given are used, not {_stated_unit('q', name)} as in the name {name!r}."
+            found["units"] = (
+                f"The key `units` is used, although the column name {name!r} contains the unit "
+                f"{_stated_unit('q', name)}."
+            )
             break
     if log_format.time_unit is not None and len(chosen["time"]) == 1:
         (name,) = chosen["time"]
         if time_unit(name) not in (None, log_format.time_unit):
             found["time_unit"] = (
-                f"The time_unit given is used, not {_stated_unit('time', name)} as in the name {name!r}."
+                f"The key `time_unit` is used, although the column name {name!r} contains the unit "
+                f"{_stated_unit('time', name)}."
             )
     return found
 
@@ -84,8 +88,9 @@ def factors(columns: Sequence[str], units: str | Sequence[str] | None, *, angles
 
     Args:
         columns: Columns of positions, velocities, accelerations and efforts.
-        units: Unit of angles in the log format; where it is a list for each joint, angles are not converted.
-        angles: Whether the units of angles in the names are used.
+        units: Unit of angles in the log format. If it is a list with one unit for each joint, angles are not
+            converted.
+        angles: True if the units of angles in the names are used.
     """
     found: dict[str, float] = {}
     for name in columns:
@@ -102,7 +107,7 @@ def factors(columns: Sequence[str], units: str | Sequence[str] | None, *, angles
 
 
 def stated_units(chosen: Mapping[str, Sequence[str]], without: Collection[str] = ()) -> str:
-    """Text of the units other than SI in the names of the chosen columns; empty where there are none.
+    """Text that lists the units in the names of the chosen columns that are not SI units; empty if there are none.
 
     Args:
         chosen: Columns by quantity.
@@ -119,7 +124,7 @@ def stated_units(chosen: Mapping[str, Sequence[str]], without: Collection[str] =
 
 
 def _stated_unit(quantity: str, column: str) -> str:
-    """Unit as written in a name; one within the name can only be that of an angle."""
+    """Unit as written in a column's name; a unit inside the name can only be a unit of angle."""
     return split_time(column)[1] if quantity == "time" else split_unit(column)[1] or "deg"
 
 

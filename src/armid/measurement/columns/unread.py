@@ -1,4 +1,4 @@
-"""Unread columns of a file, those that may hold a missing quantity, and errors that name them."""
+"""Columns of a file that were not read: which of them may hold a missing quantity, and errors that name them."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ NAMED = 12
 """Largest number of columns named in a message."""
 
 LISTED = 60
-"""Largest number of names in a list of all; the log of a controller may have hundreds."""
+"""Largest number of names in a list of all columns; the log of a controller may have hundreds."""
 
 
 def effort_possible(
     names: Sequence[str], chosen: Mapping[str, Sequence[str]], log_format: LogFormat, labels: Sequence[str]
 ) -> tuple[Finding, ...]:
-    """Unread columns of a file without effort, and the remedy that names them as effort.
+    """Finding that lists the unread columns of a file without effort, with a remedy that names them as effort.
 
     Args:
         names: All columns.
@@ -46,7 +46,7 @@ def effort_possible(
         naming(log_format, {"effort": pattern_of(sets[0], names)}, "if they hold torque or current") if sets else ""
     )
     if len(sets) > 1:
-        evidence += f" Sets with one column for each joint: {'; '.join(shortened(each) for each in sets)}."
+        evidence += f" These sets have one column for each joint: {'; '.join(shortened(each) for each in sets)}."
     return (Finding("effort-possible", "info", "effort", evidence, remedy),)
 
 
@@ -65,7 +65,7 @@ def positions_missing(
         chosen: Columns by quantity.
         log_format: Log format of the file.
         path: The file.
-        robot: The arm, where it is known.
+        robot: The arm, if it is known.
         labels: Names of its joints in the file.
     """
     used = set(chain.from_iterable(chosen.values()))
@@ -79,12 +79,12 @@ def positions_missing(
         )
     else:
         remedy = Remedy(
-            f"log the position of each joint; if the file has it, name its columns{order}: ",
+            f"log the position of each joint; if the file has these columns, name them{order}: ",
             setting("columns", {"q": ["…", "…"]}),
             f"; or give a preset ({', '.join(PRESETS)}) in a study.",
         )
     taken = [f"{name} is {shortened(columns)}" for name, columns in chosen.items() if columns]
-    guessed = f" By their names, {'; '.join(taken)}." if taken else ""
+    guessed = f" From the names, {'; '.join(taken)}." if taken else ""
     return RecordingError(f"{path}: No column holds positions.{guessed}", possible=_listed(present), remedy=remedy)
 
 
@@ -99,14 +99,14 @@ def no_such_column(problem: str, present: Iterable[str], quantity: str, path: Pa
 
 
 def _listed(present: Iterable[str]) -> str:
-    """Names of the columns as text, the first of many."""
+    """Names of the columns as text; if there are too many, the first of them."""
     names = list(present)
     more = f" and {len(names) - LISTED} more" if len(names) > LISTED else ""
     return (", ".join(names[:LISTED]) or "the file has no columns") + more
 
 
 def channel_sets(names: Sequence[str], labels: Sequence[str], count: int) -> list[tuple[str, ...]]:
-    """Sets of columns, one for each of `count` channels: names that differ in the joint alone, or all there are.
+    """Sets of `count` columns, one for each channel, whose names differ only in the joint; or all columns.
 
     Args:
         names: Columns.

@@ -15,36 +15,37 @@ from armid.measurement.recording import Recording
 from armid.values import Array
 
 BRIDGED = 0.02
-"""Longest step over which torque is interpolated [s], a tenth of a period of 5 Hz; steps up to `USUAL` median steps
-are always bridged."""
+"""Longest time step over which torque is interpolated [s]: a tenth of a period at 5 Hz. Steps up to `USUAL` median
+steps are always bridged."""
 
 USUAL = 2.5
-"""Number of median steps that are always bridged: a lost sample and some jitter."""
+"""Step, in median steps, up to which a gap is always bridged: one lost sample and some jitter."""
 
 FEWEST = 4
 """Smallest number of samples for a cubic spline; shorter stretches between gaps are masked."""
 
 
 def compensate_delay(recording: Recording, log_format: LogFormat) -> Recording:
-    """Recording with the torque shifted back by its delay.
+    """Shifts the torque of a recording back by its delay.
 
-    A cubic spline reads it between samples. Rows whose torque would lie before the first sample, behind the last or
-    in a gap do not count for that joint; where the motion repeats, the ends are read one period away.
+    Between samples the torque is interpolated by a cubic spline. A row is masked for a joint if its torque would lie
+    before the first sample, after the last sample or in a gap. If the motion repeats, the torque at the ends is taken
+    from one period earlier or later.
 
     Args:
         recording: In robot order, on the joint side.
-        log_format: Its delay, and the period if there is one.
+        log_format: Log format that gives the delay, and the period if the motion repeats.
 
     Raises:
-        RecordingError: Rows that do not follow each other in time.
+        RecordingError: The rows are not consecutive in time.
     """
     delay = np.broadcast_to(np.asarray(log_format.delay, dtype=np.float64), (recording.n,))
     if not delay.any() or recording.effort is None:
         return recording
     if recording.consecutive is False:
         raise RecordingError(
-            "delay is given, but its rows do not follow each other in time.",
-            remedy="leave delay out: what was logged late cannot be found again among separate samples.",
+            "the key `delay` is given, but the rows are not consecutive in time.",
+            remedy="leave `delay` out, because a delay cannot be corrected in separate samples.",
             source=recording.source,
         )
     time = np.arange(recording.samples) / (recording.rate or 1.0) if recording.time is None else recording.time
@@ -60,7 +61,7 @@ def compensate_delay(recording: Recording, log_format: LogFormat) -> Recording:
 def _read_at(
     time: Array, wanted: Array, effort: Array, valid: NDArray[np.bool_], period: float | None
 ) -> tuple[Array, NDArray[np.bool_]]:
-    """Torque (N, k) interpolated at other times (N,), and mask of the rows that are valid then."""
+    """Torque (N, k) interpolated at the wanted times (N,), and mask of the rows that are valid at these times."""
     if period is not None and time[-1] - time[0] > period:
         wanted = np.where(wanted > time[-1], wanted - period, np.where(wanted < time[0], wanted + period, wanted))
     before = np.clip(np.searchsorted(time, wanted, side="right") - 1, 0, len(time) - 1)

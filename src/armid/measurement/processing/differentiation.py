@@ -25,9 +25,9 @@ def differentiate(stretch: Stretch, processing: ProcessingOptions, *, given: boo
     """Positions, velocities and accelerations at full rate.
 
     Args:
-        stretch: At an even rate, unless derivatives are given; resolved processing.
-        processing: Its filter, derivatives and edges.
-        given: Use the recorded derivatives, with the positions they belong to.
+        stretch: Stretch; it has a uniform rate, unless derivatives are given.
+        processing: Resolved options; filter, derivatives and edges are used.
+        given: True if the recorded derivatives are used, together with the recorded positions.
     """
     if given and stretch.dq is not None and stretch.ddq is not None:
         return Motion(stretch.time, stretch.q, stretch.dq, stretch.ddq)

@@ -19,27 +19,30 @@ class ProcessingOptions:
 
     Attributes:
         cutoff: Cut-off of the band in which torque and model are compared [Hz]; `auto` finds it from the motion.
-        order: Order of one Butterworth pass (of two, forwards and backwards), or length of the FIR in cut-off
-            periods.
+        order: Order of one of the two Butterworth passes (forwards and backwards), or length of the FIR filter in
+            periods of the cut-off.
         family: `butterworth`, `fir`, or `none`: nothing is filtered.
-        columns: The same filter on the model's columns as on the torque. `False` biases the estimate and is kept
-            to reproduce published results.
-        decimate: Rows a second after the filter [Hz]; 0 keeps every sample, as does the family `none`.
+        columns: True if the columns of the model are filtered in the same way as the torque. `False` biases the
+            estimate; it exists only to reproduce published results.
+        decimate: Rate of the rows after the filter [Hz]. 0 and the family `none` keep every sample.
         derivatives: `given` uses recorded velocities and accelerations as they stand, with positions unfiltered;
-            `velocity` filters recorded positions and velocities and differentiates the latter once; the others
-            filter the positions and differentiate them twice: `central` by three-point differences, `periodic`
-            in the frequency domain where the edges are periodic, `filter` by the filter itself (its frequency
-            response times jω). Not said: what is recorded is used, so `given`, `velocity` or `central`.
-        edges: `drop` leaves out the rows at each end that lean on what lies beyond; `pad` keeps them; `periodic`
-            is exact where the motion is a whole number of periods.
-        trim: Seconds left out at each end at least; not said: 0.5, and 0 where edges are padded or periodic.
-        slow: Rows count for a joint only while it moves at least this fast [rad/s or m/s].
-        motion_cutoff: Cut-off for the positions [Hz], where it differs from `cutoff`.
-        average: The mean of all repetitions of a periodic motion is used, aligned, instead of each of them.
-        saturation: Rows near a sample whose effort reaches this share of the joint's limit do not count.
-        standstill: `drop` leaves out, for a joint that stands still between motion, the rows that this reaches: dry
-            friction may have any value up to its bound there. `moving` leaves out its longer rests as well, before,
-            between and after motions, however few rows remain. `keep` keeps all rows.
+            `velocity` filters recorded positions and velocities and differentiates the latter once; the other values
+            filter the positions and differentiate them twice: `central` by three-point differences, `periodic` in the
+            frequency domain (with periodic edges), `filter` by the filter itself (its frequency response times jω).
+            If it is not given, all recorded quantities are used, which means `given`, `velocity` or `central`.
+        edges: `drop` leaves out the rows at each end that depend on values beyond the end; `pad` keeps these rows;
+            `periodic` is exact if the run is a whole number of periods.
+        trim: Smallest time that is left out at each end [s]. If it is not given: 0.5, or 0 if edges are `pad` or
+            `periodic`.
+        slow: Smallest speed of a joint [rad/s or m/s]; rows at which the joint is slower are not used for it.
+        motion_cutoff: Cut-off of the filter of the positions [Hz], if it differs from `cutoff`.
+        average: True if the repetitions of a periodic motion are aligned and their mean is used instead of all of
+            them.
+        saturation: Share of the effort limit of a joint; rows near samples whose effort reaches it are not used for
+            this joint.
+        standstill: `drop` leaves out, for each joint, the rows that are affected by its standstill between motions,
+            because static friction can have any value up to its bound there. `moving` also leaves out longer rests
+            before, between and after motions, even if few rows remain. `keep` keeps all rows.
     """
 
     cutoff: float | Literal["auto"] = 5.0
@@ -64,7 +67,7 @@ class ProcessingOptions:
         for name in ("columns", "average"):
             _choice(name, getattr(self, name), (True, False))
         if isinstance(self.order, bool) or not isinstance(self.order, int) or self.order < 1:  # pyright: ignore[reportUnnecessaryIsInstance]
-            raise StudyError(f"order must be a whole number above 0; found {self.order!r}.")
+            raise StudyError(f"`order` must be a whole number above 0; found {self.order!r}.")
         if self.cutoff != "auto":
             _number(self, "cutoff", zero=self.family == "none", also='or "auto"')
         _number(self, "decimate", zero=True)
@@ -77,20 +80,22 @@ class ProcessingOptions:
     def _check_sense(self) -> None:
         """Raises an error for options that contradict each other."""
         if self.saturation is not None and self.saturation > 1:
-            raise StudyError(f"saturation is a share of the limit, at most 1; found {self.saturation}.")
+            raise StudyError(f"`saturation` is a share of the effort limit, at most 1; found {self.saturation}.")
         if self.average and self.edges != "periodic":
             raise StudyError(
-                f'average gives one period, which has no ends to {self.edges}; edges = "{self.edges}".',
-                remedy=Remedy("use ", setting("edges", "periodic"), ", or average = false to keep each repetition."),
+                '`average = true` needs `edges = "periodic"`, because the mean of the repetitions is one '
+                f'closed period; found edges = "{self.edges}".',
+                remedy=Remedy("use ", setting("edges", "periodic"), ", or average = false to keep all repetitions."),
             )
         if self.derivatives == "periodic" and self.edges != "periodic":
             raise StudyError(
                 f'derivatives = "periodic" needs edges = "periodic"; found "{self.edges}".',
-                remedy='use derivatives = "filter", which needs no period.',
+                remedy='use derivatives = "filter", which does not need periodic edges.',
             )
         if self.derivatives == "filter" and self.family == "none":
             raise StudyError(
-                'derivatives = "filter" differentiates by the filter, but family = "none".',
+                'derivatives = "filter" uses the filter to differentiate, but family = "none" means that '
+                "there is no filter.",
                 remedy='choose a family, or derivatives = "central".',
             )
 
@@ -105,8 +110,9 @@ class ProcessingOptions:
             return Band()
         if self.cutoff == "auto":
             raise StudyError(
-                'cutoff = "auto" is not yet found from a motion.',
-                remedy="find it with armid.measurement.processing.pipeline.process_recordings, or give it in Hz.",
+                'cutoff = "auto" has not yet been replaced by a frequency from the motion.',
+                remedy="call armid.measurement.processing.pipeline.process_recordings, which determines the "
+                "cut-off, or give it in Hz.",
             )
         return Band(self.family, self.cutoff, self.order, self.edges, self.columns)
 
@@ -141,6 +147,6 @@ THESIS = ProcessingOptions(
     average=True,
     standstill="keep",
 )
-"""Section 3.2.2 of the thesis: mean of the repetitions, Butterworth of order 20 at 3 Hz for positions and 3.5 Hz
-for torques but not for the model, central differences. Its text is silent on edges and on rows a second; rows at
-100 Hz change the result less than the treatment of the edges does."""
+"""Options of section 3.2.2 of the thesis: mean of the repetitions; Butterworth filter of order 20, at 3 Hz for
+positions and at 3.5 Hz for torques but not for the model; central differences. The thesis does not give the
+treatment of edges and the rate of rows; rows at 100 Hz change the result less than the treatment of the edges."""

@@ -1,10 +1,10 @@
 """Detection of the period of a repeated motion from the positions.
 
-A motion repeats with a lag L where q(t + L) = q(t), for every joint that moves, over all of the time but the way to
-the motion and the way back. Lags at which this may be so come from the correlation of the whole recording with
-itself; each is then moved to a part of a sample, and counts where the longest stretch that agrees holds two whole
-repetitions or more and most of all that moves. What agrees is measured against how far a joint goes within a time L:
-a slow motion, which is hardly elsewhere after L, does not repeat, nor do random ones.
+A motion repeats with a lag L if q(t + L) = q(t) for every joint that moves, except during the moves to the start pose
+and back. Candidates for L come from the autocorrelation of the whole recording. Each candidate is refined to a
+fraction of a sample. It is accepted if the longest stretch on which both sides agree contains at least two whole
+repetitions and most of all motion. The difference of both sides is compared with the distance that a joint moves
+within a time L, so slow motions and random motions do not count as repeated.
 """
 
 from __future__ import annotations
@@ -22,50 +22,51 @@ from armid.measurement.processing.standstill import position_noise
 from armid.values import Array
 
 RATE = 100.0
-"""Rate at which positions are compared [Hz]: linear interpolation errs by a hundredth of an amplitude at 5 Hz."""
+"""Rate at which positions are compared [Hz]; at 5 Hz, linear interpolation has an error of 1 % of the amplitude."""
 
 SHORTEST = 2.0
-"""Shortest period [s]. A faster motion also repeats with a multiple of its period; blocks shorter than the
-correlation time of residuals would not be independent."""
+"""Shortest period [s]. A faster motion also repeats with a multiple of its period; blocks that are shorter than
+the correlation time of residuals would not be independent."""
 
 LIKELY = 0.6
-"""Mean squared difference at a lag, relative to that of unrelated positions, below which the lag is examined: moves
-to and from the motion contribute a third of it on a recording of two repetitions."""
+"""Mean squared difference at a lag, divided by the mean squared difference of unrelated positions, below which the
+lag is examined. With two repetitions, the moves to the start pose and back contribute a third of it."""
 
 SAME = 0.02
-"""RMS difference of repetitions, without noise and relative to a joint's standard deviation, up to which the motions
-are the same: controllers leave a hundredth."""
+"""RMS difference of repetitions, without noise and divided by the standard deviation of the joint's positions, up
+to which motions are the same. The error of controllers is about 0.01."""
 
 ALIKE = 0.1
-"""The same limit at a single instant."""
+"""The same limit as `SAME`, but at a single instant."""
 
 AS_GOOD, GOOD = 2.0, 0.002
-"""Difference, relative to that of the best lag and absolute, up to which a shorter lag is the period."""
+"""Difference up to which a shorter lag is taken as the period: relative to the difference of the best lag, and
+absolute."""
 
 CLOSE = 0.1
-"""Share of a period that may differ at either end of the repetitions, where a motion starts and stops."""
+"""Share of a period that may differ at each end of the repetitions, because the motion starts and stops there."""
 
 FAR = 4.0
-"""Squared difference relative to its median above which an instant is ignored in the alignment of repetitions."""
+"""Squared difference, divided by its median, above which an instant is ignored in the alignment of repetitions."""
 
 MOST = 0.75
-"""Share of the recording, and of all motion in it, that whole repetitions must contain."""
+"""Smallest share of the recording, and of all motion in it, that whole repetitions must contain."""
 
 MOVES = 1e-3
-"""Standard deviation from which a joint moves [rad or m]; a held pose has less."""
+"""Standard deviation of positions from which a joint counts as moving [rad or m]; a held pose has less."""
 
 CLEAR = 30.0
-"""Smallest ratio of this standard deviation to the noise of the positions."""
+"""Smallest ratio of the standard deviation of positions to their noise for a joint that moves."""
 
 SNAP = 0.05
 """Difference from a whole number of samples up to which a period is rounded to it [samples]."""
 
 LACKS = 1.5
-"""Samples that the last repetition may lack: a log of K periods of m samples may end with sample K m - 1 or K m -
-2."""
+"""Number of samples by which the last repetition may be too short: a log of K periods of m samples may end with
+sample K m - 1 or K m - 2."""
 
 OUTSIDE = 0.05
-"""Time before and after the repetitions from which it is reported [s]."""
+"""Time before and after the repetitions above which this time is reported [s]."""
 
 ROUNDS = 4
 """Number of corrections of a lag; each reduces its error to a tenth or less."""
@@ -76,10 +77,11 @@ class Repetition:
     """Repeated motion.
 
     Attributes:
-        period: [s].
+        period: Period [s].
         start: Time of the first repetition on the recording's clock [s].
-        count: Whole repetitions.
-        apart: RMS difference of repetitions over the standard deviation within one, of the worst joint.
+        count: Number of whole repetitions.
+        apart: RMS difference of repetitions, divided by the standard deviation within a repetition, for the worst
+            joint.
     """
 
     period: float
@@ -89,12 +91,12 @@ class Repetition:
 
 
 def find_period(pieces: Sequence[Stretch], source: str, findings: list[Finding]) -> tuple[float | None, float | None]:
-    """Period and start [s] of the motion of a recording without gaps; `None` where it does not repeat.
+    """Period and start [s] of the motion of a recording without gaps; `None` if the motion does not repeat.
 
     Args:
-        pieces: Its stretches between gaps.
-        source: Of the recording.
-        findings: What was found is added.
+        pieces: Stretches of the recording between its gaps.
+        source: Path of the recording.
+        findings: List to which a finding about the repetitions is added.
     """
     if len(pieces) != 1:
         return None, None
@@ -105,20 +107,23 @@ def find_period(pieces: Sequence[Stretch], source: str, findings: list[Finding])
     begin, end = float(piece.time[0]), float(piece.time[-1]) + 1.0 / piece.rate
     before, after = max(0.0, found.start - begin), max(0.0, end - found.start - found.count * found.period)
     rest = before + after
-    outside = f" {rest:.3g} s before and after them do not count." if rest > OUTSIDE else ""
+    outside = f" {rest:.3g} s before and after the repetitions are not used." if rest > OUTSIDE else ""
     evidence = f"The positions repeat every {found.period:.6g} s, {found.count} times.{outside}"
-    remedy = "The repetitions are compared for the intervals, unless period says another time, or none."
+    remedy = (
+        "The confidence intervals are computed from the differences between repetitions. Give the key `period` "
+        'if the period is different, or period = "none" to prevent this.'
+    )
     findings.append(Finding("period-found", "info", source, evidence, remedy))
     return found.period, found.start
 
 
 def repetition(time: Array, q: Array, rate: float) -> Repetition | None:
-    """Repetitions of a motion that was run twice or more; `None` where it was not.
+    """Repetitions of a motion that was run at least twice; `None` if it was run only once.
 
     Args:
-        time: Times of the samples, which need not be even, shape (N,) [s].
+        time: Times of the samples, which need not be uniform, shape (N,) [s].
         q: Positions as they were logged, shape (N, n) [rad or m].
-        rate: Samples a second, on average [Hz].
+        rate: Average sample rate [Hz].
     """
     length = float(time[-1] - time[0])
     step = 1.0 / min(RATE, rate)
@@ -141,7 +146,7 @@ def repetition(time: Array, q: Array, rate: float) -> Repetition | None:
 
 @dataclass(frozen=True, slots=True)
 class _Agreed:
-    """Lag [samples], first and end sample of the stretch that is equal a lag later, and their difference."""
+    """Lag [samples], first sample and end of the stretch that agrees one lag later, and the remaining difference."""
 
     lag: float
     first: int
@@ -150,7 +155,7 @@ class _Agreed:
 
 
 def _likely(x: Array, shortest: int) -> list[tuple[int, Array]]:
-    """Lags at which signals (N, m) may repeat, each with the variance within a time of that length, (m,)."""
+    """Lags at which signals (N, m) may repeat, each with the variance within the time of one lag, shape (m,)."""
     samples = len(x)
     size = 1 << (2 * samples - 1).bit_length()
     transformed = np.fft.rfft(x, size, axis=0)
@@ -171,7 +176,7 @@ def _likely(x: Array, shortest: int) -> list[tuple[int, Array]]:
 
 
 def _agreement(x: Array, near: int, within: Array, noise: Array) -> _Agreed | None:
-    """Best agreement at a lag near the given one; `None` where too few samples agree."""
+    """Best agreement at a lag near the given lag; `None` if too few samples agree."""
     lag, off = float(near), np.zeros(0)
     for _ in range(ROUNDS):
         ahead, speed = _ahead(x, np.arange(int(len(x) - lag)), lag)
@@ -199,7 +204,7 @@ def _agreement(x: Array, near: int, within: Array, noise: Array) -> _Agreed | No
 
 
 def _ahead(x: Array, first: NDArray[np.int64], lag: float) -> tuple[Array, Array]:
-    """Difference of signals (N, m) to those a lag later at each sample, and their rate of change there."""
+    """Difference between signals (N, m) one lag later and now at each sample, and its derivative by the lag."""
     later = first + lag
     index = np.arange(len(x), dtype=np.float64)
     ahead = np.column_stack([np.interp(later, index, each) for each in x.T]) - x[first]
@@ -208,7 +213,7 @@ def _ahead(x: Array, first: NDArray[np.int64], lag: float) -> tuple[Array, Array
 
 
 def _longest(good: NDArray[np.bool_], bridged: int) -> tuple[int, int]:
-    """Longest stretch of true flags, with holes up to a given length; its first sample and its end."""
+    """First sample and end of the longest stretch of true flags; holes up to a given length are ignored."""
     ends = np.flatnonzero(np.diff(np.concatenate([[False], good, [False]]))).reshape(-1, 2)
     if not len(ends):
         return 0, 0

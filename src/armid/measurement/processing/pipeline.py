@@ -29,7 +29,7 @@ from armid.remedy import Remedy, setting
 from armid.values import array
 
 SHORTEST = 4
-"""Samples that the one-sided differences at the ends of a run need."""
+"""Number of samples that one-sided differences at the ends of a run need."""
 
 
 def process_recordings(
@@ -44,17 +44,16 @@ def process_recordings(
 
     Args:
         recordings: In robot order, SI units, joint side.
-        processing: What to do, the defaults where not given; an automatic cut-off is found once, for all of them.
-        periods: Period of each recording's motion [s], `None` where it does not repeat, or `find`; where not given,
-            all are looked for in the positions, since intervals follow from the scatter between periods.
+        processing: Options; defaults if not given. An automatic cut-off is determined once for all recordings.
+        periods: Period of the motion of each recording [s], `None` if the motion does not repeat, or `find` to detect
+            it. If no periods are given, they are detected from the positions, because confidence intervals are
+            computed from the scatter between periods.
         starts: Start of the first repetition on each recording's clock [s].
-        effort_limits: Of each joint, shape (n,) [N·m or N]; needed for `saturation`.
-
-    Returns:
-        The observations, and the findings of recordings and processing.
+        effort_limits: Effort limit of each joint, shape (n,) [N·m or N]; needed for `saturation`. Returns: The
+            observations, and the findings of recordings and processing.
 
     Raises:
-        RecordingError: A recording does not allow what `processing` asks.
+        RecordingError: A recording cannot be processed with these options.
     """
     processing = resolve_options(processing or ProcessingOptions(), recordings)
     runs: list[ObservedRun] = []
@@ -86,18 +85,19 @@ def process_recording(
 
     Args:
         recording: In robot order, SI units, joint side; rows are consecutive unless it states otherwise.
-        processing: What to do.
-        period: The motion repeats with this period [s]; `find` looks for it in the positions.
-        start: Time of the first repetition on the recording's clock [s]; its first sample, if not given. What
-            lies before it, and after the last whole repetition, is approach and does not count.
+        processing: Options.
+        period: Period of the motion [s]; `find` to detect it from the positions; `None` if the motion does not
+            repeat.
+        start: Time of the first repetition on the recording's clock [s]; if not given, the time of the first sample.
+            Rows before this time and after the last whole repetition are not used.
         effort_limits: Of each joint, shape (n,) [N·m or N]; needed for `saturation`.
-        index: Number of the recording, kept in the runs.
+        index: Number of the recording, which is stored in the runs.
 
     Returns:
-        The runs, and what was noticed on the way.
+        The runs and the findings.
 
     Raises:
-        RecordingError: The recording does not allow what `processing` asks.
+        RecordingError: The recording cannot be processed with these options.
     """
     processing = resolve_options(processing, [recording])
     given = _uses_given(recording, processing)
@@ -136,17 +136,17 @@ def process_recording(
 def _no_row(recording: Recording, findings: Sequence[Finding]) -> RecordingError:
     """Error for a recording of which no row is left."""
     return RecordingError(
-        f"no row is left. {findings[-1].evidence}",
-        remedy="trim less, raise the cut-off, mask less, or record longer.",
+        f"no row is left for the estimation. {findings[-1].evidence}",
+        remedy="give a smaller `trim`, a higher `cutoff` or shorter `exclude` intervals, or record a longer motion.",
         source=recording.source,
     )
 
 
 def resolve_options(processing: ProcessingOptions, recordings: Sequence[Recording]) -> ProcessingOptions:
-    """Options with an automatic cut-off replaced by one found from the motion of all recordings.
+    """Replaces an automatic cut-off by a frequency that is determined from the motion of all recordings.
 
-    The cut-off is the widest that any of them needs. Where no recording has rows that follow each other, there is
-    no band, and the filter is left out.
+    The cut-off is the highest frequency that any recording needs. If no recording has consecutive rows, nothing can
+    be filtered, and the filter is left out.
     """
     if processing.cutoff != "auto":
         return processing
@@ -170,9 +170,9 @@ def _uses_given(recording: Recording, processing: ProcessingOptions) -> bool:
     lacking = {"given": not both, "velocity": recording.dq is None}
     if lacking.get(str(processing.derivatives), False):
         raise RecordingError(
-            f'derivatives = "{processing.derivatives}", but it holds no '
+            f'derivatives = "{processing.derivatives}", but the recording has no '
             f"{'velocities' if recording.dq is None else 'accelerations'}.",
-            remedy='use derivatives = "central", which needs positions only.',
+            remedy='use derivatives = "central", which only needs positions.',
             source=recording.source,
         )
     return both if processing.derivatives is None else processing.derivatives == "given"
@@ -187,13 +187,13 @@ def _highest_cutoff(processing: ProcessingOptions) -> float | None:
 def _without_saturated(
     recording: Recording, processing: ProcessingOptions, limits: ArrayLike | None, findings: list[Finding]
 ) -> Recording:
-    """Recording with samples near an effort limit marked as not valid."""
+    """Marks the samples of a recording near an effort limit as not valid."""
     if processing.saturation is None or recording.effort is None:
         return recording
     if limits is None:
         raise RecordingError(
-            "Masking saturated samples needs the effort limits of the joints.",
-            remedy="give limits in the robot's description, or leave saturation out.",
+            "The key `saturation` needs the effort limits of the joints, but they are not known.",
+            remedy="add effort limits to the description of the robot, or leave `saturation` out.",
         )
     bounds = array(limits, (recording.n,), "effort limits", finite=False)
     over = np.abs(recording.effort) >= processing.saturation * bounds
@@ -203,9 +203,9 @@ def _without_saturated(
                 "saturation",
                 "warning",
                 recording.channels[joint],
-                f"{recording.source}: {int(over[:, joint].sum())} of {recording.samples} samples reach "
-                f"{processing.saturation:g} of the limit {bounds[joint]:g}.",
-                "Rows near them do not count for this joint.",
+                f"{recording.source}: The effort reaches {processing.saturation:g} times the limit "
+                f"{bounds[joint]:g} in {int(over[:, joint].sum())} of {recording.samples} samples.",
+                "Rows near these samples are not used for this joint.",
             )
         )
     return replace(recording, valid=recording.valid & ~over)
@@ -218,7 +218,7 @@ def _moving(
     recording: Recording,
     findings: list[Finding],
 ) -> tuple[ObservedRun, ...]:
-    """Runs with rows at standstill masked, where the options ask for it."""
+    """Masks rows at standstill in the runs, if the options ask for it."""
     if processing.standstill == "keep":
         return tuple(runs)
     kept, share = moving(runs, [sticks | rests for sticks, rests in still], processing)
@@ -234,10 +234,10 @@ def _separate(
     whole, _ = gather(recording, clock=False)
     if not given or whole.dq is None or whole.ddq is None:
         raise RecordingError(
-            "its rows do not follow each other in time, so velocities and accelerations cannot be computed from "
+            "the rows are not consecutive in time, so velocities and accelerations cannot be computed from "
             "positions.",
-            possible="rows in the order of time with a clock or a rate, or recorded velocities and accelerations",
-            remedy="sort the rows by time, or add the missing columns.",
+            possible="rows in the order of time with a time column or a rate, or recorded derivatives",
+            remedy="sort the rows by time, or add columns of velocities and accelerations.",
             source=recording.source,
         )
     findings.append(
@@ -245,8 +245,8 @@ def _separate(
             "rows-not-consecutive",
             "info",
             recording.source,
-            f"{whole.samples} rows are taken as separate samples.",
-            "Nothing was filtered, and terms with memory cannot be used.",
+            f"{whole.samples} rows are treated as separate samples.",
+            "Nothing was filtered, and torque terms with memory cannot be used.",
         )
     )
     motion = Motion(whole.time, whole.q, whole.dq, whole.ddq)
@@ -261,7 +261,7 @@ def _on_a_grid(
     source: str,
     findings: list[Finding],
 ) -> list[Stretch]:
-    """Stretches on uniform grids, where something is filtered or differentiated."""
+    """Moves stretches to uniform grids if something is filtered or differentiated."""
     if processing.edges == "periodic" or processing.family != "none" or not given:
         return [_even(piece, processing, period, source, findings) for piece in pieces]
     findings.extend(_left_uneven(piece, source) for piece in pieces if not is_even(piece.time, piece.number))
@@ -271,7 +271,7 @@ def _on_a_grid(
 def _even(
     piece: Stretch, processing: ProcessingOptions, period: float | None, source: str, findings: list[Finding]
 ) -> Stretch:
-    """Stretch on a uniform grid; where the motion is periodic, with a whole number of samples per period."""
+    """Stretch on a uniform grid; if the motion is periodic, with a whole number of samples per period."""
     span = None
     if processing.edges == "periodic":
         span = period if period is not None else piece.samples / piece.rate
@@ -290,9 +290,10 @@ def _even(
                 "clock-jitter",
                 "info",
                 source,
-                f"From t = {piece.time[0]:.6g} to {piece.time[-1]:.6g} s: steps from {steps.min():.3g} to "
-                f"{steps.max():.3g} s, {off:.2g} steps off an even clock of {piece.rate:.5g} Hz{samples}.",
-                f"The samples were moved to {moved.rate:.6g} Hz by a cubic spline.",
+                f"The clock is not uniform from t = {piece.time[0]:.6g} to {piece.time[-1]:.6g} s: its steps "
+                f"are {steps.min():.3g} to {steps.max():.3g} s, and it differs by {off:.2g} steps (standard "
+                f"deviation) from a uniform clock of {piece.rate:.5g} Hz{samples}.",
+                f"The samples were interpolated at {moved.rate:.6g} Hz by a cubic spline.",
             )
         )
     return moved
@@ -303,9 +304,9 @@ def _filled(piece: Stretch, whole: Stretch, source: str) -> Finding:
         "rows-filled",
         "info",
         source,
-        f"{whole.samples - piece.samples} of {whole.samples} samples are left out of an even clock of "
+        f"{whole.samples - piece.samples} of {whole.samples} samples are missing on a uniform clock of "
         f"{piece.rate:.5g} Hz.",
-        "They were filled by a cubic spline through their neighbours; the others stay as they are.",
+        "The missing samples were interpolated by a cubic spline; the other samples are unchanged.",
     )
 
 
@@ -314,8 +315,9 @@ def _left_uneven(piece: Stretch, source: str) -> Finding:
         "clock-jitter",
         "info",
         source,
-        f"{jitter(piece.time, piece.number):.2g} steps off an even clock of {piece.rate:.5g} Hz.",
-        "The samples were left where they are: nothing is filtered or differentiated.",
+        f"The clock differs by {jitter(piece.time, piece.number):.2g} steps (standard deviation) from a "
+        f"uniform clock of {piece.rate:.5g} Hz.",
+        "The samples were not interpolated, because nothing is filtered or differentiated.",
     )
 
 
@@ -327,20 +329,21 @@ def _circles(
     source: str,
     findings: list[Finding],
 ) -> list[Stretch]:
-    """Whole periods only: each stretch cut to its repetitions, or the mean of all of them."""
+    """Cuts each stretch to its whole repetitions, or replaces all repetitions by their mean."""
     name = source or "The recording"
     if period is None or start is None:
         if len(pieces) > 1:
             raise RecordingError(
-                f'{name}: edges = "periodic", but a gap splits the run.',
+                f'{name}: edges = "periodic" needs one run without gaps or a given period, but a gap splits the run.',
                 remedy=Remedy("give the period of the motion, or use ", setting("edges", "drop"), "."),
             )
         check_closed(pieces[0], source)
         if processing.average:
             evidence = (
-                f"No period is given: the whole run of {pieces[0].samples / pieces[0].rate:.6g} s counts as one."
+                f"No period is given, so the whole run of {pieces[0].samples / pieces[0].rate:.6g} s is taken "
+                "as one period."
             )
-            remedy = "give the period of the motion, so that its repetitions are averaged."
+            remedy = "if the motion repeats within the run, give its period, so that the repetitions are averaged."
             findings.append(Finding("period-unknown", "warning", source, evidence, remedy))
         return list(pieces)
     found = [(piece, windows(piece, period, start)) for piece in pieces]
@@ -348,8 +351,9 @@ def _circles(
     if not found:
         length = max(piece.samples / piece.rate for piece in pieces)
         raise RecordingError(
-            f"{name}: no whole period of {period:g} s from t = {start:g} s on; its longest run: {length:g} s.",
-            remedy="check the period and its start.",
+            f"{name}: the recording contains no whole period of {period:g} s after t = {start:g} s; its "
+            f"longest run has {length:g} s.",
+            remedy="check the keys `period` and `start`.",
         )
     if processing.average:
         mean, late = average([(piece, b) for piece, begins in found for b in begins], period, source)
@@ -367,7 +371,8 @@ def _nothing_left(piece: Stretch, margin: int, source: str) -> Finding:
         "run-short",
         "warning",
         source,
-        f"Of the run of {piece.samples / piece.rate:.3g} s from t = {piece.time[0]:.6g} s no row counts: "
-        f"{margin / piece.rate:.3g} s at each end are left out, {piece.bad.mean():.0%} of its samples are masked.",
+        f"No row of the run of {piece.samples / piece.rate:.3g} s from t = {piece.time[0]:.6g} s can be used: "
+        f"{margin / piece.rate:.3g} s at each end are left out, and {piece.bad.mean():.0%} of its samples are "
+        "masked.",
         "The run was left out.",
     )

@@ -1,4 +1,4 @@
-"""Repetitions of a motion: their positions in a recording, their delays, and their mean."""
+"""Repetitions of a motion: where they are in a recording, their delays, and their mean."""
 
 from __future__ import annotations
 
@@ -16,23 +16,24 @@ SHORT = 1.0
 """Samples that the last repetition may lack: a log of K periods of m samples often ends with sample K m - 1."""
 
 PASSES = 4
-"""Number of passes: a window with a large delay contains part of its neighbour; each pass reduces this error."""
+"""Number of passes; a window with a large delay contains part of the next window, and each pass reduces this
+error."""
 
 NEGLIGIBLE = 0.1
-"""Displacement relative to the noise below which a fraction of a sample is not corrected."""
+"""Displacement, divided by the noise, below which a delay of a fraction of a sample is not corrected."""
 
 LATE = 0.05
-"""Share of a period above which a delay is no timing error: the period or its start is wrong."""
+"""Delay as a share of the period above which the period or its start must be wrong."""
 
 JUMP = 2.0
-"""Largest step of a position across the border of a period, relative to the largest step inside it."""
+"""Largest step of a position between two periods, divided by the largest step inside a period."""
 
 
 def windows(stretch: Stretch, period: float, start: float) -> list[int]:
     """Index of the first sample of each whole repetition in a stretch.
 
     Args:
-        stretch: At an even rate, a whole number of samples a period.
+        stretch: Stretch at a uniform rate, with a whole number of samples per period.
         period: Of the motion [s].
         start: Time of the first repetition on the recording's clock [s].
     """

@@ -17,28 +17,31 @@ from armid.remedy import Remedy, setting
 from armid.values import Array
 
 GAP_STEPS = 2.5
-"""Number of median steps from which a step is a gap: two successive lost samples, more than the jitter of a log."""
+"""Number of median steps from which a step counts as a gap; two successive lost samples exceed it, jitter does
+not."""
 
 GAP_PERIODS = 0.1
-"""Share of a period of the cut-off below which a step is no gap: a cubic spline through ten points per period errs by
-4e-4 of an amplitude at the cut-off, less below."""
+"""Share of a period of the cut-off below which a step is not a gap. A cubic spline through ten points per period
+has an error of 4e-4 of the amplitude at the cut-off, and less below it."""
 
 JITTER = 0.05
-"""Standard deviation of the clock from a uniform grid, in steps, from which samples are resampled. Smaller jitter
+"""Standard deviation between clock and uniform grid, in steps, from which samples are resampled. Smaller jitter
 changes a position by less than the motion in a twentieth of a step."""
 
 ASTRAY = 0.5
-"""Largest distance of a sample from a uniform grid, in steps: one lost near an end hardly changes `JITTER`."""
+"""Largest distance of a sample from a uniform grid, in steps; it detects a sample lost near an end, which hardly
+changes the standard deviation."""
 
 WHOLE = 0.05
-"""Samples by which all periods together may miss a whole number of samples before they are resampled."""
+"""Difference of all periods together from a whole number of samples above which they are resampled [samples]."""
 
 DIGITS = 10
-"""Significant digits of a mean rate; more would be rounding of the clock, and an hour drifts by less than 1e-6 s."""
+"""Significant digits of a mean rate; further digits come from rounding of the clock, and an hour drifts by less
+than 1e-6 s."""
 
 CONTINUED = 3
-"""Samples by which a periodic motion is extended before it is resampled: one to reach the end, two so that the spline
-has support on both sides."""
+"""Number of samples by which a periodic motion is extended before it is resampled: one to reach the end, and two
+so that the spline has points on both sides."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -47,13 +50,13 @@ class Stretch:
 
     Attributes:
         time: Shape (N,) [s].
-        rate: Samples a second, on average [Hz].
+        rate: Average sample rate [Hz].
         q: Positions, shape (N, n).
-        dq: Velocities, where recorded.
-        ddq: Accelerations, where recorded.
+        dq: Velocities, if recorded, shape (N, n).
+        ddq: Accelerations, if recorded, shape (N, n).
         effort: Torque, shape (N, n).
-        bad: Samples that must not count, shape (N, n).
-        number: Number of each sample as recorded, shape (N,), where some in between are left out.
+        bad: True for samples that must not be used, shape (N, n).
+        number: Number of each sample in the recording, shape (N,), if samples in between are left out.
     """
 
     time: Array
@@ -77,7 +80,7 @@ class Stretch:
         rate: float,
         bad: Callable[[NDArray[np.bool_]], NDArray[np.bool_]],
     ) -> Stretch:
-        """Stretch with the same transformation applied to every signal, after which no sample is missing."""
+        """Applies the same transformation to every signal; no sample is missing in the result."""
         dq = None if self.dq is None else signals(self.dq)
         ddq = None if self.ddq is None else signals(self.ddq)
         return Stretch(time, rate, signals(self.q), dq, ddq, signals(self.effort), bad(self.bad))
@@ -94,11 +97,11 @@ class Stretch:
 
 
 def jitter(time: Array, number: NDArray[np.int64] | None = None) -> float:
-    """Standard deviation of a clock from a uniform grid, in steps.
+    """Standard deviation between a clock and a uniform grid, in steps.
 
     Args:
-        time: Stamps, shape (N,) [s].
-        number: Of each sample as recorded, shape (N,), where some are left out.
+        time: Time stamps, shape (N,) [s].
+        number: Number of each sample in the recording, shape (N,), if some samples are left out.
     """
     return float(np.std(_unevenness(time, number)))
 
@@ -123,16 +126,16 @@ def _unevenness(time: Array, number: NDArray[np.int64] | None) -> Array:
 def stretches(recording: Recording, cutoff: float | None) -> tuple[list[Stretch], list[Finding]]:
     """Cuts a recording at the gaps of its clock.
 
-    Samples that are not finite, and a few in succession that count for no joint, are taken as missing: they are no
-    gap while the step across them is short.
+    Samples that are not finite, and short sequences of samples that are valid for no joint, are treated as missing.
+    They are a gap only if the time step across them is long.
 
     Args:
-        recording: In robot order, SI units, joint side; rows follow each other in time.
+        recording: Recording in robot order, SI units, joint side; its rows are consecutive in time.
         cutoff: Highest cut-off that will be used [Hz]; `None` if nothing is filtered.
 
     Raises:
-        RecordingError: No clock and no rate, no effort, a value that counts is not finite, a clock that stands or
-            runs backwards, or fewer than two samples.
+        RecordingError: There is neither clock nor rate, or no effort; a valid value is not finite; time does not
+            increase; or there are fewer than two samples.
     """
     whole, median = gather(recording)
     longest = max(GAP_STEPS * median, GAP_PERIODS / cutoff if cutoff else 0.0)
@@ -145,9 +148,9 @@ def stretches(recording: Recording, cutoff: float | None) -> tuple[list[Stretch]
             "clock-gap",
             "warning",
             recording.source,
-            f"{steps[border - 1]:.3g} s without a sample after t = {whole.time[border - 1]:.6g} s, "
-            f"{steps[border - 1] / median:.1f} median steps.",
-            "The run was split there; nothing is filtered across the gap.",
+            f"There is no sample for {steps[border - 1]:.3g} s after t = {whole.time[border - 1]:.6g} s, "
+            f"which is {steps[border - 1] / median:.1f} times the median step.",
+            "The run was split at this gap; nothing is filtered across it.",
         )
         for border in borders[1:-1]
     ]
@@ -155,7 +158,7 @@ def stretches(recording: Recording, cutoff: float | None) -> tuple[list[Stretch]
 
 
 def _without_specks(whole: Stretch, longest: float) -> Stretch:
-    """Stretch without samples that are valid for no joint, where the step across them stays short."""
+    """Leaves out the samples that are valid for no joint, if the time step across them stays short."""
     spoilt = whole.bad.all(axis=1)
     if not spoilt.any() or spoilt.all():
         return whole
@@ -172,23 +175,26 @@ def gather(recording: Recording, *, clock: bool = True) -> tuple[Stretch, float]
 
     Args:
         recording: In robot order, SI units, joint side.
-        clock: Whether there must be one; without it the rows are counted instead.
+        clock: True if the recording must have a clock. Otherwise, the row number is used as time if there is no
+            clock.
     """
     name = recording.source or "The recording"
     if recording.effort is None:
         possible = next((each for each in recording.findings if each.code == "effort-possible"), None)
         hint = "" if possible is None else f" {possible.evidence}"
         remedy = "" if possible is None else possible.remedy
-        wanted = Remedy("name its columns: ", setting("columns", {"effort": ["…", "…"]}), ".")
-        raise RecordingError(f"{name} holds no effort.{hint}", remedy=remedy or wanted)
+        wanted = Remedy(
+            "if the file has columns of effort, name them: ", setting("columns", {"effort": ["…", "…"]}), "."
+        )
+        raise RecordingError(f"{name} has no effort (torque or current).{hint}", remedy=remedy or wanted)
     counted = np.arange(recording.samples) / (recording.rate or 1.0)
     if not clock:
         time = np.arange(float(recording.samples))
     elif recording.time is None and recording.rate is None:
         raise RecordingError(
-            f"{name} has no clock, and its rate is not given.",
+            f"{name} has no time column, and its rate is not given.",
             possible="a time column, or rate = 100.0 (Hz) with the recording",
-            remedy="give the rate; or consecutive = false if its rows are separate samples.",
+            remedy="give the rate, or give consecutive = false if the rows are separate samples.",
         )
     else:
         time = counted if recording.time is None else recording.time
@@ -197,10 +203,10 @@ def gather(recording: Recording, *, clock: bool = True) -> tuple[Stretch, float]
     lost = ~present & recording.valid.any(axis=1)
     if lost.any() or present.sum() < 2:
         raise RecordingError(
-            f"{name}: {int(present.sum())} of {recording.samples} samples are finite; the first that is not and "
-            f"is not excluded is sample {int(np.argmax(lost))}.",
+            f"{name}: only {int(present.sum())} of {recording.samples} samples are finite; the first sample "
+            f"that is neither finite nor excluded is sample {int(np.argmax(lost))}.",
             possible="at least two samples, all of them finite",
-            remedy="remove these samples, or exclude their interval with the recording.",
+            remedy="remove these samples, or exclude their interval (key `exclude`).",
         )
     quantities = recording.q, recording.dq, recording.ddq, recording.effort
     stretch = Stretch(time, 1.0, *quantities, ~recording.valid, recording.number)
@@ -216,14 +222,14 @@ def _median_step(time: Array, name: str) -> float:
         raise RecordingError(
             f"{name}: time does not increase from t = {time[sample]:.9g} s (sample {sample}) to "
             f"t = {time[sample + 1]:.9g} s.",
-            remedy="remove the samples out of order; if the clock is too coarse for its rate, leave the time "
-            "column out and give the rate.",
+            remedy="remove the samples that are not in the order of time; if the clock is too coarse for the sample "
+            "rate, leave the time column out and give the rate.",
         )
     return float(median(steps))
 
 
 def _mean_rate(piece: Stretch, step: float) -> float:
-    """Mean rate of a clock as recorded [Hz], without the rounding of its time stamps."""
+    """Mean rate of a clock [Hz], rounded to the digits that the rounding of its time stamps leaves valid."""
     time, number = piece.time, piece.number
     steps = len(time) - 1 if number is None else int(number[-1] - number[0])
     mean = steps / float(time[-1] - time[0]) if len(time) > 1 else 1.0 / step
@@ -231,15 +237,15 @@ def _mean_rate(piece: Stretch, step: float) -> float:
 
 
 def resample_uniform(stretch: Stretch, span: float | None, rows: float, *, each: bool) -> Stretch:
-    """Stretch on a uniform grid: its own where its clock is uniform enough, else one that suits the rows.
+    """Stretch on a uniform grid: its own grid if its clock is uniform enough, else a grid that suits the rows.
 
-    On its own grid only samples that are missing are made, by a cubic spline; all others stay as they are.
+    On its own grid, only missing samples are interpolated, by a cubic spline; all other samples are unchanged.
 
     Args:
-        stretch: With time stamps at any distance.
+        stretch: Stretch whose time stamps need not be uniform.
         span: Period that must be a whole number of samples [s], if any.
-        rows: Output rows a second [Hz], of which the new rate is a multiple; 0 for none.
-        each: Periods are taken one by one, so that a fraction of a sample may be lost between them.
+        rows: Rate of the output rows [Hz], of which the new rate is a multiple; 0 for none.
+        each: True if periods are used one by one, so that a fraction of a sample may be lost between them.
     """
     missed = 0.0
     if span is not None:
@@ -257,7 +263,7 @@ def resample_uniform(stretch: Stretch, span: float | None, rows: float, *, each:
 
 
 def _filled(stretch: Stretch) -> Stretch:
-    """Uniform stretch with its missing samples interpolated; one next to a bad sample is bad."""
+    """Interpolates the missing samples of a uniform stretch; a new sample next to a bad sample is bad."""
     if stretch.number is None:
         return stretch
     place = stretch.number - stretch.number[0]
@@ -277,13 +283,13 @@ def _filled(stretch: Stretch) -> Stretch:
 
 
 def uniform(stretch: Stretch, rate: float, period: float | None = None) -> Stretch:
-    """Stretch resampled on a uniform grid from its first sample; a sample next to a bad one is bad.
+    """Resamples a stretch on a uniform grid that starts at its first sample; a sample next to a bad sample is bad.
 
     Args:
-        stretch: With time stamps at any distance.
-        rate: Of the even grid [Hz].
-        period: If the motion repeats, the grid goes on for the step that follows the last sample, which is read
-            from the samples one period earlier [s].
+        stretch: Stretch whose time stamps need not be uniform.
+        rate: Rate of the uniform grid [Hz].
+        period: Period of the motion, if it repeats [s]. The grid then also covers the step after the last sample, for
+            which the samples one period earlier are used.
     """
     time, end = stretch.time, float(stretch.time[-1])
     order = np.arange(len(time))

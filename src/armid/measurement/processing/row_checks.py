@@ -1,4 +1,4 @@
-"""Checks of the clock and the rows of a recording: which rows are measurements, and at what times."""
+"""Checks of the clock and the rows of a recording: which rows are measurements, and at which times."""
 
 from __future__ import annotations
 
@@ -17,56 +17,55 @@ from armid.remedy import Remedy, setting
 from armid.values import Array
 
 MIN_SAMPLES = 10
-"""Smallest number of samples: fewer give neither derivatives at both ends nor residuals to judge."""
+"""Smallest number of samples; fewer are not enough for derivatives at both ends and for residuals."""
 
 MOST_HOLES, LARGEST_HOLES = 8, 0.2
-"""Largest number of stretches of non-finite values, and largest share of rows in them, that are left out; with more,
-the channel is faulty."""
+"""Largest number of stretches with non-finite values, and largest share of rows in them, that are left out. With
+more, the channel is faulty."""
 
 RATE_TOLERANCE = 0.1
-"""Relative difference of two rates that is tolerated; a wrong rate is wrong by a factor."""
+"""Relative difference of two rates that is tolerated; a wrong rate differs by a large factor."""
 
 CLOCK_TIES = 0.01
-"""Share of rows with the time stamp of the row before that a coarse clock may have; more is another fault."""
+"""Largest share of rows with the same time stamp as the row before, for a coarse clock; more is another fault."""
 
 REPEATED_RUN = 5
-"""Longest run of rows equal to the row before that counts as a repeat by the recorder and is dropped; longer runs are
-a pause, which stays on the grid and is masked."""
+"""Largest number of successive rows, equal to the row before, that count as repeated by the recorder and are
+dropped. More of them are a pause, whose rows stay on the grid and are masked."""
 
 REACH = (20, 200)
-"""Smallest and largest number of rows on each side of equal rows from which the rate of change is estimated."""
+"""Smallest and largest number of rows, before and after equal rows, that are used to estimate the rate of change."""
 
 CHANCE, LEAST_STEPS = 1e-3, 3.0
-"""Probability below which rows are not equal by chance, and the smallest change of all channels together after them,
-in their resolution: an arm at rest changes by one or two."""
+"""Probability below which rows are not equal by chance, and smallest change of all channels together after equal
+rows. The change is counted in steps of the resolution; an arm at rest changes by one or two steps."""
 
 SAME_STEP = 0.25
-"""Relative difference of a row's step in q from velocity times step: processed velocities lag, encoders round."""
+"""Relative difference of the step in q from velocity times time step; processed velocities lag, encoders round."""
 
 COHERENT = 0.8
-"""Share of moving rows whose step must agree with the velocity for rows to be consecutive; a log with jitter reaches
-0.9, separate samples hardly 0.1."""
+"""Smallest share of moving rows whose step must agree with the velocity, if rows are consecutive. A log with
+jitter reaches 0.9, separate samples hardly 0.1."""
 
 MOVING = 0.05
-"""Speed relative to the fastest row above which a row is used to estimate the rate."""
+"""Speed, as a share of the largest speed, above which a row is used to estimate the rate."""
 
 SMOOTH = 0.5
-"""Ratio of the step from row to row to the spread of the positions: separate samples have about √2, a motion less
-than 0.1."""
+"""Ratio of the step from row to row to the spread of positions; separate samples have √2, a motion below 0.1."""
 
 
 def clean(recording: Recording, log_format: LogFormat) -> tuple[Recording, tuple[Finding, ...]]:
-    """Checks the clock, drops or masks rows that are no measurements, and determines whether rows are consecutive.
+    """Checks the clock, drops or masks rows that are not measurements, and determines whether rows are consecutive.
 
     Args:
         recording: As measured.
         log_format: How to read it.
 
     Returns:
-        The recording with `time` or else `rate`, with `consecutive` known and `valid` filled in; and findings.
+        The recording with `time` or else `rate`, with known `consecutive` and complete `valid`; and the findings.
 
     Raises:
-        RecordingError: NaN, neither clock nor rate, a clock that runs backwards or not in seconds, or few samples.
+        RecordingError: Values are NaN, the clock is missing or wrong, or there are too few samples.
     """
     rate = recording.rate if log_format.rate is None else log_format.rate
     given = recording.consecutive if log_format.consecutive is None else log_format.consecutive
@@ -103,7 +102,10 @@ def _excluded(recording: Recording, log_format: LogFormat) -> NDArray[np.bool_]:
     if not log_format.exclude:
         return inside
     if recording.time is None and recording.rate is None:
-        raise RecordingError("exclude needs a clock or a rate to tell which rows it means.")
+        raise RecordingError(
+            "The key `exclude` gives times, but the recording has neither a time column nor a sample rate.",
+            remedy="give `rate`, or name the time column under `columns`.",
+        )
     time = np.arange(recording.samples) / (recording.rate or 1.0) if recording.time is None else recording.time
     for t0, t1 in log_format.exclude:
         inside |= (time >= t0) & (time <= t1)
@@ -117,14 +119,14 @@ def _check_exclude(recording: Recording, log_format: LogFormat) -> None:
     for t0, t1 in log_format.exclude:
         if t1 < recording.time[0] or t0 > recording.time[-1]:
             raise RecordingError(
-                f"exclude [{t0:g}, {t1:g}] s lies outside it.",
+                f"the interval [{t0:g}, {t1:g}] s of the key `exclude` lies outside the time of the recording.",
                 source=recording.source,
-                possible=f"its clock runs from {recording.time[0]:g} to {recording.time[-1]:g} s",
+                possible=f"times from {recording.time[0]:g} to {recording.time[-1]:g} s",
             )
 
 
 def _without_excluded_nan(recording: Recording, log_format: LogFormat) -> Recording:
-    """Drops rows that are excluded and contain NaN, where a clock shows the gap."""
+    """Drops rows that are excluded and contain NaN, if the recording has a clock, which shows the gap."""
     _check_exclude(recording, log_format)
     broken = ~np.isfinite(_everything(recording)).all(axis=1)
     if recording.time is None or not log_format.exclude or not broken.any():
@@ -139,8 +141,8 @@ def _masked(recording: Recording, log_format: LogFormat) -> Recording:
     inside = _excluded(recording, log_format)
     if inside.all():
         raise RecordingError(
-            "exclude leaves no row.",
-            remedy="exclude less; its times are those of the recording in seconds.",
+            "the intervals of the key `exclude` contain all rows.",
+            remedy="exclude shorter intervals; they are given in seconds on the clock of the recording.",
             source=recording.source,
         )
     return replace(recording, valid=recording.valid & ~inside[:, None])
@@ -170,25 +172,25 @@ def _refuse_nan(recording: Recording, log_format: LogFormat) -> None:
 
 
 def _without(name: str, rows: NDArray[np.intp], recording: Recording, log_format: LogFormat) -> str:
-    """Remedy that leaves non-finite rows, or a quantity that is not needed, out of a log."""
+    """Remedy that leaves out of a log the rows that are not finite, or a quantity that is not needed."""
     pieces = np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1)
     few = len(pieces) <= MOST_HOLES and len(rows) <= LARGEST_HOLES * recording.samples
     if few and recording.time is not None and np.isfinite(recording.time).all():
         times = [(float(recording.time[piece[0]]), float(recording.time[piece[-1]])) for piece in pieces]
         return excluding(log_format, times)
     if name in ("dq", "ddq"):
-        return naming(log_format, {name: ""}, "positions are differentiated then")
+        return naming(log_format, {name: ""}, "the positions are then differentiated")
     if name == "time":
-        return "correct the time column, or leave it out and say the rate."
-    return "record it again, or cut those rows out of the file where it has a clock."
+        return "correct the time column, or leave it out and give the key `rate`."
+    return "record again, or, if the file has a time column, remove these rows from the file."
 
 
 def _refuse_few(recording: Recording) -> None:
     if recording.samples < MIN_SAMPLES:
         raise RecordingError(
-            f"number of usable samples: {recording.samples}.",
+            f"the number of usable samples is too small: {recording.samples}.",
             source=recording.source,
-            possible=f"at least {MIN_SAMPLES}; an identification wants some thousands",
+            possible=f"at least {MIN_SAMPLES}; an identification needs some thousands",
             remedy="record a longer motion.",
         )
 
@@ -205,7 +207,7 @@ def _check_clock(recording: Recording) -> None:
             recording,
             f"time runs backwards from row {row + 1} to {row + 2} "
             f"({recording.time[row]:.6f} s, then {recording.time[row + 1]:.6f} s).",
-            "correct the file: sort or split it there; two recordings in one file must become two files.",
+            "correct the file: sort its rows by time, or, if it contains two recordings, split it into two files.",
         )
     typical = float(median(step))
     counted = unit_of_step(typical)
@@ -214,15 +216,15 @@ def _check_clock(recording: Recording) -> None:
         raise recording_error(
             "clock-unit",
             recording,
-            f"the clock steps by {typical:g} from row to row; it seems not to count seconds but {name}.",
-            lines("s; consecutive = false, where rows are separate measurements", time_unit=unit),
+            f"the time column increases by {typical:g} from row to row; it seems to count {name}, not seconds.",
+            lines("s; or consecutive = false, if rows are separate measurements", time_unit=unit),
         )
     if recording.rate is not None and typical > 0 and abs(recording.rate * typical - 1) > RATE_TOLERANCE:
         raise recording_error(
             "clock-rate",
             recording,
-            f"the clock says {1 / typical:.4g} Hz, rate says {recording.rate:g} Hz.",
-            "correct one of them: drop rate, or leave the clock out with an empty name of its column.",
+            f"the time column gives {1 / typical:.4g} Hz, but the key `rate` gives {recording.rate:g} Hz.",
+            "correct one of them: remove `rate`, or leave the time column out with an empty name.",
         )
 
 
@@ -247,8 +249,8 @@ def _without_repeats(recording: Recording) -> tuple[Recording, tuple[Finding, ..
         "rows-repeated",
         "warning",
         "",
-        f"{repeated.sum()} of {recording.samples} rows repeat the row before; {drop.sum()} dropped, "
-        f"{(repeated & ~drop).sum()} masked.",
+        f"{repeated.sum()} of {recording.samples} rows repeat the row before; {drop.sum()} of them were "
+        f"dropped, {(repeated & ~drop).sum()} masked.",
         "record at the rate at which the robot gives new samples.",
     )
     recording = replace(recording, valid=recording.valid & ~repeated[:, None])
@@ -258,12 +260,12 @@ def _without_repeats(recording: Recording) -> tuple[Recording, tuple[Finding, ..
 def _should_differ(values: Array, runs: NDArray[np.intp]) -> NDArray[np.bool_]:
     """Tests whether equal rows are repeats, from the changes of the channels before and after them.
 
-    Where an arm rests and its channels are coarse, rows are equal because nothing changes. A channel that changes by
-    r of its smallest steps a row on both sides keeps its value over a row with probability 1 - r.
+    If an arm rests and its channels are coarse, rows are equal because nothing changes. If a channel changes by r of
+    its smallest steps per row before and after, it keeps its value from one row to the next with probability 1 - r.
 
     Args:
         values: All channels, shape (N, c).
-        runs: First of the equal rows, and the one behind them, shape (K, 2).
+        runs: Index of the first equal row, and index after the last, for K runs of equal rows, shape (K, 2).
 
     Returns:
         Shape (K,).
@@ -287,33 +289,33 @@ def _should_differ(values: Array, runs: NDArray[np.intp]) -> NDArray[np.bool_]:
 
 
 def _without_ties(recording: Recording) -> tuple[Recording, tuple[Finding, ...]]:
-    """Drops rows with the time stamp of the row before, from a clock coarser than the rate."""
+    """Drops rows with the same time stamp as the row before, if the clock is coarser than the rate."""
     if recording.time is None:
         return recording, ()
     tied = np.concatenate([[False], np.diff(recording.time) == 0])
     if not tied.any():
         return recording, ()
     row = int(np.argmax(tied))
-    evidence = f"{tied.sum()} of {tied.size} rows have the time stamp of the row before, first row {row + 1}"
+    evidence = f"{tied.sum()} of {tied.size} rows have the time stamp of the row before; the first is row {row + 1}"
     if tied.mean() > CLOCK_TIES:
         raise recording_error(
             "clock-jitter",
             recording,
-            f"{evidence}, but other values.",
+            f"{evidence}; their values differ.",
             Remedy(
-                "find out what is logged as time; if rows are equally spaced, leave it out (",
+                "find out what the time column contains; if the rows are equally spaced, leave it out (",
                 setting("columns", {"time": ""}),
-                ") and give rate.",
+                ") and give the key `rate`.",
             ),
         )
     return _kept(recording, ~tied), (Finding("clock-jitter", "info", "time", f"{evidence}; dropped."),)
 
 
 def _with_consecutive(recording: Recording, turn: Array) -> tuple[Recording, tuple[Finding, ...]]:
-    """Determines whether rows are consecutive, from the clock or else from q and dq.
+    """Determines whether rows are consecutive, from the clock if there is one, else from q and dq.
 
     Args:
-        recording: Checked rows.
+        recording: Recording whose rows were checked.
         turn: A full turn in each channel's unit of angle, shape (n,); a wrapped angle jumps by it.
     """
     if recording.time is not None:
@@ -329,7 +331,7 @@ def _with_consecutive(recording: Recording, turn: Array) -> tuple[Recording, tup
             raise recording_error(
                 "clock-rate",
                 recording,
-                f"positions and velocities imply {implied:.3g} Hz, rate says {recording.rate:g} Hz.",
+                f"positions and velocities imply {implied:.3g} Hz, but the key `rate` gives {recording.rate:g} Hz.",
                 lines("Hz, as positions and velocities imply", rate=float(f"{implied:.3g}")),
             )
         return replace(recording, consecutive=True), ()
@@ -337,14 +339,14 @@ def _with_consecutive(recording: Recording, turn: Array) -> tuple[Recording, tup
     if recording.dq is None:
         evidence = "Steps from row to row are about as large as the whole spread of the positions"
     if recording.consecutive:
-        stated = f"{evidence}; consecutive = true was given."
+        stated = f"{evidence}, but consecutive = true was given."
         finding = Finding("rows-not-consecutive", "warning", "", stated, lines(consecutive=False))
         return recording, (finding,)
     finding = Finding(
         "rows-not-consecutive",
         "warning",
         "",
-        f"{evidence}; taken as separate samples: no filter, no memory terms.",
+        f"{evidence}, so the rows are treated as separate samples, without filter and terms with memory.",
         lines("they are separate samples", consecutive=False),
     )
     return _needing_derivatives(replace(recording, consecutive=False)), (finding,)
@@ -353,11 +355,10 @@ def _with_consecutive(recording: Recording, turn: Array) -> tuple[Recording, tup
 def _clockless(recording: Recording, implied: float) -> RecordingError:
     """Error for a missing clock, with a column that may be one, or the rate [Hz] that q and dq imply."""
     possible = next((each for each in recording.findings if each.code == "clock-possible"), None)
-    evidence = "there is no clock and no rate."
+    evidence = "the recording has neither a time column nor a sample rate."
     if possible is not None:
         return recording_error("clock-missing", recording, f"{evidence} {possible.evidence}", possible.remedy)
-    remedy = "find out the rate in Hz and say it (rate = …), name a time column, or say consecutive = false if rows "
-    remedy += "are separate samples."
+    remedy = "find out the rate in Hz and give it (rate = …), name a time column, or give consecutive = false."
     if np.isfinite(implied):
         remedy = lines(f"Hz; positions and velocities imply {implied:.3g} Hz", rate=float(f"{implied:.3g}"))
     return recording_error("clock-missing", recording, evidence, remedy)
@@ -387,13 +388,13 @@ def _coherence(recording: Recording, turn: Array) -> tuple[float, float]:
 
 
 def _needing_derivatives(recording: Recording) -> Recording:
-    """Recording, after a check that separate samples have velocity and acceleration."""
+    """Checks that separate samples have velocity and acceleration, and returns the recording."""
     lacking = [name for name in ("dq", "ddq") if getattr(recording, name) is None]
     if not recording.consecutive and lacking:
         raise recording_error(
             "rows-not-consecutive",
             recording,
-            f"rows are not consecutive and have no {' and no '.join(lacking)}; these cannot be differentiated.",
-            "record velocity and acceleration too, or say consecutive = true if rows do follow each other.",
+            f"rows are not consecutive and have no {' and no '.join(lacking)}; these cannot be computed then.",
+            "record velocity and acceleration, too, or give consecutive = true if the rows are consecutive in time.",
         )
     return recording

@@ -20,22 +20,24 @@ TRIM = 0.5
 """Default time left out at each end of a run whose ends are dropped [s]."""
 
 LOBE_HALF_WIDTH = 0.5
-"""Half-width of a low-pass kernel's main lobe, in periods of its cut-off: a bad sample spoils rows this near, and a
-stretch of bad samples longer than this, such as a contact, is felt as far as the end of a run is."""
+"""Half-width of the main lobe of a low-pass kernel, in periods of its cut-off. A bad sample affects the rows
+within this distance. A longer stretch of bad samples, such as a contact, affects rows as far away as the end of a
+run does."""
 
 STICKING = 3e-3
-"""Share of a filter's kernel that may lie on standstill: friction errors there are a hundred times the noise in the
-band, and with the one percent used at ends of runs intervals covered 93 % instead of 95 %."""
+"""Largest share of a filter's kernel that may lie on standstill. Friction errors at standstill are a hundred times
+the noise in the band; with one percent, as at the ends of runs, intervals covered 93 % instead of 95 %."""
 
 MOST_STILL = 0.75
-"""Largest share of a joint's rows at standstill that are left out: the rest of a usual recording still determines its
-friction and the weights that it lifts."""
+"""Largest share of a joint's rows that are left out because of standstill. With a usual recording, the other rows
+still determine the friction of the joint and the gravity torques."""
 
 BLOCK_SECONDS = 1.0
-"""Length of a block where no motion repeats [s]: longer than the correlation time of residuals of a few hertz."""
+"""Length of a block if the motion does not repeat [s]; it is longer than the correlation time of residuals in a
+band of a few hertz."""
 
 BLOCK_ROWS = 25
-"""Rows of a block where rows are not consecutive: the number that one second has at the usual rate."""
+"""Number of rows of a block if rows are not consecutive: the rows of one second at the usual rate."""
 
 Rows = NDArray[np.int64]
 Flags = NDArray[np.bool_]
@@ -50,16 +52,16 @@ def run_of(
     *,
     found: bool = False,
 ) -> ObservedRun | None:
-    """Run of a stretch and its motion, with rows, mask and blocks; `None` where no row is left.
+    """Run made from a stretch and its motion, with rows, mask and blocks; `None` if no row is left.
 
     Args:
         stretch: The samples.
-        motion: Their motion, as long.
+        motion: Motion at the samples of the stretch.
         processing: Resolved.
-        repeats: Period and start of the first repetition [s], where the motion repeats.
+        repeats: Period and start of the first repetition [s], if the motion repeats.
         recording: Index of the recording.
-        found: Whether the repetitions were found and not stated: blocks then stay about a second long, since methods
-            that leave blocks out need more of them than a motion has repetitions.
+        found: True if the repetitions were detected and not stated. Blocks then stay about one second long, because
+            methods that leave blocks out need more blocks than a motion has repetitions.
     """
     samples, rate = stretch.samples, stretch.rate
     periodic = processing.edges == "periodic"
@@ -97,12 +99,12 @@ def moving(
 
     Args:
         runs: The runs.
-        still: Samples at standstill of each, shape (N, n).
-        processing: What the runs were made with, resolved.
+        still: Mask of the samples at standstill of each run, shape (N, n).
+        processing: Resolved options with which the runs were made.
 
     Returns:
-        The runs, and the share of each joint's rows that standstill reaches, shape (n,): those of a joint of
-        which it is more than `MOST_STILL` count, unless only rows in motion are asked for.
+        The runs, and the share of the rows of each joint that standstill affects, shape (n,). If the share of a joint
+        is larger than `MOST_STILL`, its rows are kept, unless `standstill` is `moving`.
     """
     near = [_at_standstill(flags, run, processing) for run, flags in zip(runs, still, strict=True)]
     had = np.sum([run.mask.sum(axis=0) for run in runs], axis=0)
@@ -113,14 +115,14 @@ def moving(
 
 
 def edge_margin(processing: ProcessingOptions, rate: float) -> int:
-    """Samples left out at each end of a run: the trim, and the reach of the filters where ends are dropped."""
+    """Number of samples left out at each end of a run: the trim, and the reach of the filters if ends are dropped."""
     drop = processing.edges == "drop"
     seconds = (TRIM if drop else 0.0) if processing.trim is None else processing.trim
     return max([round(seconds * rate), *(edge_samples(low) for low in _filters(processing, rate) if drop)])
 
 
 def _step(processing: ProcessingOptions, rate: float, circle: int | None) -> int:
-    """Samples per row; a divisor of the period where the run is periodic."""
+    """Samples per row; if the run is periodic, a divisor of the samples of a period."""
     if processing.family == "none" or processing.decimate == 0:
         return 1
     step = max(1, round(rate / processing.decimate))
@@ -181,7 +183,7 @@ def _any_within(flags: Flags, rows: Rows, reach: int, *, periodic: bool) -> Flag
 
 
 def _repetitions(stretch: Stretch, rows: Rows, repeats: tuple[float, float]) -> tuple[Rows, Flags]:
-    """Repetition of each row, and whether it lies in a whole repetition inside the stretch."""
+    """Repetition of each row, and mask of the rows that lie in a whole repetition inside the stretch."""
     period, start = repeats
     tick = 0.5 / stretch.rate  # half a sample: rows on the border belong to what follows
     which = np.floor((stretch.time[rows] - start + tick) / period).astype(np.int64)
@@ -190,7 +192,7 @@ def _repetitions(stretch: Stretch, rows: Rows, repeats: tuple[float, float]) -> 
 
 
 def _parts(time: Array, repetition: Rows, repeats: tuple[float, float]) -> Rows:
-    """Number of each row's part of about a second within its repetition, the same for all repetitions, shape (M,)."""
+    """Number of the part of a repetition, about one second long, in which each row lies, shape (M,)."""
     period, start = repeats
     count = max(1, round(period / BLOCK_SECONDS))
     inside = np.clip((time - start) / period - repetition, 0.0, 1.0 - 1e-9)

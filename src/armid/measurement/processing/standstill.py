@@ -1,21 +1,24 @@
-"""Detection of standstill of joints between motion, where dry friction takes any value up to its bound.
+"""Detection of standstill of joints, during which static friction can have any value up to its bound.
 
-A joint that turns round passes through rest in a moment: with acceleration a it is slower than v for 2 v / a. A joint
-that sticks stays there, and is fast soon after. So a stretch of slow samples is standstill where a stretch as long
-before or behind it holds a speed that no smooth passage leads to. A joint that is seen to stand in one place may do
-so wherever its velocity lingers about zero: passages that acceleration does not hurry through then count as well.
+A joint that reverses passes through rest quickly: with acceleration a, it is slower than v for a time 2 v / a. A
+joint that sticks stays at rest for longer, and it is fast soon afterwards. A stretch of slow samples is therefore
+standstill if an equally long stretch before or after it contains a speed that a smooth passage through zero could not
+reach. If a joint sticks once in a recording, it may also stick at other places, so there a lower speed is sufficient.
 
-Where all joints stand at once, the arm rests. For a second and more it does so before and after a motion and between
-poses, not by sticking; what it was moved by says on which side friction holds it, and its weight is to be seen. Such
-stretches are no standstill, unless a single joint moves at all. In long ones a joint may creep meanwhile.
+If all joints stand at the same time, the arm rests. Rests of a second or more occur before and after a motion and
+between poses, not because of sticking. The motion before the rest determines the sign of friction, and the torque
+shows the weight of the arm. Such stretches do not count as standstill, unless only one joint moves in the whole
+recording. In long rests, joints may creep.
 
-For less than a second it rests where one motion ends and the next begins, as a designed motion does that is run
-through again. Friction goes through all of its range there within a few samples, for every joint; what that adds to
-an estimate is bias by friction at rest, and no weight that the motion on both sides does not show. Such moments are
-standstill of all joints, with what lies next to them while a joint is too slow to be sure to slide.
+Rests of less than a second occur if one motion ends and the next begins, for instance if a designed motion is
+repeated. Within a few samples, the friction of every joint passes through its whole range. These rows would bias the
+estimate by friction at rest, and they do not show more about the weight than the motion before and after them. Such
+rests are standstill of all joints, together with the adjacent samples at which a joint is too slow to slide with
+certainty.
 
-Where friction is tracked, long rests count as standstill, too: an estimate that forgets would soon consist of them.
-They are found joint by joint from speeds over a quarter of a second, which noise does not hide.
+If friction is tracked over time, long rests count as standstill, too: after a long rest, an estimate that forgets old
+rows would depend on rows at rest only. These rests are detected for each joint from speeds over a quarter of a
+second, which reduces the noise.
 """
 
 from __future__ import annotations
@@ -32,70 +35,75 @@ from armid.measurement.recording import Recording
 from armid.values import Array
 
 SPAN = 0.024
-"""Time over which a speed is measured [s]: an encoder's noise of 1e-5 rad at 1 kHz is 3e-4 rad/s then, and what a
-joint that sticks for a twentieth of a second does is seen between its edges."""
+"""Time over which a speed is measured [s]. Encoder noise of 1e-5 rad at 1 kHz then causes a noise of 3e-4 rad/s,
+and standstill of 0.05 s is still visible."""
 
 NARROWEST = 2
-"""Smallest number of samples on each side of one whose speed is measured, at low rates."""
+"""Smallest number of samples before and after a sample from which its speed is measured, for low sample rates."""
 
 SURE = 4.0
 """Number of standard deviations of a measured speed below which it is not significant."""
 
 SLOW = 0.005
-"""Share of a joint's RMS speed below which it is slow, where noise allows: at 1 rad/s² a joint passes through this
-range in some milliseconds."""
+"""Share of the RMS speed of a joint below which it counts as slow, if the noise is small enough. At 1 rad/s² a
+joint passes through this range in some milliseconds."""
 
 BLIND = 0.1
-"""Noise relative to a joint's RMS speed from which it hides standstill altogether."""
+"""Limit of slow speed, as a share of the RMS speed of a joint, above which noise hides its standstill completely."""
 
 SHORTEST = 0.04
 """Shortest standstill that is detected [s]; a shorter one moves an estimate by less than its standard deviation."""
 
 LEAST = 3
-"""Smallest number of samples of a standstill, at low rates."""
+"""Smallest number of samples of a standstill, for low sample rates."""
 
 STANDS = 25.0
-"""Speed, in limits of slowness, that is reached within the length of a slow stretch before or after it, from which on
-the joint stood: at constant acceleration that is 3, where the velocity touches zero 9, and where it just crosses it
-and comes back 17, or some more when the stretch is a few samples."""
+"""Smallest speed, divided by the limit of slow speed, that a joint must reach within the length of a slow stretch
+before or after it, so that the joint stood still. The ratio is 3 at constant acceleration, 9 if the velocity
+touches zero, and 17 if the velocity just crosses zero and comes back; it is larger if the stretch has only a few
+samples."""
 
 LINGERS = 6.0
-"""The same ratio for a joint that stands elsewhere in the recording: twice that of constant acceleration."""
+"""The same ratio for a joint that stands still elsewhere in the recording: twice the ratio at constant
+acceleration."""
 
 RESTING = 0.5
-"""Share of a slow stretch in which all joints are slow from which the whole arm rests."""
+"""Share of a slow stretch during which all joints are slow, from which the whole arm counts as resting."""
 
 LONG = 1.0
-"""Seconds of a slow stretch from which on the arm rests for long, and joints that but linger rest, too. In shorter
-ones they do not: where a motion begins anew, joints that stick come to rest one after another within 0.25 s."""
+"""Length of a slow stretch from which it is a long rest [s]; in a long rest, joints that creep also count as
+resting. In shorter stretches they do not: if a motion starts again, sticking joints come to rest one after another
+within 0.25 s."""
 
 MOMENT = 0.02
-"""Share of their RMS speeds below which all joints together are at rest for a moment between motions."""
+"""Share of the RMS speed of each joint below which all joints count as resting for a moment between motions."""
 
 SLIDING = 0.1
-"""Share of its RMS speed from which a joint before or after such a moment certainly slides."""
+"""Share of the RMS speed of a joint from which the joint certainly slides before or after such a moment."""
 
 PASSES, HURRIES = 5.0, 3.5
-"""A joint that just passes through zero is slower than so many times a speed for as many times as long; one that
-comes to rest, if only for an instant, for at most the root of that as long. What lies between tells them apart."""
+"""Factor on a speed limit, and largest ratio of the times below the two limits for a joint that comes to rest. If
+a velocity only passes through zero, this ratio is equal to the factor; if the joint comes to rest, even for an
+instant, the ratio is at most the square root of the factor. The threshold lies between these two values."""
 
 HELD = 0.5
-"""Shortest rest of a joint within a motion that is left out where only rows in motion count [s]; half of it at the
-ends of a recording, beyond which it goes on. The speed is measured over half of it: noise of 0.4 mrad at 250 Hz, as
-of 4096 counts a turn, is 0.8 mrad/s there."""
+"""Shortest rest of a joint that is left out if only rows in motion are used [s]. At the ends of a recording, where a
+rest may continue outside, half of it is sufficient. The speed is measured over half of it; position noise of 0.4 mrad
+(4096 counts per turn) at 250 Hz then gives a speed noise of 0.8 mrad/s."""
 
 AT_REST = 0.03
-"""Share of a joint's RMS speed below which it rests for so long: what a joint that creeps may reach in long rests."""
+"""Share of the RMS speed of a joint below which the joint counts as resting; in long rests, joints may creep."""
 
 STILL = 1e-3
-"""Speed below which a joint rests in any case [rad/s or m/s]: in a recording of rest alone the share says nothing."""
+"""Speed below which a joint always counts as resting [rad/s or m/s]; it is needed if a joint never moves, because a
+share of the RMS speed then means nothing."""
 
 BESIDE = 0.5
-"""Time on each side of a moment of rest in which a joint may be slower [s]."""
+"""Time before and after a moment of rest that is examined for slow samples [s]."""
 
 
 def standing(q: Array, rate: float, noise: Array | None = None) -> NDArray[np.bool_]:
-    """Mask of samples at which a joint stands still while others move, or all for a moment between motions.
+    """Mask of samples at which a joint stands still while others move, or all joints rest briefly between motions.
 
     The arguments are those of `sticks_and_rests`.
 
@@ -109,19 +117,20 @@ def standing(q: Array, rate: float, noise: Array | None = None) -> NDArray[np.bo
 def sticks_and_rests(
     q: Array, rate: float, noise: Array | None = None, *, every: bool = False
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Masks of samples at which a joint stands still while others move, and at which all rest between motions.
+    """Masks of samples at which a joint stands still while others move, and at which all joints rest briefly.
 
-    A joint that never moves has none, nor one whose noise hides whether it does.
+    Without `every`, the masks are false for joints that never move, and for joints whose noise hides standstill.
 
     Args:
-        q: Positions at an even rate, not filtered, shape (N, n) [rad or m].
-        rate: Samples a second [Hz].
-        noise: Of the positions as they were logged, shape (n,) [rad or m]; that of `q` where none is given. Moved
-            to an even grid, positions that were rounded seem to have none.
-        every: The second mask holds every joint's rests of `HELD` and more as well, and joints that never move.
+        q: Positions at a uniform rate, not filtered, shape (N, n) [rad or m].
+        rate: Sample rate [Hz].
+        noise: Noise of the positions as logged, shape (n,) [rad or m]; if not given, the noise of `q`. After
+            interpolation on a uniform grid, rounded positions would seem to have no noise.
+        every: True if the second mask also contains all rests of a joint of at least `HELD`, and joints that never
+            move.
 
     Returns:
-        Flags (N, n) of each.
+        Two masks, shape (N, n) each.
     """
     flags, moments = np.zeros(q.shape, dtype=np.bool_), np.zeros(q.shape, dtype=np.bool_)
     noise = position_noise(q, np.arange(len(q)) / rate) if noise is None else noise
@@ -156,10 +165,10 @@ def standstill_findings(
 
     Args:
         recording: The recording.
-        share: Share of each joint's rows that standstill reaches, shape (n,).
-        sticks: Share that is reached by its sticking alone, shape (n,).
-        rests: Share that is reached by rests of all joints between motions, shape (n,).
-        every: Whether long rests are left out, too, however few rows remain.
+        share: Share of the rows of each joint that standstill affects, shape (n,).
+        sticks: Share of the rows that are affected by sticking of this joint, shape (n,).
+        rests: Share of the rows that are affected by rests of all joints between motions, shape (n,).
+        every: True if long rests are left out as well, even if few rows remain.
     """
     spared = (share > MOST_STILL) & (not every)
     findings = [
@@ -167,26 +176,32 @@ def standstill_findings(
             "sticking",
             "warning",
             recording.channels[j],
-            f"{recording.source}: The joint mostly stands still, which reaches {share[j]:.0%} of its rows. They "
-            "count, as too few others are left, and friction at rest biases the estimate by up to its bound.",
+            f"{recording.source}: The joint mostly stands still; this affects {share[j]:.0%} of its rows. "
+            "These rows are used, because too few other rows are left, but static friction can bias the "
+            "estimate by up to its bound.",
             "record motion without rests, or with faster reversals of this joint.",
         )
         for j in np.flatnonzero(spared)
     ]
     if (gone := _shares(recording, np.where(spared, 0.0, sticks))) != "":
-        evidence = f"Joints stand while others move, as where they stick at a reversal; rows not counted: {gone}."
+        evidence = (
+            "Joints stand still while others move, for instance because they stick at a reversal; share of rows "
+            f"that are not used: {gone}."
+        )
         findings.append(Finding("sticking", "info", recording.source, evidence))
     if (gone := _shares(recording, np.where(spared, 0.0, rests))) != "":
-        when = "Joints rest, where dry friction may have any value up to its bound"
+        when = "Joints rest, so static friction can have any value up to its bound"
         if not every:
-            when = f"All joints rest for less than {LONG:g} s between motions, as where a repeated motion begins anew"
-        evidence = f"{when}; rows not counted: {gone}."
+            when = (
+                f"All joints rest for less than {LONG:g} s between motions, for instance before a motion is repeated"
+            )
+        evidence = f"{when}; share of rows that are not used: {gone}."
         findings.append(Finding("rests-left-out", "info", recording.source, evidence))
     return findings
 
 
 def _shares(recording: Recording, share: Array) -> str:
-    """Channels with a share above zero, as text."""
+    """Text that lists the channels with a share above zero."""
     return ", ".join(f"{recording.channels[j]} {share[j]:.0%}" for j in np.flatnonzero(share > 0.0))
 
 
@@ -195,10 +210,10 @@ def position_noise(q: Array, time: Array) -> Array:
 
     Args:
         q: Positions as they were logged, shape (N, n) [rad or m].
-        time: Their times, which need not be even, shape (N,) [s].
+        time: Times of the positions, which need not be uniform, shape (N,) [s].
 
     Returns:
-        Shape (n,) [rad or m]; zero where there are too few samples to tell.
+        Standard deviations, shape (n,) [rad or m]; zero if there are too few samples for an estimate.
     """
     steps = np.abs(np.diff(q, axis=0))
     smallest = np.where(steps > 0.0, steps, np.inf).min(axis=0, initial=np.inf)
@@ -214,25 +229,25 @@ def position_noise(q: Array, time: Array) -> Array:
 
 
 def _significant(noise: Array, half: int, rate: float) -> Array:
-    """Smallest speed over `half` samples on each side that is significant, shape (n,)."""
+    """Smallest speed, measured over `half` samples on each side, that is significant against noise, shape (n,)."""
     return SURE * noise * np.sqrt(2.0 / half) / (half + 1) * rate
 
 
 def _long_rests(q: Array, rate: float, noise: Array) -> NDArray[np.bool_]:
-    """Mask of samples within rests of a joint of `HELD` and more, shape (N, n)."""
+    """Mask of samples within rests of a joint of at least `HELD`, shape (N, n)."""
     flags = np.zeros(q.shape, dtype=np.bool_)
     half = min(max(NARROWEST, round(HELD * rate / 4)), (len(q) - 1) // 2 - 1)
     if half < 1:
         return flags
     speed = _speed(q, half, rate)
-    # Nearer to the ends a speed depends on the first or last sample alone, whose noise no mean reduces.
+    # Nearer to the ends, the speed would depend on the first or last sample alone, whose noise no mean reduces.
     speed[:half], speed[-half:] = speed[half], speed[-half - 1]
     usual = np.sqrt(np.mean(speed**2, axis=0))
     limit = np.maximum(np.maximum(_significant(noise, half, rate), AT_REST * usual), STILL)
     for j in range(q.shape[1]):
         slow = np.concatenate([[False], speed[:, j] < limit[j], [False]])
         for begin, end in np.flatnonzero(np.diff(slow)).reshape(-1, 2):
-            # A speed over a span sees the motion beside a rest from half a span off.
+            # A speed over a span already contains motion that is half a span away from the rest.
             first, last = (begin - half if begin else 0), (end + half if end < len(q) else len(q))
             beyond = (0 if begin else half) + (0 if end < len(q) else half)
             if last - first + 2 * beyond >= HELD * rate:
@@ -241,11 +256,11 @@ def _long_rests(q: Array, rate: float, noise: Array) -> NDArray[np.bool_]:
 
 
 def _moments(speed: Array, limit: Array, rate: float) -> NDArray[np.bool_]:
-    """Mask of moments at which all joints rest between motions, with the slow samples next to them, shape (N, m).
+    """Mask of moments at which all joints rest between motions, with the adjacent slow samples, shape (N, m).
 
     Args:
-        speed: Over the joints' RMS speeds, shape (N, m).
-        limit: Speed below which a joint is slow, in the same units, shape (m,).
+        speed: Speeds divided by the RMS speed of each joint, shape (N, m).
+        limit: Limit below which a joint is slow, divided by its RMS speed, shape (m,).
         rate: Samples a second [Hz].
     """
     flags = np.zeros(speed.shape, dtype=np.bool_)
@@ -267,7 +282,7 @@ def _moments(speed: Array, limit: Array, rate: float) -> NDArray[np.bool_]:
 
 
 def _around(speed: Array, begin: int, end: int) -> Callable[[float], tuple[int, int]]:
-    """First sample and end of the surrounding stretch below a limit of speed."""
+    """Function that gives first sample and end of the surrounding stretch below a limit of speed."""
 
     def below(limit: float) -> tuple[int, int]:
         before, after = np.flatnonzero(speed[:begin] >= limit), np.flatnonzero(speed[end:] >= limit)
@@ -277,7 +292,7 @@ def _around(speed: Array, begin: int, end: int) -> Callable[[float], tuple[int, 
 
 
 def _slow_stretches(speed: Array, shortest: int) -> tuple[NDArray[np.intp], Array]:
-    """Stretches of speeds (N,) below 1, as first sample and end, (K, 2), and the speed near each."""
+    """First sample and end (K, 2) of stretches with speeds (N,) below 1, and largest speed near each stretch."""
     slow = np.concatenate([[False], speed < 1.0, [False]])
     ends = np.flatnonzero(np.diff(slow)).reshape(-1, 2)
     ends = ends[ends[:, 1] - ends[:, 0] >= shortest]
@@ -290,7 +305,7 @@ def _slow_stretches(speed: Array, shortest: int) -> tuple[NDArray[np.intp], Arra
 
 
 def _speed(q: Array, half: int, rate: float) -> Array:
-    """Speed from the means of a number of samples before and after each sample, shape (N, n)."""
+    """Speed, from the means of `half` samples before and after each sample, shape (N, n)."""
     centred = q - q.mean(axis=0)
     whole = np.concatenate(
         [2 * centred[0] - centred[half:0:-1], centred, 2 * centred[-1] - centred[-2 : -half - 2 : -1]]

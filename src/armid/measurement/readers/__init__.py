@@ -16,10 +16,10 @@ __all__ = ["load_recording"]
 
 
 def load_recording(path: Path | str, log_format: LogFormat | None = None, robot: Robot | None = None) -> Recording:
-    """Reads a recording as in the file; `to_robot_convention` converts it to the robot's convention.
+    """Reads a recording without conversion; `to_robot_convention` converts it to the convention of the robot.
 
     Args:
-        path: File in the format of its suffix, or the folder of a ROS bag.
+        path: File, whose suffix shows its format, or the folder of a ROS bag.
         log_format: Log format of the file.
         robot: The arm, whose joint names select columns, topic and messages.
 
@@ -42,13 +42,17 @@ def _format(path: Path) -> RecordingFormat:
     if found is None:
         packings = READERS["csv"].packings
         raise RecordingError(
-            f"{path} is of an unknown format.",
-            possible=f"{', '.join(recording_suffixes())}; text packed as .csv{', '.join(packings[:-1])} or "
+            f"{path} has an unknown format.",
+            possible=f"{', '.join(recording_suffixes())}; compressed text as .csv{', '.join(packings[:-1])} or "
             f"{packings[-1]}; the folder of a ROS bag",
-            remedy="export it in one of these, or give the file the suffix of its format.",
+            remedy="export the recording in one of these formats, or rename the file if its suffix does not match "
+            "its format.",
         )
     if not path.is_file():
-        raise RecordingError(f"{path} does not exist.", remedy="check the path; a study's paths are relative to it.")
+        raise RecordingError(
+            f"{path} does not exist.",
+            remedy="check the path; paths in a study are relative to the folder of the study.",
+        )
     if not path.stat().st_size:
-        raise RecordingError(f"{path} is empty.", remedy="record again; nothing was written.")
+        raise RecordingError(f"{path} is empty.", remedy="record again, because nothing was written.")
     return found

@@ -23,7 +23,7 @@ EXTRA = "io"
 JOINT_STATE = "sensor_msgs/msg/JointState"
 
 COMMANDED = ("command", "cmd", "desired", "target", "reference", "setpoint", "goal")
-"""Words in the name of a topic with commanded, not measured, values."""
+"""Words in the names of topics whose values are commanded, not measured."""
 
 POINT = "trajectory_msgs/JointTrajectoryPoint"
 DEFINITIONS = {
@@ -38,21 +38,22 @@ DEFINITIONS = {
         for name in ("reference", "feedback", "error", "output")
     ),
 }
-"""Messages of ros2_control as ROS 2 Jazzy has them, for bags that do not carry their definitions."""
+"""Definitions of ros2_control messages in ROS 2 Jazzy, for bags that do not contain the definitions."""
 
 Fields = tuple[Sequence[str], dict[str, Any]]
 
 
 def read(path: Path, log_format: LogFormat, robot: Robot | None = None) -> Recording:
-    """Reads joint states by joint name, with header stamps in seconds since the first one as times.
+    """Reads joint states by joint name; the times are the header stamps in seconds since the first message.
 
     Args:
         path: One bag file, also compressed as .db3.zstd, or the folder of a bag.
-        log_format: `topic` chooses among several topics; the names in `joints` choose among several publishers.
-        robot: The arm, whose joints choose where the log format does not.
+        log_format: Log format. `topic` selects one of several topics; the names in `joints` select one of several
+            publishers.
+        robot: The arm; its joints select topic and publisher if the log format does not.
 
     Raises:
-        RecordingError: A damaged bag, no topic or several with the joints, or joints that nobody publishes.
+        RecordingError: The bag is damaged, no topic or several topics have the joints, or a joint is not published.
         MissingExtraError: rosbags is not installed.
     """
     try:
@@ -101,21 +102,22 @@ def _read_open(bag: Any, log_format: LogFormat, robot: Robot | None, path: Path)
         return _recording(joined(publishers, wanted, spare, path, topic), log_format)
     listed = "; ".join(f"{topic}: {', '.join(names_of(each)) or 'no joint'}" for topic, each in published.items())
     raise RecordingError(
-        f"{path} has no topic with all joints of {robot.name if robot else 'the arm'} ({', '.join(wanted)}).",
+        f"{path} has no topic that contains all joints of {robot.name if robot else 'the arm'} "
+        f"({', '.join(wanted)}).",
         possible=listed,
-        remedy="rename with joints = { file name = robot joint }, lock joints that were not recorded, or publish "
-        "them on one topic.",
+        remedy="rename the joints with joints = { file name = robot joint }, lock the joints that were not "
+        "recorded, or publish all joints on one topic.",
     )
 
 
 def _candidates(kinds: Mapping[str, str], log_format: LogFormat, path: Path) -> Iterable[list[str]]:
-    """Topics to read, by message type: the one of the log format, or all with joint states."""
+    """Topics to read, by message type: the topic of the log format, or all topics with joint states."""
     known = sorted(topic for topic, kind in kinds.items() if kind in KINDS)
     if log_format.topic is not None:
         if log_format.topic in known:
             return [[log_format.topic]]
         kind = kinds.get(log_format.topic)
-        problem = f"holds {kind}, not joint states" if kind else "is not in the bag"
+        problem = f"contains {kind}, which is not a type of joint states" if kind else "is not in the bag"
         raise RecordingError(f"{path}: topic {log_format.topic} {problem}.", possible=", ".join(known) or "none")
     if not known:
         listed = ", ".join(f"{name} ({kind})" for name, kind in sorted(kinds.items()))
@@ -168,8 +170,13 @@ def _several(topics: Sequence[str], path: Path) -> RecordingError:
 
 
 def _topic_finding(topic: str, others: Sequence[str]) -> Finding:
-    """Finding about the topic chosen among several."""
-    return Finding("topic-chosen", "info", topic, f"{topic} was chosen, not {', '.join(others)}.")
+    """Finding about the choice of one of several topics."""
+    return Finding(
+        "topic-chosen",
+        "info",
+        topic,
+        f"The topic {topic} was chosen from several topics with joint states; not used: {', '.join(others)}.",
+    )
 
 
 def _joint_state(message: Any) -> Fields:
@@ -177,7 +184,7 @@ def _joint_state(message: Any) -> Fields:
 
 
 def _dynamic_joint_state(message: Any) -> Fields:
-    """Interfaces by name; NaN for those that a joint does not have."""
+    """Values of the interfaces by name; NaN for interfaces that a joint does not have."""
     of_joint = [dict(zip(each.interface_names, each.values, strict=True)) for each in message.interface_values]
     return message.joint_names, {
         name: np.array([float(each.get(name, np.nan)) for each in of_joint]) for name in FIELDS
@@ -185,7 +192,7 @@ def _dynamic_joint_state(message: Any) -> Fields:
 
 
 def _controller_state(message: Any) -> Fields:
-    """Measured state, which older versions call actual and newer ones feedback."""
+    """Measured state; its field is called `actual` in older versions and `feedback` in newer versions."""
     point = getattr(message, "feedback", None) or message.actual
     return message.joint_names, {"position": point.positions, "velocity": point.velocities, "effort": point.effort}
 
@@ -200,7 +207,7 @@ KINDS: Mapping[str, Callable[[Any], Fields]] = {
 
 @cache
 def _store() -> Any:
-    """Message definitions for bags of older distributions, which have none; JointState is the same in all."""
+    """Message definitions for bags of older distributions, which have none; JointState never changed."""
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
     store = get_typestore(Stores.ROS2_JAZZY)
@@ -210,7 +217,7 @@ def _store() -> Any:
 
 
 def _faults() -> tuple[type[Exception], ...]:
-    """Exceptions for damaged bags: those of rosbags, of SQLite, and plain Python ones."""
+    """Exceptions that damaged bags cause: exceptions of rosbags, of SQLite, and of Python itself."""
     from rosbags import highlevel, rosbag1, rosbag2, serde, typesys
 
     own = (highlevel.AnyReaderError, rosbag1.ReaderError, rosbag2.ReaderError, serde.SerdeError, typesys.TypesysError)
@@ -230,7 +237,7 @@ def _faults() -> tuple[type[Exception], ...]:
 
 
 def _fault(module: str, name: str) -> list[type[Exception]]:
-    """Exception class of a package that rosbags brings, where it is installed."""
+    """Exception class of a package on which rosbags depends, if the package is installed."""
     import importlib
 
     try:

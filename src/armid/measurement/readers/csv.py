@@ -22,12 +22,12 @@ EXTRA = "io"
 def read(path: Path, log_format: LogFormat, robot: Robot | None = None) -> Recording:
     """Reads a text table; encoding, delimiter and decimal sign are detected.
 
-    Lines that begin with `#`, `%` or `//` may precede the table; the last of them may be the header, and a line of
-    units may follow it. Times may be numbers, dates as ISO 8601 has them, or times of a day.
+    Lines that begin with `#`, `%` or `//` may precede the table. The last of them may be the header, and a line of
+    units may follow the header. Times may be numbers, dates in the format of ISO 8601, or times of day.
 
     Raises:
-        RecordingError: No header, a row with a wrong number of fields, or a field that is not a number; the message
-            names the line.
+        RecordingError: There is no header, a row has a wrong number of fields, or a field is not a number. The
+            message names the line.
         MissingExtraError: The file is compressed by zstd, and pyarrow is not installed.
     """
     table = table_of(decoded(_unpacked(path), path), path)
@@ -40,7 +40,8 @@ def read(path: Path, log_format: LogFormat, robot: Robot | None = None) -> Recor
     dates = seconds_of(table, selection.time[0], path) if len(selection.time) == 1 else None
     if dates is not None and (log_format.time_unit or selection.guessed.get("time_unit", 1.0)) != 1.0:
         raise RecordingError(
-            f"{path}: {selection.time[0]} holds dates, which have no unit.", remedy="leave time_unit out."
+            f"{path}: the key `time_unit` is given, but the time column {selection.time[0]} contains dates.",
+            remedy="leave time_unit out.",
         )
     wanted = [name for name in selection.names if dates is None or name != selection.time[0]]
     columns = numbers_of(table, wanted, path)
@@ -63,7 +64,7 @@ def _unpacked(path: Path) -> bytes:
         return _unpacked_zstd(data) if suffix == ".zst" else data
     except (OSError, EOFError, ValueError, zlib.error, lzma.LZMAError) as error:
         raise RecordingError(
-            f"{path} cannot be unpacked ({error}).", remedy="copy the file again; its end may be missing."
+            f"{path} cannot be unpacked ({error}).", remedy="copy the file again, because its end may be missing."
         ) from error
 
 

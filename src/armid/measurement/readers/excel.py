@@ -23,7 +23,7 @@ PACKAGE = "python_calamine"
 
 
 def read(path: Path, log_format: LogFormat, robot: Robot | None = None) -> Recording:
-    """Reads the first sheet of a workbook that has a row of names above rows of numbers.
+    """Reads the first sheet of a workbook that has a row of column names above rows of numbers.
 
     Raises:
         RecordingError: The file is not a workbook, has no table, or a cell is not a number.
@@ -47,7 +47,8 @@ def read(path: Path, log_format: LogFormat, robot: Robot | None = None) -> Recor
         if head is not None and len(rows) > head + 1:
             return _recording(rows, head, log_format, robot, path)
     raise RecordingError(
-        f"{path} has no sheet with a table.", remedy="put a row with names of columns above the rows of numbers."
+        f"{path} has no sheet with a table.",
+        remedy="add a row with the names of the columns above the rows of numbers.",
     )
 
 
@@ -72,7 +73,7 @@ def _recording(
 
 
 def _number(cell: Any, where: str) -> float:
-    """Number of a cell; a date is in seconds since 1970, an empty cell is NaN."""
+    """Number in a cell; a date is converted to seconds since 1970, an empty cell to NaN."""
     if isinstance(cell, bool | int | float):
         return float(cell)
     if isinstance(cell, timedelta):
@@ -84,10 +85,10 @@ def _number(cell: Any, where: str) -> float:
     if cell == "":
         return float("nan")
     if isinstance(cell, date):
-        raise RecordingError(f"{where} is a date without a time.", remedy="name another column of times.")
+        raise RecordingError(f"{where} is a date without a time of day.", remedy="name another time column.")
     try:
         return float(str(cell).replace(",", "."))
     except ValueError:
         raise RecordingError(
-            f"{where} is {cell!r}, not a number.", remedy="correct that cell, or cut the row."
+            f"{where} is {cell!r}, not a number.", remedy="correct this cell, or remove its row."
         ) from None

@@ -1,4 +1,4 @@
-"""Reader of MATLAB files: version 5 by SciPy, version 7.3 (which is HDF5) by h5py."""
+"""Reader of MATLAB files: version 5 with SciPy, version 7.3 (which is HDF5) with h5py."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ from armid.values import Array
 EXTRA = "io"
 
 NAMES = ("joint_names", "names")
-"""Cell arrays that may hold the names of the channels."""
+"""Names of cell arrays that may contain the names of the channels."""
 
 NUMERIC = frozenset("double single int8 int16 int32 int64 uint8 uint16 uint32 uint64 logical".split())
-"""MATLAB's names for classes of plain numbers."""
+"""Names of the MATLAB classes of plain numbers."""
 
 HDF5_SIGNATURE = b"\x89HDF\r\n\x1a\n"
 
@@ -32,7 +32,8 @@ def read(path: Path, log_format: LogFormat, robot: Robot | None = None) -> Recor
     """Reads matrices from a MATLAB file, with one row per sample.
 
     Raises:
-        RecordingError: The file is not a MATLAB file, or a variable is missing, an object, a struct or a cell.
+        RecordingError: The file is not a MATLAB file, a variable is missing, or it is an object, a struct or a cell
+            array.
         MissingExtraError: The file has version 7.3, and h5py is not installed.
     """
     with path.open("rb") as stream:
@@ -101,7 +102,7 @@ def _read_v73(path: Path, log_format: LogFormat, robot: Robot | None) -> Recordi
 def _assembled(
     selection: Selection, data: dict[str, NDArray[Any]], log_format: LogFormat, path: Path, names: list[str]
 ) -> Recording:
-    """Recording from variables in MATLAB's orientation."""
+    """Recording from variables whose matrices have MATLAB's orientation."""
     # A vector may be a row or a column in MATLAB. It is one channel where each channel has a variable or there is one
     # joint; otherwise it is a matrix of one row.
     shapes = {data[name].shape for name in selection.names}
@@ -130,7 +131,7 @@ def _refuse_objects(classes: dict[str, str], path: Path) -> None:
     for name, kind in classes.items():
         if kind not in NUMERIC:
             raise RecordingError(
-                f"{path}: {name} is of class {kind!r}, not a matrix of numbers; it is not read.",
+                f"{path}: {name} has the class {kind!r}, but it must be a matrix of numbers.",
                 remedy="save plain matrices: save('run.mat', 't', 'q', 'dq', 'tau').",
             )
 
@@ -142,7 +143,7 @@ def _flat(cells: NDArray[Any]) -> list[Any]:
 
 def _unreadable(path: Path, error: Exception) -> RecordingError:
     return RecordingError(
-        f"{path} cannot be read as a MATLAB file ({error}). Other content, such as a pickle, is never executed.",
+        f"{path} cannot be read as a MATLAB file ({error}).",
         possible=".mat files of version 5 or 7.3",
-        remedy="save it again from MATLAB or scipy.io.savemat, or copy it again if it was cut off.",
+        remedy="save the file again with MATLAB or scipy.io.savemat, or copy it again if its end is missing.",
     )

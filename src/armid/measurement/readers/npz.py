@@ -1,4 +1,4 @@
-"""Reader of NumPy archives with a matrix per quantity or a vector per channel, also of `armid.values.save`."""
+"""Reader of NumPy archives, also of `armid.values.save`: one matrix per quantity, or one vector per channel."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from armid.robot.robot import Robot
 from armid.values import Array, load
 
 NAMES = ("joint_names", "names")
-"""Variables that may hold the names of the channels."""
+"""Names of variables that may contain the names of the channels."""
 
 
 def read(path: Path, log_format: LogFormat, robot: Robot | None = None) -> Recording:
-    """Reads a NumPy archive; nothing in it is ever unpickled.
+    """Reads a NumPy archive; its content is never unpickled.
 
     Raises:
         RecordingError: The file is no archive, needs pickle, or a variable is missing or not numeric.
@@ -32,25 +32,26 @@ def read(path: Path, log_format: LogFormat, robot: Robot | None = None) -> Recor
             archive = np.load(stream, allow_pickle=False)
             if not isinstance(archive, np.lib.npyio.NpzFile):
                 raise RecordingError(
-                    f"{path} is a single array, not an archive of named ones.",
-                    remedy="save it as numpy.savez(path, t=t, q=q, tau=tau).",
+                    f"{path} is a single array, not an archive of named arrays.",
+                    remedy="save an archive with numpy.savez(path, t=t, q=q, tau=tau).",
                 )
             with archive:
                 return _recording(archive, log_format, robot, path)
     except (OSError, EOFError, ValueError, RuntimeError, zipfile.BadZipFile, zlib.error) as error:
         if "pickle" in str(error):
             raise RecordingError(
-                f"{path} is not a NumPy archive of plain arrays: it needs pickle, which can run any code, so it "
-                "is not read.",
+                f"{path} is not a NumPy archive of plain arrays. It needs pickle, which is not used, because "
+                "it can run any code.",
                 remedy="save arrays of numbers with numpy.savez.",
             ) from error
         raise RecordingError(
-            f"{path} cannot be read as a NumPy archive ({error}).", remedy="copy the file again."
+            f"{path} cannot be read as a NumPy archive ({error}).",
+            remedy="copy the file again, because it may be damaged.",
         ) from error
 
 
 def _recording(archive: np.lib.npyio.NpzFile, log_format: LogFormat, robot: Robot | None, path: Path) -> Recording:
-    """Recording in an open archive."""
+    """Reads the recording from an open archive."""
     if "value.json" in archive.files:
         saved = load(Recording, path)
         consecutive = saved.consecutive if log_format.consecutive is None else log_format.consecutive

@@ -38,7 +38,8 @@ def read(path: Path, log_format: LogFormat, robot: Robot | None = None) -> Recor
             table = file.read(columns=list(selection.names))
     except (pa.ArrowException, OSError) as error:
         raise RecordingError(
-            f"{path} cannot be read as Parquet ({error}).", remedy="copy the file again; its end may be missing."
+            f"{path} cannot be read as Parquet ({error}).",
+            remedy="copy the file again, because its end may be missing.",
         ) from error
 
     def column(name: str) -> Array:

@@ -12,7 +12,7 @@ NOT_ABOUT_MODEL = ("bodies-from-visuals", "bodies-unknown", "markers-unchecked",
 
 
 def serious(findings: Sequence[Finding], *severities: str) -> list[Finding]:
-    """Findings of the given severities that concern the model."""
+    """Errors and warnings that concern the model."""
     return [each for each in findings if each.severity in severities and each.code not in NOT_ABOUT_MODEL]
 
 
@@ -22,7 +22,7 @@ def evidence_words(finding: Finding) -> str:
 
 
 def remedy_words(finding: Finding) -> str:
-    """Remedy as a sentence, code in backticks; it may consist of lines of a study, with a note after `#`."""
+    """Remedy as a sentence with code in backticks; it may consist of lines of a study, with a note after `#`."""
     remedy = finding.remedy
     if not isinstance(remedy, Remedy) or not remedy.keys:
         return remedy[:1].upper() + remedy[1:]

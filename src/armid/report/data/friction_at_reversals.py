@@ -17,19 +17,20 @@ HALF_WINDOW = 0.6
 STEPS = 41
 
 MOVING = 0.05
-"""Share of its top speed that a joint must reach before and after a reversal; less is noise at standstill."""
+"""Share of the largest speed that a joint must reach before and after a reversal; less is noise at standstill."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Reversals:
     """Friction of one joint around its R reversals, with signs such that the motion after each is positive.
 
-    The mean of the model's friction over each window is subtracted from both, which removes offsets between them.
+    The mean of the model's friction in each window is subtracted from measured and modelled friction, which removes
+    offsets between windows.
 
     Attributes:
-        time: Since the reversal, shape (K,) [s].
-        observed: Measured torque less the model's torque without friction, shape (R, K) [N·m or N].
-        fitted: Friction of the model, shape (R, K).
+        time: Time since the reversal, shape (K,) [s].
+        observed: Measured torque minus the torque of the model without friction, shape (R, K) [N·m or N].
+        fitted: Friction of the model, shape (R, K) [N·m or N].
     """
 
     time: Array
@@ -71,7 +72,7 @@ def since_reversal(time: Array, dq: Array) -> Array:
 
 
 def _crossings(time: Array, dq: Array, least: float) -> list[tuple[float, float]]:
-    """Time of each sign change and the direction after it, if the joint is faster than `least` before and after."""
+    """Time of each sign change and direction after it, if the joint is faster than `least` before and after it."""
     crossings: list[tuple[float, float]] = []
     rows = np.flatnonzero(np.sign(dq[:-1]) * np.sign(dq[1:]) < 0.0)
     for k in rows:

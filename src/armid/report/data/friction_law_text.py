@@ -1,4 +1,4 @@
-"""Friction law of each joint in one line, and its selection."""
+"""Friction law of each joint as one line of text, and its selection."""
 
 from __future__ import annotations
 
@@ -18,7 +18,11 @@ from armid.robot import Joint
 
 
 def law_tables(page_data: PageData) -> tuple[Table, ...]:
-    """Tables of the laws by joint; if they were selected, with the gains, and a folded table of all candidates."""
+    """Table of the friction law of each joint.
+
+    If the laws were selected by armid, the table also shows the relative error with the selected friction, and a
+    second table, closed at first, lists all candidates.
+    """
     joints, selection = page_data.joints, page_data.records.friction
     laws = [law_text([law for law in _laws(page_data) if law.joint == j]) for j in range(len(joints))]
     note = "q: position, dq: velocity of the joint; the parameters are in the table of parameters."
@@ -32,12 +36,13 @@ def law_tables(page_data: PageData) -> tuple[Table, ...]:
     for row, joint, ratio, deviation in zip(rows, joints, selection.ratio, selection.deviation, strict=True):
         text_of_ratio = f"{fixed(ratio, 2)} ± {fixed(deviation, 2)}"
         row[1:1] = [TableCell("; ".join(selection.chosen(joint.name)) or "–"), TableCell(text_of_ratio, float(ratio))]
-    head[1:1] = [Column("selected in addition to viscous and Coulomb", words=True), Column("relative error")]
+    head[1:1] = [Column("selected in addition to viscous and Coulomb friction", words=True), Column("relative error")]
     candidates = _candidate_table(selection.evidence, joints)
     if candidates.rows:
         note += (
-            " Relative error: error on held-out blocks with the selected friction over the error without it, ± its "
-            "standard error. The selection used the same blocks, so it is optimistic; the validation error is not."
+            " Relative error: error on held-out blocks with the selected friction, divided by the error "
+            "without it, ± its standard error. The selection used the same blocks, so the relative error is "
+            "optimistic; the validation error is not."
         )
     note += f" {selection.why}" if selection.why else ""
     laws_of_all = Table("laws", "Law of friction, joint by joint, and its selection", head, rows, note)
@@ -45,7 +50,7 @@ def law_tables(page_data: PageData) -> tuple[Table, ...]:
 
 
 def law_text(laws: Sequence[Law]) -> str:
-    """Laws of one joint as a sum; play elements that differ only in their widths become one sum with an index.
+    """Laws of one joint as a sum; play elements that differ only in width are written as one sum with an index.
 
     For instance `FV · dq + FS · tanh(50 dq) + Σ FHₖ · slip(q, rₖ), k = 1…3, r = 0.001, 0.003, 0.01`.
     """
@@ -106,5 +111,5 @@ def _candidate_table(evidence: Sequence[SelectionEvidence], joints: Sequence[Joi
         Column("", words=True),
     )
     title = f"All {len(evidence)} candidates"
-    note = "Error with the candidate over the error without it."
+    note = "Error with the candidate, divided by the error without it."
     return Table("ladder", title, columns, rows, note, folded=True, groups=groups)

@@ -10,7 +10,7 @@ from armid.model.parameter_name import ParameterName
 from armid.robot import Joint
 
 MAX_NAMES = 6
-"""Largest number of names that a list writes out; further ones are only counted."""
+"""Largest number of names in a list; further names are only counted."""
 
 
 def heading_of(joints: Sequence[Joint], j: int) -> str:
@@ -31,7 +31,7 @@ def residual_title(heading: str) -> str:
 
 
 def by_joint(parameters: Iterable[ParameterName], joints: Sequence[Joint]) -> str:
-    """List of the first parameters as text, grouped by joint with its name, and the count of the others."""
+    """Text that lists the first parameters, grouped by joint, and the number of the other parameters."""
     all_names = list(parameters)
     shown = all_names[:MAX_NAMES] if len(all_names) > MAX_NAMES + 1 else all_names
     parts: list[str] = []

@@ -5,15 +5,15 @@ from __future__ import annotations
 import math
 
 MOST_DECIMALS = 9
-"""Largest number of decimals; more are noise in every unit of the tables."""
+"""Largest number of decimals; further decimals are noise in every unit of the tables."""
 
 MISSING = "–"
 
 LARGEST_PLAIN, SMALLEST_PLAIN = 1e6, 1e-4
-"""Sizes between which a number is written without a power of ten."""
+"""Largest and smallest absolute value that is written without a power of ten."""
 
 SMALLEST_SHARE = 0.001
-"""Smaller shares are shown as less than this."""
+"""Smallest share that is shown as a number; smaller shares are shown as "less than"."""
 
 
 def fixed(value: float, decimals: int) -> str:

@@ -1,4 +1,4 @@
-"""Data of a page: the run's records, its processed recordings, and its certificate."""
+"""Data of a page: records, processed recordings and certificate of a run."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class PageData:
     Attributes:
         run: The run.
         records: Study, validation, friction selection and comparison of methods.
-        recordings: Its recordings, processed again.
+        recordings: Recordings of the run, processed again.
         missing: Messages about recordings that could not be read.
         verdict: Physical consistency of the parameters; `None` if the model has no rigid bodies.
     """
@@ -44,7 +44,7 @@ class PageData:
 
     @property
     def study(self) -> Study:
-        """The run's study, resolved."""
+        """Study of the run, in which automatic choices are replaced by their results."""
         return self.records.study
 
     @property
@@ -71,12 +71,12 @@ class PageData:
         return self.run.estimate.fit.residual_rms
 
     def validation_rms(self) -> Array:
-        """RMS error per joint over all validation recordings (n,) [N·m or N]; NaN without one."""
+        """RMS error of each joint over all validation recordings (n,) [N·m or N]; NaN if there are none."""
         rows = [each.rms for each in self.validation.recordings]
         return np.sqrt(np.mean(np.square(rows), axis=0)) if rows else np.full(len(self.joints), np.nan)
 
     def validation_column(self, of: Callable[[Score], Array | None]) -> Array:
-        """Mean per joint (n,) of a number over all validation recordings; NaN without one."""
+        """Mean of a number over all validation recordings for each joint (n,); NaN if there are none."""
         rows = [row for each in self.validation.recordings if (row := of(each)) is not None]
         return np.mean(rows, axis=0) if rows else np.full(len(self.joints), np.nan)
 
@@ -93,13 +93,13 @@ def gather(
     recordings: Sequence[tuple[ProcessedRecording, PredictedRecording]] | None = None,
     data: Path | str | None = None,
 ) -> PageData:
-    """Gather a run's records, certificate and, if they are still available, its recordings.
+    """Gather the records and certificate of a run, and its recordings if they are available.
 
     Args:
         run: The run.
-        records: Its records; read from its folder where not given.
-        recordings: What the run was made from with its predictions, where they are at hand.
-        data: Folder in which recordings are looked for first, by their path in the study or by their name.
+        records: Records of the run; if not given, they are read from its folder.
+        recordings: Recordings from which the run was made, with its predictions, if they are in memory.
+        data: Folder that is searched first for recordings, by their path in the study or by their name.
 
     Raises:
         ArmidError: A record of the run is damaged.
@@ -136,6 +136,6 @@ def stored(run: Run) -> PageData:
     """A run's records, without recordings and certificate.
 
     Raises:
-        ArmidError: One of them is damaged.
+        ArmidError: A record is damaged.
     """
     return PageData(run, read_records(run))

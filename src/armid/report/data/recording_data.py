@@ -1,4 +1,4 @@
-"""Measured and predicted torque of a run's recordings, prediction intervals, and friction."""
+"""Measured and predicted torque, prediction intervals and friction for the recordings of a run."""
 
 from __future__ import annotations
 
@@ -21,10 +21,11 @@ from armid.validation.prediction import PredictedRecording, predict_recording
 from armid.values import Array
 
 SPECTRUM_SAMPLES = 1 << 17
-"""Largest number of samples of a spectrum: 16 s of an 8 kHz log, two minutes of a 1 kHz one."""
+"""Largest number of samples of a spectrum: 16 s of a log at 8 kHz, two minutes of a log at 1 kHz."""
 
 SEGMENT_SECONDS = 8.0
-"""Length of a spectrum's segments [s]; the resolution, 1/8 Hz, is finer than most base frequencies."""
+"""Length of the segments of a spectrum [s]; the resolution, 1/8 Hz, is finer than most base frequencies of
+motions."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -33,8 +34,8 @@ class Spectrum:
 
     Attributes:
         frequency: Shape (K,) [Hz].
-        measured: Of the torque as recorded, shape (K, n) [N·m/√Hz].
-        residual: Of measured less predicted as recorded, shape (K, n).
+        measured: Amplitude density of the recorded torque, shape (K, n) [N·m/√Hz].
+        residual: Amplitude density of measured minus predicted torque without filter, shape (K, n) [N·m/√Hz].
     """
 
     frequency: Array
@@ -44,18 +45,18 @@ class Spectrum:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class RecordingData:
-    """Data of a recording on its output grid, M rows, in the study's band.
+    """Data of a recording on its output grid (M rows), in the band of the study.
 
     Attributes:
         choice: Path, role and part.
-        time: Since the recording's first row, shape (M,) [s]; the row's number if rows are not consecutive.
+        time: Time since the first row, shape (M,) [s]; the number of the row if rows are not consecutive.
         q: Positions, shape (M, n) [rad or m].
         dq: Velocities, shape (M, n).
-        measured: Torque, shape (M, n) [N·m or N]; NaN where a row is masked.
-        predicted: Torque of the estimate, shape (M, n); NaN where a row is masked.
-        friction: The part of `predicted` that depends on no acceleration and no link, shape (M, n).
+        measured: Measured torque, shape (M, n) [N·m or N]; NaN in masked rows.
+        predicted: Torque predicted by the estimate, shape (M, n) [N·m or N]; NaN in masked rows.
+        friction: Part of `predicted` that depends neither on acceleration nor on the links, shape (M, n) [N·m or N].
         half_band: Half width of the 95 % prediction interval, shape (M, n).
-        starts: First row of each contiguous run, and M.
+        starts: First row of each contiguous run, followed by M.
         spectrum: Spectrum of the longest run; `None` if rows are not consecutive.
     """
 
@@ -72,7 +73,7 @@ class RecordingData:
 
     @property
     def residual(self) -> Array:
-        """Measured less predicted, shape (M, n); NaN where a row is masked."""
+        """Measured minus predicted torque, shape (M, n) [N·m or N]; NaN in masked rows."""
         return self.measured - self.predicted
 
     @property
@@ -101,7 +102,7 @@ def concatenated(
 def evaluate_recording(
     run: Run, recording: ProcessedRecording, prediction: PredictedRecording | None = None
 ) -> RecordingData:
-    """Measured and predicted torque of a processed recording; `prediction` is computed where it is not given."""
+    """Measured and predicted torque of a processed recording; `prediction` is computed if it is not given."""
     observations = recording.observations
     model, estimate, runs, band = run.model, run.estimate, observations.runs, observations.band
     theta = torque_parameters(estimate.base, estimate.fit)
@@ -136,7 +137,7 @@ def friction_columns(model: DynamicsModel) -> Array:
 
 
 def _half_band(prediction: PredictedRecording) -> Array:
-    """Half width (M, n) of the 95 % prediction interval, interpolated between the rows on which it is known."""
+    """Half width (M, n) of the 95 % prediction interval, interpolated between the rows in which it is known."""
     counts = [len(run.mask) for run in prediction.runs]
     known = [np.arange(0, count, prediction.every) for count in counts]
     half_widths = np.split(prediction.half_widths, np.cumsum([len(rows) for rows in known])[:-1])
@@ -162,7 +163,7 @@ def amplitude_density(signals: Array, rate: float) -> tuple[Array, Array]:
 
     Args:
         signals: Shape (N, c).
-        rate: Samples a second [Hz].
+        rate: Sample rate [Hz].
     """
     samples = min(len(signals), max(8, round(SEGMENT_SECONDS * rate)))
     window = np.hanning(samples)[:, None]

@@ -16,7 +16,7 @@ from armid.report.data.recording_data import RecordingData, concatenated
 from armid.values import Array
 
 BINS = 12
-"""Classes of velocity, position and time: coarse enough for a dozen rows in each of short recordings."""
+"""Number of classes of velocity, position and time, so that each class has a dozen rows in short recordings."""
 
 
 LARGE_SHARE = 0.2
@@ -25,7 +25,7 @@ LARGE_SHARE = 0.2
 
 @dataclass(frozen=True, slots=True)
 class ResidualShares:
-    """Shares of a residual's variance, 0 to 1; NaN where there are too few rows.
+    """Shares of the variance of a residual, 0 to 1; NaN if there are too few rows.
 
     Attributes:
         velocity: Share that depends on the velocity.
@@ -61,7 +61,7 @@ def residual_shares(recordings: Sequence[RecordingData], processing: ProcessingO
 
 
 def explained(values: Array, label: NDArray[np.intp], independent: float) -> float:
-    """Share of the variance of values (M,) that their class explains: the correlation ratio, adjusted for chance.
+    """Share of the variance of values (M,) that their classes explain: the correlation ratio, adjusted for chance.
 
     Args:
         values: Values; NaN is ignored.
@@ -69,7 +69,7 @@ def explained(values: Array, label: NDArray[np.intp], independent: float) -> flo
         independent: Share of the values that are independent of each other.
 
     Returns:
-        From 0, explained by chance, to 1; NaN if there are fewer independent values than classes.
+        Share from 0 (no more than by chance) to 1; NaN if there are fewer independent values than classes.
     """
     known = np.isfinite(values)
     values, label = values[known], label[known]

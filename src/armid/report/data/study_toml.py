@@ -1,4 +1,4 @@
-"""A run's study as a `study.toml` that runs."""
+"""Conversion of the study of a run to a complete `study.toml`."""
 
 from __future__ import annotations
 
@@ -8,7 +8,9 @@ from armid.toml_writing import to_toml
 
 
 def study_to_toml(study: Study) -> str:
-    """Text of a `study.toml` with all values of a run's study; read in the study's folder, it gives the same study.
+    """Text of a `study.toml` with all values of the study of a run.
+
+    If the text is read in the folder of the study, it gives the same study.
 
     Args:
         study: The resolved study of a run.

@@ -1,4 +1,4 @@
-"""Assessment of a run from its numbers: reliable results, doubtful results, next steps."""
+"""Assessment of a run from its numbers: reliable results, doubtful results and next steps."""
 
 from __future__ import annotations
 
@@ -15,30 +15,32 @@ from armid.report.data.residual_dependence import LARGE_SHARE, residual_shares
 from armid.report.section import effort_unit
 
 GOOD_SHARE = 0.1
-"""Largest relative RMS, over the torque's standard deviation, of a well predicted joint; as in Figure 4.3 of the
-thesis."""
+"""Largest relative RMS error (divided by the standard deviation of the torque) of a well predicted joint, as in
+Figure 4.3 of the thesis."""
 
 POOR_COVERAGE = 0.85
 """Share of rows inside the 95 % prediction interval below which the interval counts as too narrow."""
 
 MANY_BLOCKS = 20
-"""Number of blocks from which the scatter between them is known to a sixth, so that more would hardly change it."""
+"""Number of blocks from which the scatter between blocks is known to a sixth, so that more blocks would hardly
+change it."""
 
 MAX_ERROR_RATIO = 2.0
 """Ratio of validation error to training error above which more motions are recommended."""
 
 STANDSTILL_SHARE = 0.01
-"""Share of its RMS speed below which a joint counts as standing: noise decides the sign of its velocity there."""
+"""Share of the RMS speed of a joint below which it counts as standing still, because noise determines the sign of
+its velocity."""
 
 SLOW_SHARE = 0.3
-"""Share of its velocity limit below which a joint's viscous friction is hard to identify."""
+"""Share of the velocity limit of a joint; viscous friction is hard to identify from slower motion."""
 
 STICKING = (
-    "A motion that passes rest quickly (higher accelerations, less time at low speed) or a stiffer controller: the "
-    "residual after reversals of {joints} is due to sticking, in which dry friction takes any value up to its bound; "
-    "neither friction with hysteresis nor more of the same data removes it."
+    "A motion with higher accelerations and less time at low speed, or a stiffer controller: the residual "
+    "after reversals of {joints} is caused by sticking, during which static friction can have any value up "
+    "to its bound; neither friction with hysteresis nor more of the same data reduces it."
 )
-"""Remedy for joints that stick and start again; in the residual this looks like hysteresis."""
+"""Remedy for joints that stick and start again, which looks like hysteresis in the residual."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,14 +79,14 @@ def _torque(page_data: PageData) -> Sentences:
     if not page_data.validation.recordings:
         return (
             [],
-            ["Nothing here was checked on held-out motion."],
-            ['Hold out another motion for validation: --validate RECORDING, or role = "validate" in the study.'],
+            ["The model was not checked on held-out motion."],
+            ['Use another motion for validation: --validate RECORDING, or role = "validate" in the study.'],
         )
     held_out, unit = page_data.validation_rms(), effort_unit(page_data)
     total, training = (float(np.linalg.norm(x[np.isfinite(x)])) for x in (held_out, page_data.training_rms()))
     prior = page_data.validation_column(lambda score: score.prior_rms)
     known = np.isfinite(prior) & np.isfinite(held_out)
-    words = f"Torque in validation: {short(total)} {unit} RMS, root of the sum over joints"
+    words = f"Torque error in validation: {short(total)} {unit} RMS, root of the sum of squares over the joints"
     if known.any():
         ratio = float(np.linalg.norm(held_out[known]) / np.linalg.norm(prior[known]))
         words += f"; {share(ratio)} of the error of the CAD/URDF model"
@@ -103,14 +105,15 @@ def _torque(page_data: PageData) -> Sentences:
         moving, stands = _moving(page_data)
         if moving <= MAX_ERROR_RATIO * training:
             bad.append(
-                f"Most of the validation error is in rows where joints stand, {share(stands)} of the rows: at "
-                f"standstill dry friction can take any value up to its bound. While they move, the error is "
-                f"{short(moving)} {unit} RMS."
+                f"Most of the validation error is in the {share(stands)} of the rows in which joints stand "
+                "still: at standstill, static friction can have any value up to its bound. While the joints "
+                f"move, the error is {short(moving)} {unit} RMS."
             )
         else:
             bad.append(f"The validation error is {short(total / training, 2)} times the training error.")
             next_.append(
-                "More and other motions to train on: held-out motions are predicted worse than training motions."
+                "More and different training motions: the model predicts held-out motions worse than "
+                "training motions."
             )
     return good, bad, next_
 
@@ -151,19 +154,23 @@ def _intervals(page_data: PageData) -> Sentences:
     few = fit.covariance_kind == "block" and fit.report.parts < MANY_BLOCKS
     return (
         [],
-        [f"The 95 % prediction intervals of the torque are too narrow on {joints}; parameter intervals may be, too."],
         [
-            f"Repeat the motion, or record longer: intervals follow from the scatter between {fit.report.parts} "
-            "blocks of rows."
+            "The 95 % prediction intervals of the torque are too narrow on "
+            f"{joints}; the intervals of parameters may be too narrow, too."
+        ],
+        [
+            "Repeat the motion, or record longer: intervals are computed from the scatter between only "
+            f"{fit.report.parts} blocks of rows."
             if few
-            else "Another law of friction, or terms that the model lacks: intervals contain the noise of training "
-            "motion, and the error in validation is larger; more recordings of the same motion do not cure it."
+            else "Another law of friction, or terms that the model lacks: intervals include the noise of the "
+            "training motion, but the error in validation is larger; more recordings of the same motion do "
+            "not change this."
         ],
     )
 
 
 def _parameters(page_data: PageData) -> Sentences:
-    """Sentences about parameters that differ from zero, that do not, and that have an impossible sign."""
+    """Sentences about parameters that differ from zero, that may be zero, and that have an impossible sign."""
     estimate = page_data.run.estimate
     names = estimate.fit.names
     low, high = estimate.intervals.T
@@ -183,12 +190,13 @@ def _parameters(page_data: PageData) -> Sentences:
     next_: list[str] = []
     if negative and not any(each.code == "not-physical" for each in estimate.findings):
         bad.append(
-            f"Negative including their intervals, which physics forbids: {by_joint(negative, page_data.joints)}."
+            "Negative together with their whole intervals, which is physically impossible: "
+            f"{by_joint(negative, page_data.joints)}."
         )
     rotors = [name for name in insignificant + negative if name.symbol == "IA"]
     if rotors:
         next_.append(
-            f"Fast reversals of single joints while the others rest, to separate "
+            "Fast reversals of single joints while the other joints rest, to separate "
             f"{by_joint(rotors, page_data.joints)} from link inertias."
         )
     return good, bad, next_
@@ -211,17 +219,19 @@ def _bodies(page_data: PageData) -> Sentences:
     certificate, smallest = page_data.verdict.certificate, page_data.verdict.pose.min_eigenvalue
     bad: list[str] = []
     if smallest <= 0.0:
-        bad.append("The mass matrix is not positive definite in every pose; do not simulate with these values.")
+        bad.append("The mass matrix is not positive definite in every pose; do not use these values in a simulation.")
     if certificate.feasible:
         return ["The parameters are physically consistent: a real body can have them."], bad, []
     away = f"{short(certificate.distance)} ({share(certificate.relative_distance)}) away"
     if outside_intervals(page_data):
         bad.append(
-            f"Not physically consistent: the nearest such values lie {away}, outside the intervals. "
-            "Do not simulate or export these."
+            f"Not physically consistent: the nearest consistent values lie {away}, outside the intervals. Do "
+            "not use these values in a simulation or an export."
         )
     else:
-        bad.append(f"Not exactly physically consistent: the nearest such values lie {away}, within the intervals.")
+        bad.append(
+            f"Not exactly physically consistent: the nearest consistent values lie {away}, within the intervals."
+        )
     return [], bad, []
 
 
@@ -269,7 +279,7 @@ def _laws(page_data: PageData) -> Sentences:
     better = {"position": "A richer law of friction", "reversals": "A law of friction with hysteresis"}
     next_ = [STICKING.format(joints=_joints(page_data, sticking))] if sticking else []
     next_ += [
-        f"{better[what]} rather than more data: the residual depends on {what} on {_joints(page_data, joints)}."
+        f"{better[what]} instead of more data: the residual depends on {what} on {_joints(page_data, joints)}."
         for what, joints in dependent.items()
         if joints
     ]

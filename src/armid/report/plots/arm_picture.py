@@ -25,10 +25,10 @@ POSES = 200
 """Number of poses of each recording among which the most extended view is chosen."""
 
 RADIUS = 8.0
-"""Radius of a joint's mark [px]; joints whose marks would overlap share one."""
+"""Radius of the mark of a joint [px]; joints whose marks would overlap have a common mark."""
 
 RULERS = (0.05, 0.1, 0.2, 0.5, 1.0, 2.0)
-"""Possible lengths of the scale bar [m]; the longest below a third of the picture is drawn."""
+"""Possible lengths of the scale bar [m]; the longest one below a third of the picture is drawn."""
 
 
 def picture_of(page_data: PageData) -> tuple[str, str]:
@@ -85,7 +85,7 @@ def _drawn(robot: Robot, points: Array, pairs: list[tuple[int, int]]) -> str:
 
 
 def _marks(robot: Robot, place: Array) -> list[str]:
-    """Marks with the joints' numbers at places (n, 2); joints that coincide in the picture share a mark."""
+    """Marks with the numbers of joints at places (n, 2); joints that coincide in the picture have a common mark."""
     groups: list[list[int]] = []
     for j, at in enumerate(place):
         near = next((g for g in groups if np.linalg.norm(place[g].mean(axis=0) - at) < 2.0 * RADIUS), None)

@@ -39,7 +39,7 @@ def compressed(text: str) -> str:
 
 
 def packed_plotly() -> str:
-    """plotly.js as `compressed` gives it; compressed once for each version, and kept in the cache."""
+    """plotly.js, compressed by `compressed` once for each version and stored in the cache."""
     name = f"plotly-{version('plotly')}-zlib-{zlib.ZLIB_RUNTIME_VERSION}"
     stored = kept(name)
     if stored is not None and "script" in stored:

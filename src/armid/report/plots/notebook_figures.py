@@ -5,10 +5,10 @@
 
     plot_torque(load_run("runs/today"), joint="joint_2")
 
-They need the extra `report`. Joints are drawn one below the other; `joint` selects one of them, `theme` is `light`
-or `dark`. Recordings of a run are read again; `data` is a folder that is searched first. All functions raise
-`MissingExtraError` if plotly is not installed, and `ArmidError` if an argument has the wrong type, the joint does
-not exist, or no recording of a run can be read.
+The functions need the extra `report`. Joints are drawn one below the other; `joint` selects one of them, and `theme`
+is `light` or `dark`. The recordings of a run are read again; the folder `data` is searched first. All functions raise
+`MissingExtraError` if plotly is not installed, and `ArmidError` if an argument has the wrong type, the joint does not
+exist, or no recording of a run can be read.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ BETWEEN_ROWS = 90
 """Part of the row height that titles take [pixels]."""
 
 Rows = Sequence[tuple[str, Sequence[Plot]]]
-"""Headings with their plots, row by row, as in a section."""
+"""Headings and their plots, row by row, as in a section."""
 
 
 def plot_torque(
@@ -92,13 +92,13 @@ def plot_plan(
 
     Args:
         plan: The plan, or the motion that it repeats.
-        robot: The arm that moves; torque is shown where its description has inertias.
-        limits: Limits of its joints; by default those of the description.
+        robot: The arm that moves; torque is shown if its description has inertias.
+        limits: Limits of its joints; by default the limits of the description.
         joint: Name of a joint, to plot only this one.
         theme: `light` or `dark`.
 
     Raises:
-        ArmidError: The plan is of another arm, or another error of this module.
+        ArmidError: The plan is for another arm, or another error of this module.
     """
     require_extra("plotly")
     _require(plan, (Plan, Excitation), "A plan", 'load_plan("plan.json") of armid.excitation.fourier')
@@ -112,8 +112,8 @@ def plot_plan(
     full_plan = Plan(plan) if isinstance(plan, Excitation) else plan
     if full_plan.excitation.n != robot.n:
         raise ArmidError(
-            f"The plan moves {full_plan.excitation.n} joints; {robot.name} has {robot.n}.",
-            remedy="give a plan of this arm.",
+            f"The plan moves {full_plan.excitation.n} joints, but {robot.name} has {robot.n}.",
+            remedy="give a plan for this arm.",
         )
     model = DynamicsModel(robot, (RigidBody(),))
     section = motion_section(full_plan, model, described_limits(robot) if limits is None else limits)
@@ -128,7 +128,7 @@ def figure_of(rows: Rows, *, theme: Theme = "light") -> Figure:
         theme: `light` or `dark`.
 
     Raises:
-        ArmidError: There is no such theme.
+        ArmidError: The theme is unknown.
     """
     from plotly.subplots import make_subplots
 
@@ -180,13 +180,12 @@ def _of_run(
         many = "Not all" if page_data.drawn else "None"
         raise ArmidError(
             f"{many} of the recordings of {run.folder} can be read: {' '.join(page_data.missing)}",
-            remedy="give their folder with data=FOLDER; without it, the readable recordings are plotted.",
+            remedy="give the folder of the recordings with data=FOLDER; without it, only the readable recordings "
+            "are plotted.",
         )
     section = show(page_data)
     if section is None:  # only the section of friction can be empty here
-        raise ArmidError(
-            f"The model of {run.folder} has no friction.", remedy="identify with friction among its terms."
-        )
+        raise ArmidError(f"The model of {run.folder} has no friction.", remedy="identify again with friction terms.")
     return figure_of(_of_joint(section, joint, run.robot), theme=theme)
 
 
@@ -222,13 +221,15 @@ def _of_joint(section: Section, joint: str | None, robot: Robot) -> Rows:
     if not rows:
         drawn = [heading for heading, _ in section.plots]
         raise ArmidError(
-            f"{section.title} has no plot of {joint}.", possible=", ".join(drawn), remedy="choose one of these."
+            f"The section {section.title!r} has no plot of {joint}.",
+            possible=", ".join(drawn),
+            remedy="choose one of these joints.",
         )
     return rows
 
 
 def _placed(rows: Rows, columns: int) -> list[tuple[int, int, str, Plot]]:
-    """Row, column, heading and plot of each, headings with the first of theirs; rows and columns count from 1."""
+    """Row, column, heading and plot of each place, counted from 1; a heading belongs to the first of its plots."""
     placed: list[tuple[int, int, str, Plot]] = []
     line = 0
     for heading, plots in rows:
@@ -248,7 +249,7 @@ def _titles(placed: Sequence[tuple[int, int, str, Plot]], lines: int, columns: i
 
 
 def _link_zoom(figure: Any, plot: Plot, groups: dict[str, str], row: int, column: int) -> None:
-    """Link the abscissas of plots of one group, so that they zoom together as on a page."""
+    """Link the horizontal axes of the plots of a group, so that they zoom together as on a page."""
     if plot.group:
         axis = figure.get_subplot(row, column).xaxis.plotly_name.replace("axis", "")
         figure.update_xaxes({"matches": groups.setdefault(plot.group, axis)}, row=row, col=column)

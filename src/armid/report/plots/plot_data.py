@@ -1,7 +1,7 @@
 """Plots as plain data: traces with a role.
 
-A role says what a trace means. Its style is in `armid.report.plots.style` and its colour in the style sheet, so that
-pages and notebooks, in light and dark mode and on paper, show the same plot.
+A role is the meaning of a trace. The style of a role is in `armid.report.plots.style`, and its colour is in the style
+sheet. Pages and notebooks therefore show the same plot, in light and dark mode and on paper.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ LINE_INTERVALS = 700
 """Number of intervals of a line; each keeps its smallest and largest value, enough for the width of a plot."""
 
 MAX_POINTS = 800
-"""Largest number of points of a cloud; more would cover each other."""
+"""Largest number of points of a cloud; more points would cover each other."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -42,11 +42,11 @@ class PlotTrace:
 
 
 VISIBLE_SHARE = 0.995
-"""Share of the values inside the range of a residual plot; a few spikes would otherwise flatten the rest."""
+"""Share of the values that is inside the range of a residual plot, so that a few spikes do not flatten the curves."""
 
 BULK_SHARE, BULK_FACTOR = 0.95, 4.0
-"""The range is at most this factor times the largest of this share of the values. It limits plots with spikes in each
-period, which are too many for `VISIBLE_SHARE` alone."""
+"""Share of the values, and factor: the range is at most the factor times the largest value of this share. This
+limits the range of plots with spikes in each period, which are too many for `VISIBLE_SHARE` alone."""
 
 RANGE_MARGIN = 1.1
 """Factor from the largest visible value to the end of the axis."""
@@ -63,7 +63,7 @@ class Axes:
         logarithmic: True if both axes are logarithmic.
         levels: Ordinates of thin dotted lines.
         marks: Abscissas of thin dotted lines.
-        span: Lowest and highest ordinate of the initial view; by default those of all values.
+        span: Lowest and highest ordinate of the initial view; by default the extremes of all values.
     """
 
     logarithmic: bool = False
@@ -83,7 +83,7 @@ class Plot:
         x: Title of the abscissa with its unit.
         y: Title of the ordinate with its unit.
         traces: Lines and points.
-        group: Plots of one group zoom together along the abscissa.
+        group: Name of a group; the plots of a group zoom together along the abscissa.
         axes: Level lines and range.
     """
 
@@ -102,8 +102,8 @@ class PlotRange:
     """Symmetric range of the initial view of a plot, which leaves out rare spikes.
 
     Attributes:
-        limit: Largest absolute value inside the range; infinite if all values are.
-        share: Share of the values beyond it.
+        limit: Largest absolute value inside the range; infinite if all values are inside.
+        share: Share of the values outside the range.
         peak: Largest absolute value.
     """
 
@@ -140,7 +140,7 @@ class PlotRange:
 
 
 def line(role: str, x: Array, y: Array, name: str) -> PlotTrace:
-    """Line that is thinned to what a plot can show, and keeps its extremes."""
+    """Line that is thinned to the resolution of a plot and keeps its extremes."""
     indices = envelope(y, LINE_INTERVALS)
     return PlotTrace(role, x[indices], y[indices], name)
 
@@ -159,7 +159,7 @@ def spread(x: Array, low: Array, high: Array, name: str) -> tuple[PlotTrace, Plo
 
 
 def crest(role: str, x: Array, y: Array, name: str) -> PlotTrace:
-    """Line for logarithmic axes: the largest value of each of many logarithmically spaced intervals."""
+    """Line for logarithmic axes: the largest value in each of many logarithmically spaced intervals."""
     starts = np.unique(np.geomspace(1, len(y), LINE_INTERVALS).astype(np.intp)) - 1
     stops = [*starts[1:], len(y)]
     height = np.where(np.isfinite(y), y, -np.inf)
@@ -168,7 +168,7 @@ def crest(role: str, x: Array, y: Array, name: str) -> PlotTrace:
 
 
 def envelope(y: Array, buckets: int) -> NDArray[np.intp]:
-    """Sorted indices of the smallest and largest value of each interval, and of gaps; all if there are few."""
+    """Sorted indices of the smallest and largest value of each interval and of gaps; all indices if there are few."""
     if len(y) <= 2 * buckets:
         return np.arange(len(y))
     edges = np.linspace(0, len(y), buckets + 1).astype(np.intp)
@@ -190,7 +190,7 @@ def every(count: int, most: int) -> NDArray[np.intp]:
 
 
 def binned(x: Array, y: Array, edges: Array, fewest: int) -> tuple[Array, Array, NDArray[np.intp]]:
-    """Mean of x and of y in each bin and how many points it has; NaN for a bin with fewer than `fewest` points."""
+    """Mean of x, mean of y and number of points in each bin; means are NaN for fewer than `fewest` points."""
     known = np.isfinite(x) & np.isfinite(y)
     x, y = x[known], y[known]
     index = np.clip(np.digitize(x, edges) - 1, 0, len(edges) - 2)

@@ -63,7 +63,7 @@ CLOUDS: Mapping[str, tuple[str, str, int]] = {
 """Points by role: colour, symbol and size."""
 
 DENSE_SIZE = 4
-"""Largest size of points that are drawn half transparent, to show where they are dense."""
+"""Largest size of points that are drawn half transparent, so that dense regions are visible."""
 
 RULED = {"gridcolor": "--grid", "linecolor": "--rule", "zerolinecolor": "--rule", "tickcolor": "--rule"}
 
@@ -150,12 +150,12 @@ def colours(theme: Theme) -> dict[str, str]:
     """Colours of a theme by name, from `theme.css`.
 
     Raises:
-        ArmidError: There is no such theme.
+        ArmidError: The theme is unknown.
     """
     blocks = re.findall(r":root[^{]*{(.*?)}", text_of("theme.css"), re.DOTALL)
     themes = dict(zip(get_args(Theme), blocks, strict=True))
     if theme not in list(themes):
-        raise ArmidError(f"There is no theme {theme!r}.", possible=", ".join(themes))
+        raise ArmidError(f"Unknown theme {theme!r}.", possible=", ".join(themes))
     return dict(re.findall(r"--([\w-]+):\s*([^;]+);", themes[theme]))
 
 

@@ -1,8 +1,9 @@
 """Nearest pair of bodies of an arm and its surroundings over a motion.
 
-Bodies, pairs and distances are those of the pre-flight report (`armid.excitation.collision.closest_approach`), so
-both agree. Distances of capsules around the bodies, computed in NumPy for all moments at once, are lower bounds. Coal
-measures the pairs in the order of these bounds, until the next bound exceeds the smallest distance found.
+Bodies, pairs and distances are the same as in the preflight report (`armid.excitation.collision.closest_approach`),
+so both agree. The distances of capsules around the bodies are lower bounds; NumPy computes them for all moments at
+once. Coal then measures the pairs in the order of these bounds until the next bound is larger than the smallest
+distance.
 """
 
 from __future__ import annotations
@@ -32,13 +33,13 @@ class NearestBodies:
     """Nearest pair of bodies over time, at M moments.
 
     Attributes:
-        time: Shape (M,) [s].
-        distance: Shape (M,) [m]; negative where bodies overlap.
+        time: Times of the moments, shape (M,) [s].
+        distance: Smallest distance, shape (M,) [m]; negative if bodies overlap.
         pair: Index of the pair in `pairs`, shape (M,).
-        points: Nearest points of the two in the base frame, shape (M, 2, 3) [m].
+        points: Nearest points of both bodies in the base frame, shape (M, 2, 3) [m].
         pairs: Names of all checked pairs.
-        constant: Pairs that are built close and keep the same distance in all poses, with their distances [m];
-            they are never the nearest pair.
+        constant: Pairs that are close to each other and have the same distance in all poses, with their distances
+            [m]; they are never shown as the nearest pair.
     """
 
     time: Array
@@ -50,7 +51,7 @@ class NearestBodies:
 
 
 def bodies_to_watch(robot: Robot, surroundings: tuple[Shape, ...] = ()) -> CollisionOptions | None:
-    """Bodies and pairs to check for a motion that was not designed here; `None` without bodies in the description.
+    """Bodies and pairs to check for a motion without a design; `None` if the description has no bodies.
 
     Raises:
         ArmidError: Meshes are missing or cannot be read.
@@ -69,7 +70,7 @@ def closest(robot: Robot, clip: Clip, collision: CollisionOptions) -> NearestBod
     Args:
         robot: The arm.
         clip: The motion.
-        collision: The bodies and the pairs that should stay apart.
+        collision: Bodies, and pairs that are checked.
     """
     shapes, count = collision.shapes, len(collision.pairs)
     pairs = np.vstack([collision.pairs, collision.measured])

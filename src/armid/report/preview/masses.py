@@ -22,7 +22,7 @@ class MassLayer:
 
     Attributes:
         name: Name of the source on the page.
-        links: Ten inertial parameters each, in the link frames, shape (n, 10).
+        links: Ten inertial parameters of each link in its frame, shape (n, 10).
         note: Remark on the values.
     """
 
@@ -51,12 +51,12 @@ def layer_of_description(robot: Robot) -> MassLayer | None:
 
 
 def ellipsoid_of(vector: Array) -> tuple[Array, Array] | None:
-    """Half axes (3,) [m] and their directions, the columns of (3, 3), of the ellipsoid of uniform density.
+    """Half axes (3,) [m] of the ellipsoid of uniform density, and their directions, the columns of a matrix (3, 3).
 
     Its inertia about the axis i is m (a_j² + a_k²) / 5.
 
     Returns:
-        `None` if no body can have this inertia.
+        Half axes and directions; `None` if no body can have this inertia.
     """
     mass, _, about = vector_to_com_inertia(vector)
     inertia, turn = np.linalg.eigh(about)

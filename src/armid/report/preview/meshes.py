@@ -1,4 +1,4 @@
-"""Simplification of meshes for a page: clustering of vertices, and coordinates of two bytes."""
+"""Simplification of meshes for a page, by clustering of vertices and by coordinates of two bytes."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from armid.report.plots.encoding import packed
 from armid.values import Array
 
 MAX_TRIANGLES = 80_000
-"""Largest number of triangles of a page: about a megabyte, which a phone can draw."""
+"""Largest number of triangles of a page: about one megabyte, which a phone can draw."""
 
 CELLS = (512, 384, 256, 192, 128, 96, 64, 48, 32, 24, 16, 8, 4)
 """Numbers of cells along the longest edge of a mesh, tried one after the other."""
@@ -42,7 +42,7 @@ def simplified(corners: Array, triangles: NDArray[np.intp], most: int) -> tuple[
 
 
 def _merged(corners: Array, triangles: NDArray[np.intp], label: NDArray[np.intp]) -> tuple[Array, NDArray[np.intp]]:
-    """Mesh in which vertices of one label are merged."""
+    """Mesh in which vertices with the same label are merged."""
     label = label.reshape(-1)
     count = np.bincount(label)
     mean = np.column_stack([np.bincount(label, x) / count for x in corners.T])
@@ -54,7 +54,7 @@ def _merged(corners: Array, triangles: NDArray[np.intp], label: NDArray[np.intp]
 
 
 def mesh_record(corners: Array, triangles: NDArray[np.intp]) -> dict[str, Any]:
-    """Mesh for the page's script: coordinates of two bytes, a resolution of 15 micrometres on a metre."""
+    """Mesh for the page's script, with coordinates of two bytes: a resolution of 15 micrometres for one metre."""
     low = corners.min(axis=0)
     step = np.maximum(np.ptp(corners, axis=0), 1e-9) / STEPS
     kind = "u2" if len(corners) <= STEPS else "u4"

@@ -30,13 +30,13 @@ class Preview:
     """Content of a preview.
 
     Attributes:
-        robot: The arm, with bodies where the description has them.
+        robot: The arm, with bodies if the description has them.
         clip: The motion.
         surroundings: Bodies that do not move.
         collision: Bodies and pairs to check for collisions; `None` if collisions are not checked.
         layers: Inertias of the links, by source.
-        collision_note: Verdict of a plan's collision check, or the reason why there is none.
-        limits: Limits of the joints that a plan was designed under; `None` for those of the description.
+        collision_note: Verdict of the collision check of a plan, or the reason why there was no check.
+        limits: Limits of the joints with which a plan was designed; `None` for the limits of the description.
     """
 
     robot: Robot
@@ -49,7 +49,7 @@ class Preview:
 
 
 def write_preview(preview: Preview, path: Path | str) -> Path:
-    """Write a preview's page, whole or not at all.
+    """Write the page of a preview completely or not at all.
 
     Raises:
         MissingExtraError: jinja2 is not installed.
@@ -124,9 +124,9 @@ def _approach_record(approach: NearestBodies) -> dict[str, Any]:
 
 
 def _constant_text(approach: NearestBodies) -> str:
-    """Sentence that names the pairs of constant distance; empty without any."""
+    """Sentence that names the pairs of constant distance; empty if there are none."""
     pairs = "; ".join(f"{pair} {1000.0 * distance:.1f} mm" for pair, distance in approach.constant)
-    return f"Not in the chart are neighbours whose distance stays the same in all poses: {pairs}." if pairs else ""
+    return f"Neighbours whose distance is the same in all poses are not in the chart: {pairs}." if pairs else ""
 
 
 def _down(gravity: Array) -> list[float]:

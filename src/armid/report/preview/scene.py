@@ -1,4 +1,4 @@
-"""Scene of the page: joints, bodies, meshes within a budget, surroundings."""
+"""Scene of the page: joints, bodies, meshes with a limited number of triangles, and surroundings."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ NOT_DRAWN = ("mesh-missing", "visual-left-out", "visual-missing")
 """Codes of findings about bodies that cannot be drawn."""
 
 MIN_TRIANGLES = 300
-"""Number of triangles that every mesh may have, regardless of the size of the others."""
+"""Number of triangles that every mesh may have, regardless of the sizes of other meshes."""
 
 Bodies = tuple[list[dict[str, Any]], list[dict[str, Any]], list[str]]
 """Bodies for the page's script, their meshes, and messages about bodies that could not be drawn."""
@@ -72,7 +72,7 @@ def bodies_of(robot: Robot) -> Bodies:
 
 
 def _within_budget(meshes: Sequence[tuple[Array, Any]]) -> list[dict[str, Any]]:
-    """Meshes simplified to the largest number of triangles of a page, shared in proportion to their sizes."""
+    """Simplified meshes; the triangles of a page are distributed in proportion to the sizes of the meshes."""
     total = sum(len(triangles) for _, triangles in meshes)
     share = min(1.0, MAX_TRIANGLES / total) if total else 1.0
     return [
@@ -82,7 +82,7 @@ def _within_budget(meshes: Sequence[tuple[Array, Any]]) -> list[dict[str, Any]]:
 
 
 def surroundings_of(robot: Robot, given: Sequence[Shape]) -> list[dict[str, Any]]:
-    """Fixed bodies for the page's script: those given, and planes of the description."""
+    """Fixed bodies for the page's script: the given bodies, and planes of the description."""
     planes = [shape for shape in robot.visuals if shape.kind == "half-space"]
     return [_record(shape) | {"size": shape.size.tolist()} for shape in (*given, *planes) if shape.kind != "mesh"]
 

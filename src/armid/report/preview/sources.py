@@ -41,15 +41,15 @@ def preview_of(
 
     Args:
         robot: The arm.
-        motion: A plan, a folder with one, a recording, or a run, of which a validation recording is shown; with
-            `None` the arm rests.
+        motion: A plan, the folder of a plan, a recording, or a run; for a run, a validation recording is shown. With
+            `None` the arm is at rest.
         reading: Log format of a recording.
         data: Folder that is searched first for a run's recordings.
         surroundings: Fixed bodies, in addition to those of a plan.
         estimate: Estimated inertias of the links, shown in addition to those of the description.
 
     Raises:
-        ArmidError: The motion cannot be read or is of another arm.
+        ArmidError: The motion cannot be read, or it is for another arm.
     """
     around, limits = tuple(surroundings), None
     if motion is None:
@@ -64,8 +64,8 @@ def preview_of(
         clip = _of_file(motion, robot, reading or LogFormat())
     if clip.q.shape[1] != robot.n:
         raise ArmidError(
-            f"{motion} moves {clip.q.shape[1]} joints; {robot.name} has {robot.n}.",
-            remedy="give a plan or recording of this arm.",
+            f"{motion} moves {clip.q.shape[1]} joints, but {robot.name} has {robot.n}.",
+            remedy="give a plan for this arm or a recording of it.",
         )
     collision, note = _collision_options(robot, around)
     return Preview(robot, clip, around, collision, _layers(robot, estimate), note, limits)
@@ -90,7 +90,7 @@ def _collision_options(robot: Robot, around: tuple[Shape, ...]) -> tuple[Collisi
     if collision is not None:
         return collision, ""
     lost = missing_bodies(robot)
-    why = lost[0].evidence if lost else "the description has no bodies"
+    why = lost[0].evidence if lost else "the description has no shapes of bodies"
     return None, f"Collisions are not checked: {why}"
 
 
@@ -126,7 +126,7 @@ def _of_run(run: Run, data: Path | str | None) -> Clip:
         return clip_of_recording(recording, f"{Path(choice.path).name} of {run.folder}")
     raise ArmidError(
         f"None of the recordings of {run.folder} can be read: {' '.join(missing)}",
-        remedy="give their folder with --data, or name a plan or recording to show.",
+        remedy="give the folder of the recordings with --data, or give a plan or recording to show.",
     )
 
 

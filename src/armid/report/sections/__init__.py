@@ -1,7 +1,7 @@
-"""The catalogue of sections, in the order of the page.
+"""Catalogue of sections, in the order of the page.
 
-A section is a function from a run's page_data to a `Section`, whose data the template of the same name shows; it
-gives `None` where the run has nothing to say on its matter.
+A section is a function that makes a `Section` from the page data of a run; the template of the same name shows its
+data. The function returns `None` if the run has no data for the section.
 """
 
 from __future__ import annotations

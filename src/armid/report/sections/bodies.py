@@ -19,11 +19,11 @@ GUESSED = "guessed"
 
 
 ROUNDING = 1e-12
-"""Coordinates [m] and moments [kg·m²] below it are rounding errors."""
+"""Limit below which coordinates [m] and moments [kg·m²] are rounding errors."""
 
 
 def show_bodies(page_data: PageData) -> Section | None:
-    """Section of the links' inertias; `None` if neither the description nor the estimate has any."""
+    """Section of the inertias of the links; `None` if neither the description nor the estimate has inertias."""
     links = link_table(page_data.run.model, page_data.run.estimate)
     if not any(np.isfinite([body.description, body.estimate]).any() for body in links.links):
         return None
@@ -44,8 +44,9 @@ def _table(links: LinkTable) -> Table:
             rows.append([TableCell(label if first else "", label, kind="name"), TableCell(source), *cells])
     estimated = any(np.isfinite(body.estimate).any() for body in links.links)
     note = (
-        "Numbered by the joint that moves the link. Centre of mass (com) and inertia about it along the axes of the "
-        "link's frame. Bodies on fixed and locked joints are included in the link that they are attached to."
+        "Links are numbered by the joint that moves them. Centre of mass (com), and inertia about it, along "
+        "the axes of the link frame. Bodies on fixed and locked joints are included in the link to which "
+        "they are attached."
     )
     if estimated:
         note += " ± half of the 95 % interval, if the data determine a value; grey values are one of many choices."

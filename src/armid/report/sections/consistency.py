@@ -12,7 +12,7 @@ from armid.report.section import Section, one_of
 from armid.report.tables import Column, Table, TableCell
 
 MAX_BLAMED = 10
-"""Largest number of listed values; further ones hardly change."""
+"""Largest number of listed values; further values hardly change."""
 
 
 def show_consistency(page_data: PageData) -> Section | None:

@@ -22,17 +22,17 @@ from armid.report.tables import Column, Table, TableCell
 from armid.values import Array
 
 CURVE_POINTS = 241
-"""Points of a plotted law; enough to show a sign change over a hundredth of the range as a slope."""
+"""Number of points of a plotted law; enough to show a sign change within a hundredth of the range as a slope."""
 
 BINS = 14
 MIN_BIN_ROWS = 5
-"""Least number of rows for the mean of a bin; with fewer it is noise."""
+"""Smallest number of rows of a bin; with fewer, its mean is noise."""
 
 MAX_SYMBOLS = 5
 """Largest number of friction symbols with a column; others are in the table of parameters."""
 
 MAX_REVERSALS = 25
-"""Largest number of single reversals plotted; the means are over all."""
+"""Largest number of single reversals that are plotted; the means include all reversals."""
 
 
 def show_friction(page_data: PageData) -> Section | None:
@@ -94,9 +94,10 @@ def _table(page_data: PageData, recordings: Sequence[RecordingData], reversals: 
             ]
         )
     note = (
-        "± half of the 95 % interval. Residual: of the whole model on the plotted recordings. Explained by …: share "
-        "of the residual's variance that depends on velocity, on position with direction, and on the time since the "
-        "last reversal, adjusted for chance. ▲ marks shares large enough to suggest a further friction law."
+        "± half of the 95 % interval. Residual: residual of the whole model on the plotted recordings. "
+        "Explained by …: share of the residual's variance that depends on velocity, on position with "
+        "direction, and on the time since the last reversal, adjusted for chance. ▲ marks shares large "
+        "enough to suggest a further friction law."
     )
     if len(estimate.fit.names) > len(mean.names):
         note += " For parameters estimated separately for each recording the mean is shown."
@@ -106,7 +107,7 @@ def _table(page_data: PageData, recordings: Sequence[RecordingData], reversals: 
 
 
 def _parameter(ends: dict[str, Array], symbol: str, number: int) -> TableCell:
-    """Cell of a friction parameter with half its interval, also if it is grouped with a constant of gravity."""
+    """Cell of a friction parameter with half of its interval, also if it is grouped with a gravity parameter."""
     for name in (f"{symbol}_{number}", f"{symbol}R_{number}"):
         if name in ends:
             low, high = ends[name]
@@ -133,7 +134,7 @@ def _share(value: float) -> TableCell:
 
 
 def _measured_friction(recordings: Sequence[RecordingData], j: int) -> Array:
-    """Measured friction: measured torque less the model's torque without friction."""
+    """Measured friction: measured torque minus the torque of the model without friction."""
     return concatenated(recordings, "residual", j) + concatenated(recordings, "friction", j)
 
 
@@ -183,7 +184,7 @@ def _law(page_data: PageData, recordings: Sequence[RecordingData], j: int, faste
 
 
 def _over_position(page_data: PageData, recordings: Sequence[RecordingData], j: int) -> Plot:
-    """Plot over position: torque less the laws of velocity, by direction, and the law of position, if any."""
+    """Plot over position: torque minus friction laws of velocity, by direction, and the law of position, if any."""
     joint = page_data.joints[j]
     q, dq = concatenated(recordings, "q", j), concatenated(recordings, "dq", j)
     grid = np.linspace(q.min(), q.max(), CURVE_POINTS)
@@ -198,7 +199,7 @@ def _over_position(page_data: PageData, recordings: Sequence[RecordingData], j: 
     return Plot(
         f"friction-position-{j}",
         "Over position",
-        "torque less the friction laws of velocity",
+        "torque minus the friction laws of velocity",
         f"position [{joint.unit}]",
         f"remaining torque [{joint.effort_unit}]",
         traces,

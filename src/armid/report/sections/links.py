@@ -1,4 +1,4 @@
-"""Section of the standard parameters, with the data's share in each, for methods that estimate them."""
+"""Section of the standard parameters, with the share of the data, for methods that estimate them."""
 
 from __future__ import annotations
 
@@ -70,8 +70,8 @@ def _table(page_data: PageData, fit: StandardFit) -> Table:
         )
         rows[-1].insert(2, TableCell(fit.units[k]))
     note = (
-        "About the origin of the link's frame. Share of the data: part of a value that the data determine; the "
-        "prior determines the rest. ○ mostly the prior, × almost no information in the data: such values are one of "
-        "many possible choices and have no interval."
+        "Parameters about the origin of the link frame. Share of the data: part of a value that the data "
+        "determine; the prior determines the rest. ○ mostly the prior, × almost no information in the data: "
+        "such values are one of many possible choices and have no interval."
     )
     return Table("links", "Standard parameters, joint by joint", columns, rows, note, folded=True, groups=groups)

@@ -16,16 +16,17 @@ from armid.report.tables import Column, Table, TableCell
 from armid.values import Array
 
 RANGE_SHARE = 0.1
-"""Share of the torque's range that residuals are compared with, as in Figure 4.3 of the thesis."""
+"""Share of the torque's range with which residuals are compared, as in Figure 4.3 of the thesis."""
 
 MAX_LEVEL_RATIO = 1.5
-"""Ratio to the largest residual above which level lines are not drawn; they would flatten the curves."""
+"""Ratio of a level line to the largest residual above which the line is not drawn, because it would flatten the
+curves."""
 
 BINS = 16
 """Number of velocity bins; most have tens of rows."""
 
 MIN_BIN_ROWS = 8
-"""Least number of rows for the mean of a bin; with fewer it is noise."""
+"""Smallest number of rows of a bin; with fewer, its mean is noise."""
 
 MIN_DENSITY_SHARE = 1e-6
 """Share of the largest density below which a spectrum shows only rounding or the filter's stop-band."""

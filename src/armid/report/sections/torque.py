@@ -30,7 +30,7 @@ def show_torque(page_data: PageData) -> Section:
         ("measured", "measured, in the study's band"),
         ("predicted", "predicted"),
         ("band", "95 % prediction interval"),
-        ("training", "residual: measured less predicted"),
+        ("training", "residual: measured minus predicted"),
         ("above", "residual outside the plot"),
     )
     content = {
@@ -77,9 +77,9 @@ def _table(page_data: PageData) -> Table:
         for j in range(len(page_data.joints))
     ]
     note = (
-        "RMS in the study's band unless said otherwise. CAD/URDF model: the description's inertial parameters "
-        "without friction. Relative RMS: over the torque's standard deviation. ▼ marks intervals that contain "
-        "far fewer rows than 95 %."
+        "RMS in the band of the study, unless stated otherwise. CAD/URDF model: inertial parameters of the "
+        "description, without friction. Relative RMS: divided by the standard deviation of the torque. ▼ "
+        "marks intervals that contain far fewer rows than 95 %."
     )
     return Table("torque", "Torque error of each joint", columns, rows, note)
 

@@ -12,11 +12,11 @@ from armid.report.section import Section, effort_unit
 from armid.report.tables import Column, Table, TableCell
 
 FIRST = 5
-"""Number of sentences shown at once in each column; more would hide the numbers below."""
+"""Number of sentences that are shown at first in each column, so that the numbers below stay visible."""
 
 SENTENCES = {
-    "pass": "Every check on validation motion holds.",
-    "fail": "Not every check on validation motion holds.",
+    "pass": "Every check on validation motion passed.",
+    "fail": "Not every check on validation motion passed.",
     "not judged": "There is no validation recording, so the model is not judged.",
 }
 

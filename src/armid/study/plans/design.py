@@ -45,26 +45,27 @@ from armid.study.plans.start_pose import place_motion
 from armid.values import Array
 
 LEAD_SHARE = 0.5
-"""Share of the velocity limits that the motions to and from the start use."""
+"""Share of the velocity limits that the motions to and from the start pose use."""
 
 LEAD_CHECKS = 200.0
-"""Rate at which these motions are checked for collisions [Hz]."""
+"""Rate at which the motions to and from the start pose are checked for collisions [Hz]."""
 
 SPREAD = 200.0
 """Rate at which extreme positions and accelerations of a motion are sampled [Hz]."""
 
 HELD = 0.9
-"""Largest share of the torque limits that holding an automatically chosen start pose may need."""
+"""Largest share of the torque limits that is needed to hold the arm in an automatically chosen start pose."""
 
 DRAWN, DRAWN_BY = 0.1, 0.85
-"""Smallest factor, and factor of each step, by which a plan is shrunk towards its start pose to separate bodies whose
-distance has no gradient in the search."""
+"""Smallest factor, and factor of each step, by which a plan is scaled down about its start pose to separate bodies
+whose distance has no gradient in the search."""
 
 TRIED = 50.0
-"""Rate at which such bodies are tested before a plan is certified [Hz]; the certified plan is tested at `RATE`."""
+"""Rate at which bodies without gradient are tested before a plan is certified [Hz]; the certified plan is tested
+at `RATE`."""
 
 LEAD_ACCELERATION = 2.0
-"""Acceleration of the motions to and from the start where no limit is given [rad/s² or m/s²]."""
+"""Acceleration of the motions to and from the start pose if no limit is given [rad/s² or m/s²]."""
 
 
 Stage = Callable[[str], None]
@@ -107,21 +108,25 @@ class Designed(Displayed):
 
     @property
     def expected(self) -> Expectation:
-        """Predicted uncertainty of the parameters."""
+        """Predicted uncertainty of the parameters after a recording of the plan."""
         assert self.preflight.expected is not None
         return self.preflight.expected
 
     @property
     def torque(self) -> Torque | None:
-        """Limits of the torque; `None` where torque is not judged."""
+        """Limits of the torque; `None` if torque is not checked."""
         return next((each for each in self.problem.channels if isinstance(each, Torque)), None)
 
     @property
     def heading(self) -> str:
-        """Number of harmonics, period, repetitions and duration."""
+        """Text with the number of harmonics, the period, the repetitions and the duration."""
         plan, series = self.plan, self.plan.excitation
         times = "once" if plan.repetitions == 1 else f"{plan.repetitions} times"
-        leads = f"; {plan.duration:.1f} s with the ways to and from it" if plan.lead_in + plan.lead_out else ""
+        leads = (
+            f"; {plan.duration:.1f} s with the motions to and from the start pose"
+            if plan.lead_in + plan.lead_out
+            else ""
+        )
         return f"{series.harmonics} harmonics over {series.period:g} s, {times}{leads}"
 
     def spread(self, margin: Margin) -> tuple[float, float, float, float] | None:
@@ -134,7 +139,7 @@ class Designed(Displayed):
         return low, high, float(self.limits.lower[j]), float(self.limits.upper[j])
 
     def summary(self) -> Summary:
-        """Smallest margin to each kind of limit."""
+        """Summary with the smallest margin to each kind of limit."""
         rows = tuple(
             (each.limit, each.label, f"{each.value:.4g} of {each.bound:.4g} {each.unit}", f"{each.certified:.1%}")
             for each in worst(self.preflight.margins)
@@ -155,15 +160,15 @@ def design_plan(
     """Designs a motion.
 
     Args:
-        goal: Criterion, length and poses of the motion.
+        goal: Model, criterion, length and poses of the motion.
         constraints: Limits that the motion must keep.
         budget: Time, workers and seed of the search.
-        progress: Called after every descent.
+        progress: Called after every descent of the search.
         executor: Runs the search; by default processes are started for it.
         stage: Called with the name of each stage before and after the search.
 
     Raises:
-        ArmidError: Limits are missing, contradict each other or the start pose, or cannot be kept.
+        ArmidError: Limits are missing, contradict each other, exclude the start pose, or cannot be kept.
     """
     _check_times(goal, budget)
     criterion, robot = goal.goal, goal.goal.model.robot
@@ -214,29 +219,32 @@ def constrained_limits(robot: Robot, constraints: DesignConstraints) -> Limits:
 def _check_times(goal: DesignGoal, budget: SearchBudget) -> None:
     """Refuses a duration or a budget that is not positive."""
     if budget.budget is not None and not budget.budget > 0.0:
-        raise ArmidError(f"The budget is {budget.budget} s.", remedy="give some seconds; ten are enough for one arm.")
+        raise ArmidError(
+            f"The time budget of the search must be positive; found {budget.budget} s.",
+            remedy="give a budget of some seconds; ten seconds are enough for one arm.",
+        )
     if not goal.duration > 0.0:
-        raise ArmidError(f"The duration must be positive; found {goal.duration} s.")
+        raise ArmidError(f"The duration of a period must be positive; found {goal.duration} s.")
 
 
 def _unlimited(plan: Plan, limits: Limits, robot: Robot) -> Finding | None:
-    """Finding with the largest accelerations of joints without a limit; `None` where all have one."""
+    """Finding with the largest accelerations of joints without a limit; `None` if all joints have one."""
     free = np.flatnonzero(~np.isfinite(limits.acceleration))
     if not free.size:
         return None
     peaks = np.abs(plan.excitation.sample(SPREAD).ddq).max(axis=0)
     peaks_text = ", ".join(f"{robot.joint_names[j]} {peaks[j]:.3g} {robot.joints[j].unit}/s²" for j in free)
-    evidence = f"Acceleration is not limited, as no limit is given; the plan reaches {peaks_text}"
-    remedy = "limit it with --acceleration, or --limit JOINT.acceleration=VALUE."
+    evidence = f"Acceleration is not limited, because no limit is given; the plan reaches {peaks_text}"
+    remedy = "give a limit with --acceleration, or with --limit JOINT.acceleration=VALUE."
     return Finding("acceleration-unlimited", "info", "", evidence, remedy)
 
 
 def _finished(
     problem: DescentProblem, x: Array, collision: CollisionOptions | None, unchecked: str, stage: Stage
 ) -> tuple[Array, Preflight]:
-    """Unknowns and preflight of the plan with every limit certified, shrunk while bodies with exact geometry touch.
+    """Unknowns and preflight of the plan with certified limits, scaled down while bodies with exact geometry touch.
 
-    Where shrinking does not separate them, the report names the bodies that touch.
+    If scaling down does not separate the bodies, the report names them.
     """
     grid, basis = fine_grid(problem), problem.basis
     times, robot = basis.times(max(100, round(TRIED * basis.period))), problem.goal.model.robot
@@ -258,14 +266,14 @@ def _finished(
 
 
 def _motion(limits: Limits, basis: SeriesBasis, constraints: DesignConstraints) -> tuple[ConstraintChannel, ...]:
-    """Constraints on the motion itself, or on sums of its amplitudes.
+    """Constraints on the motion itself, or on sums of the amplitudes of the series.
 
     Raises:
-        ArmidError: There are no limits of that kind.
+        ArmidError: The kind of limits is unknown.
     """
     if constraints.limits not in LIMIT_KINDS:
         raise ArmidError(
-            f"There are no limits of kind {constraints.limits!r}.",
+            f"Unknown kind of limits {constraints.limits!r}.",
             possible=", ".join(LIMIT_KINDS),
             remedy=did_you_mean(constraints.limits, LIMIT_KINDS),
         )
@@ -280,7 +288,7 @@ def _motion(limits: Limits, basis: SeriesBasis, constraints: DesignConstraints) 
 def judged_torque(
     goal: CriterionGoal, limits: Limits, constraints: DesignConstraints
 ) -> tuple[Torque | None, tuple[Finding, ...]]:
-    """Constraint on torque, with findings on the masses that it is computed with."""
+    """Constraint on torque, with findings about the masses with which torque is computed."""
     if constraints.torque_margin is None:
         return None, ()
     unlimited = [limits.joints[j] for j in np.flatnonzero(~np.isfinite(limits.effort))]
@@ -290,31 +298,39 @@ def judged_torque(
     if values is None:
         nominal = goal.model.nominal_parameters()
         values = None if nominal is None or not nominal.any() else goal.base.values_of(nominal)
-        evidence = "torque is computed from the description's links, without friction"
+        evidence = "torque is computed from the masses and inertias of the description, without friction"
         findings = (*findings, Finding("torque-nominal", "info", "", evidence))
         robot = goal.model.robot
         limited = [name for name, limit in zip(limits.joints, limits.effort, strict=True) if np.isfinite(limit)]
         if values is not None and (empty := [name for name in massless_joints(robot) if name in limited]):
-            evidence = f"{', '.join(empty)} move no mass by the description, so their torque is taken as zero"
-            remedy = f"give {inertial_key(robot)} for what they move, or a run of an identification with --after."
+            evidence = (
+                f"in the description, the links that {', '.join(empty)} move have no mass, so the torque of these "
+                "joints is assumed to be zero"
+            )
+            remedy = (
+                f"add {inertial_key(robot)} to the links that they move, or give the folder of an identification "
+                "run with --after."
+            )
             findings = (*findings, Finding("torque-unknown", "warning", ", ".join(empty), evidence, remedy))
     if values is None:
-        evidence = f"torque is not judged: {goal.model.robot.name} gives no masses, so torque is not limited"
-        remedy = "give a run of an identification with --after."
+        evidence = (
+            f"torque is not checked and not limited, because the description of {goal.model.robot.name} has no masses"
+        )
+        remedy = "give the folder of an identification run with --after."
         return None, (Finding("torque-unknown", "warning", "", evidence, remedy), *findings[: bool(unlimited)])
     return torque_channel(limits, values, constraints.torque_margin), findings
 
 
 def _unjudged(joints: Sequence[str], robot: Robot) -> Finding:
-    """Finding that the torque of joints without an effort limit is not judged."""
+    """Finding that the torque of joints without an effort limit is not checked."""
     which = "any joint" if len(joints) == robot.n else ", ".join(joints)
-    masses = ", and no mass" if len(massless_joints(robot)) == robot.n else ""
-    evidence = f"torque of {which} is not judged: no effort limit is given{masses}"
-    return Finding("torque-unjudged", "info", "", evidence, "give it with --limit JOINT.effort=VALUE.")
+    masses = ", and no mass is known" if len(massless_joints(robot)) == robot.n else ""
+    evidence = f"the torque of {which} is not checked, because no effort limit is given{masses}"
+    return Finding("torque-unjudged", "info", "", evidence, "give the limit with --limit JOINT.effort=VALUE.")
 
 
 def pose_holds(goal: CriterionGoal, torque: Torque | None) -> Holds:
-    """Test for poses that the joints can hold with torque to spare."""
+    """Test whether the joints can hold a pose with a reserve of torque."""
     if torque is None:
         return any_pose
 
@@ -327,7 +343,7 @@ def pose_holds(goal: CriterionGoal, torque: Torque | None) -> Holds:
 
 
 def _with_leads(basis: SeriesBasis, x: Array, goal: DesignGoal, limits: Limits, name: str) -> Plan:
-    """The plan with motions from and to other poses, no faster than half the limits."""
+    """Plan with motions from and to other poses, which use at most half of the velocity limits."""
     series = basis.excitation(x, name)
     start = series.at([0.0]).q[0]
     acceleration = np.where(np.isfinite(limits.acceleration), limits.acceleration, LEAD_ACCELERATION)
@@ -337,8 +353,9 @@ def _with_leads(basis: SeriesBasis, x: Array, goal: DesignGoal, limits: Limits, 
             return 0.0
         if np.shape(pose) != start.shape:
             raise ArmidError(
-                f"A pose has {np.size(pose)} numbers; the arm has {len(start)} joints.",
-                remedy="give one number a joint.",
+                f"A pose before or after the motion has {np.size(pose)} numbers, but the arm has {len(start)} "
+                "joints.",
+                remedy="give one number for each joint.",
             )
         return max(seconds_for(pose - start, LEAD_SHARE * limits.velocity, acceleration, limits.jerk), 0.1)
 
@@ -346,10 +363,10 @@ def _with_leads(basis: SeriesBasis, x: Array, goal: DesignGoal, limits: Limits, 
 
 
 def _check_leads(plan: Plan, robot: Robot, collision: CollisionOptions | None) -> None:
-    """Refuses motions from and to other poses on which bodies come too close.
+    """Refuses motions from and to other poses during which bodies come too close to each other.
 
     Raises:
-        ArmidError: Bodies come too close; the message names the pair.
+        ArmidError: Bodies come too close to each other; the message names the pair.
     """
     if collision is None or not plan.lead_in + plan.lead_out:
         return
@@ -363,7 +380,7 @@ def _check_leads(plan: Plan, robot: Robot, collision: CollisionOptions | None) -
         close = [each for each in nearest if not each.kept]
         if close:
             raise ArmidError(
-                f"On the way from or to the {name} pose, {close[0].pair} come within "
+                f"During the motion from or to the {name} pose, {close[0].pair} come as close as "
                 f"{1000 * max(close[0].distance, 0.0):.0f} mm.",
-                remedy="choose another pose, or go there by hand and leave it out.",
+                remedy="choose another pose, or leave the pose out and move the arm there by hand.",
             )

@@ -23,7 +23,7 @@ from armid.values import replace_file
 
 
 def refuse_plan_folder(folder: Path | str) -> None:
-    """Refuses a folder that a plan must not replace, before any work is done."""
+    """Refuses a folder that a plan must not replace, before the design starts."""
     refuse(folder, PLAN_FILE, "plan")
 
 
@@ -31,12 +31,12 @@ def choose_formats(names: Sequence[str] | None) -> tuple[str, ...]:
     """Names of the chosen formats; all if none are named.
 
     Raises:
-        ArmidError: There is no such format.
+        ArmidError: A format is unknown.
     """
     unknown = [name for name in names or () if name not in FORMATS]
     if unknown:
         raise ArmidError(
-            f"There is no format {unknown[0]!r}.",
+            f"Unknown format {unknown[0]!r}.",
             possible=", ".join(FORMATS),
             remedy=did_you_mean(unknown[0], FORMATS),
         )
@@ -101,7 +101,7 @@ def _moves_record(designed: DesignedMoves) -> dict[str, Any]:
 
 
 def _verdict_record(designed: Designed | DesignedMoves) -> dict[str, Any]:
-    """Verdict, pairs that are left out, and findings."""
+    """Part of `plan.json` with the verdict, the pairs that are not checked, and the findings."""
     report = designed.preflight
     return {
         "verdict": report.verdict,
@@ -119,14 +119,16 @@ def save_design(
     rate: float | None = None,
     rehearsal: float = 0.2,
 ) -> Path:
-    """Writes the folder of a design, whole or not at all; without motions for controllers if its verdict is `fail`.
+    """Writes the folder of a design, completely or not at all.
+
+    If the verdict of the design is `fail`, motions for controllers are not written.
 
     Args:
         designed: The design.
         folder: Output folder; an existing plan is replaced.
-        formats: Names of formats; those that cannot represent this arm are left out.
-        rate: Sample rate in every format [Hz]; each format's default if not given.
-        rehearsal: Speed of the rehearsal as a share of the plan's.
+        formats: Names of formats; formats that cannot represent this arm are left out.
+        rate: Sample rate in every format [Hz]; if not given, the default of each format.
+        rehearsal: Speed of the rehearsal as a share of the speed of the plan.
     """
     record = plan_record(designed)
     with whole_folder(folder, PLAN_FILE, "plan") as draft:
@@ -150,9 +152,9 @@ def _write_motions(
 
 
 def track_of(plan: Plan | Moves, robot: Robot, rate: float) -> SampledMotion:
-    """A plan sampled for a controller."""
+    """Samples a plan for a controller."""
     if not rate > 0.0:
-        raise ArmidError(f"A motion is sampled at a rate above zero; found {rate} Hz.")
+        raise ArmidError(f"The sample rate of a motion must be above zero; found {rate} Hz.")
     prismatic = tuple(joint.is_prismatic for joint in robot.joints)
     if isinstance(plan, Moves):
         return SampledMotion(robot.name, robot.joint_names, prismatic, plan.sample(rate))

@@ -14,7 +14,8 @@ from armid.study.plans.surroundings import AssumedFloor
 from armid.values import Array
 
 LIMIT_KINDS = ("true", "thesis", "thesis-literal")
-"""Forms of position and velocity limits: on the motion itself, or on sums of amplitudes as in (3.55d-f)."""
+"""Forms of position and velocity limits: on the motion, or on sums of amplitudes (equations 3.55d-f of the
+thesis)."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -26,10 +27,11 @@ class DesignGoal:
         duration: Length of a period [s].
         harmonics: Number of harmonics.
         start: Start pose, shape (n,) [rad or m]; chosen automatically if not given.
-        free_start: Whether the start pose is among the unknowns.
-        free_centre: Whether joints may oscillate about another pose than the start, which (3.55c) excludes.
-        begin: Pose from which the arm comes, shape (n,); the start if not given.
-        end: Pose to which it goes afterwards, shape (n,); the start if not given.
+        free_start: True if the start pose is one of the unknowns.
+        free_centre: True if joints may oscillate about a pose other than the start pose, which equation (3.55c) of
+            the thesis excludes.
+        begin: Pose of the arm before the motion, shape (n,) [rad or m]; the start pose if not given.
+        end: Pose of the arm after the motion, shape (n,) [rad or m]; the start pose if not given.
     """
 
     goal: CriterionGoal
@@ -48,17 +50,18 @@ class DesignConstraints:
 
     Attributes:
         limits: One of `LIMIT_KINDS`.
-        given: Limits by joint and kind that replace the description's.
-        acceleration: Of every joint [rad/s² or m/s²]; none where not given.
-        jerk: Of every joint [rad/s³ or m/s³]; none where not given.
-        torque_margin: Share of the torque limits that is kept free; `None` does not limit torque.
-        parameters: Identified base parameters for torque, shape (b,); the description's if not given.
-        clearance: Smallest distance between bodies [m]; `None` does not check collisions.
+        given: Limits, by joint and kind, that replace the limits of the description.
+        acceleration: Limit of the acceleration of every joint [rad/s² or m/s²]; no limit if not given.
+        jerk: Limit of the jerk of every joint [rad/s³ or m/s³]; no limit if not given.
+        torque_margin: Share of the torque limits that must stay unused; with `None` torque is not limited.
+        parameters: Identified base parameters from which torque is computed, shape (b,); if not given, those of the
+            description.
+        clearance: Smallest distance between bodies [m]; with `None` collisions are not checked.
         surroundings: Bodies that do not move.
-        floor: Assumed floor, ignored where the arm does not start above it.
-        workspace: Region that the tip must stay in.
-        envelope: Motion whose velocity and acceleration are not exceeded.
-        envelope_by_joint: Whether the envelope applies joint by joint, or as the maximum over all joints.
+        floor: Assumed floor, which is ignored if the arm does not start above it.
+        workspace: Region in which the tip must stay.
+        envelope: Motion whose velocities and accelerations must not be exceeded.
+        envelope_by_joint: True if the envelope applies joint by joint; otherwise the maximum over all joints applies.
         ignored: Pairs of bodies that are not checked.
     """
 
@@ -82,9 +85,9 @@ class SearchBudget:
     """Budget of the search.
 
     Attributes:
-        budget: Wall time of the search [s]; `None` if only `rounds` ends it.
+        budget: Wall time of the search [s]; `None` if only `rounds` limits the search.
         seed: Seed of the random starts.
-        workers: Number of processes; 0 searches in the present one.
+        workers: Number of processes; with 0 the search runs in the present process.
         rounds: Largest number of rounds.
     """
 

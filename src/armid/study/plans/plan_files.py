@@ -1,4 +1,4 @@
-"""Reading of plan files: `plan.json` with its surroundings, its series, and motions for controllers."""
+"""Reading of plan files: `plan.json`, with its surroundings and its series, and motions for controllers."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def series_of(name: str) -> Excitation:
     """Series of a built-in plan, a `plan.json`, a folder with one, or a motion file next to its `plan.json`.
 
     Raises:
-        ArmidError: There is none.
+        ArmidError: There is no such plan.
     """
     if name in PLANS:
         return builtin_plan(name)
@@ -46,26 +46,26 @@ def motion_of_plan(name: str, robot: Robot, rate: float) -> Motion | None:
     Args:
         name: A built-in plan, a `plan.json`, a folder with one, or a motion in one of the formats of `armid excite`.
         robot: The arm.
-        rate: Samples a second of a plan [Hz]; a file has its own.
+        rate: Sample rate of a plan [Hz]; a motion in a file has its own rate.
 
     Raises:
-        ArmidError: A plan that cannot be read, or of another arm.
+        ArmidError: The plan cannot be read, or it is for another arm.
     """
     if not is_plan(name):
         return _motion_of_format(Path(name), robot)
     if not 0.0 < rate < np.inf:
-        raise ArmidError(f"A plan is sampled at a rate above 0; found {rate:g} Hz.")
+        raise ArmidError(f"The sample rate of a plan must be above 0; found {rate:g} Hz.")
     plan, _ = read_whole_plan(name)
     motion = plan.sample(rate) if isinstance(plan, Moves) else plan.excitation.sample(rate)
     if motion.n != robot.n:
         raise ArmidError(
-            f"{name} moves {motion.n} joints; {robot.name} has {robot.n}.", remedy="give a plan for this arm."
+            f"{name} moves {motion.n} joints, but {robot.name} has {robot.n}.", remedy="give a plan for this arm."
         )
     return motion
 
 
 def _motion_of_format(path: Path, robot: Robot) -> Motion | None:
-    """Motion in a file of a controller's format with the robot's joints; `None` if it is none."""
+    """Motion in a file for a controller, with the joints of the robot; `None` if the file has another format."""
     for form in FORMATS.values():
         if path.name.endswith(form.SUFFIX) and path.is_file():
             try:
@@ -79,10 +79,10 @@ def _motion_of_format(path: Path, robot: Robot) -> Motion | None:
 
 
 def read_whole_plan(name: str) -> tuple[Plan | Moves, tuple[Shape, ...]]:
-    """Plan of a name, and the surroundings that it was designed for.
+    """Reads a plan and the surroundings for which it was designed.
 
     Raises:
-        ArmidError: There is none, or it lacks something.
+        ArmidError: There is no such plan, or it is incomplete.
     """
     if name in PLANS:
         return Plan(builtin_plan(name)), ()
@@ -105,11 +105,11 @@ def read_whole_plan(name: str) -> tuple[Plan | Moves, tuple[Shape, ...]]:
         )
         return plan, tuple(_shape(each) for each in record.get("surroundings", ()))
     except (KeyError, TypeError, ValueError) as error:
-        raise ArmidError(f"{path} is no plan: {error}.", remedy="design it again with armid excite.") from error
+        raise ArmidError(f"{path} is no plan: {error}.", remedy="design the plan again with armid excite.") from error
 
 
 def limits_of_plan(name: str, robot: Robot) -> Limits | None:
-    """Limits of the joints that a plan was designed under; `None` where the file has none of these joints.
+    """Limits of the joints with which a plan was designed; `None` if the file has none of these joints.
 
     Args:
         name: A built-in plan, a `plan.json` or a folder with one.
@@ -133,14 +133,15 @@ def limits_of_plan(name: str, robot: Robot) -> Limits | None:
         return Limits(robot.joint_names, **values)
     except (AttributeError, KeyError, OSError, TypeError, ValueError) as error:
         raise ArmidError(
-            f"The joint_limits of {path} cannot be read: {error}.", remedy="design it again with armid excite."
+            f"The key `joint_limits` of {path} cannot be read: {error}.",
+            remedy="design the plan again with armid excite.",
         ) from error
 
 
 LIMITS_LEFT_OUT = {"lower": -np.inf, "upper": np.inf} | dict.fromkeys(
     ("velocity", "acceleration", "jerk", "effort"), np.inf
 )
-"""Limits of a joint in a `plan.json` where they are null."""
+"""Values of the limits that are null in a `plan.json`."""
 
 
 def limits_record(limits: Limits) -> dict[str, Any]:
@@ -174,4 +175,4 @@ def _moves(record: Mapping[str, Any], path: Path) -> Moves:
             tuple(str(each["kind"]) for each in stretches),
         )
     except (KeyError, TypeError, ValueError) as error:
-        raise ArmidError(f"{path} is no plan: {error}.", remedy="design it again with armid excite.") from error
+        raise ArmidError(f"{path} is no plan: {error}.", remedy="design the plan again with armid excite.") from error

@@ -1,4 +1,4 @@
-"""Design of static poses or sweeps from a robot and constraints: start pose, moves, check against all limits."""
+"""Design of static poses or sweeps from a robot and constraints: start pose, moves, and check of all limits."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ CHECK_RATE, APPROACH_RATE = 1000.0, 100.0
 """Rates at which limits and distances of bodies are checked along the moves [Hz]."""
 
 CHUNK = 2000
-"""Points whose torque is computed at a time."""
+"""Number of points for which torque is computed at once."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -49,7 +49,7 @@ class MovesGoal:
     Attributes:
         kind: `poses` or `sweeps`.
         poses: Number of static poses.
-        rest: Rest in each of them [s].
+        rest: Time at rest in each static pose [s].
         start: Start pose, shape (n,) [rad or m]; chosen automatically if not given.
         seed: Seed of the random poses.
     """
@@ -70,7 +70,7 @@ class DesignedMoves:
         plan: The moves.
         model: Arm and torque terms.
         limits: Limits of the joints.
-        torque: Limits of the torque; `None` where torque is not judged.
+        torque: Limits of the torque; `None` if torque is not checked.
         preflight: Check of the moves against all limits.
         findings: Findings of the design.
         collision: Bodies that are kept apart; `None` where collisions are not checked.
@@ -97,7 +97,7 @@ class DesignedMoves:
 
     @property
     def heading(self) -> str:
-        """Number of segments of each kind, and duration."""
+        """Text with the number of segments of each kind and the duration."""
         kinds = self.plan.kinds
         counts = ", ".join(f"{kinds.count(kind)} {kind}s" for kind in dict.fromkeys(kinds))
         return f"{counts} in {self.plan.duration:.0f} s"
@@ -120,15 +120,16 @@ def design_moves(model: DynamicsModel, goal: MovesGoal, constraints: DesignConst
         constraints: Limits that the moves must keep.
 
     Raises:
-        ArmidError: The kind is unknown, a workspace is given, or bodies come too close to each other on the way.
+        ArmidError: The kind is unknown, a workspace is given, or bodies come too close to each other during the
+            moves.
     """
     robot, base = model.robot, find_base_parameters(model)
     if goal.kind not in ("poses", "sweeps"):
-        raise ArmidError(f"There is no experiment {goal.kind!r}.", possible="series, poses, sweeps")
+        raise ArmidError(f"Unknown kind of motion {goal.kind!r}.", possible="series, poses, sweeps")
     if constraints.workspace is not None:
         raise ArmidError(
-            f"A box of the tip is kept by a series only, not by {goal.kind}.",
-            remedy="narrow the positions with --limit JOINT.position=LOW:HIGH, and leave out --tip-box.",
+            f"A box for the tip can only be kept by a series, not by {goal.kind}.",
+            remedy="leave --tip-box out, and give narrower position limits with --limit JOINT.position=LOW:HIGH.",
         )
     limits = constrained_limits(robot, constraints)
     criterion = CriterionGoal(model, base, "d-optimal", np.ones(robot.n), APPROACH_RATE, 1)
@@ -153,8 +154,10 @@ def design_moves(model: DynamicsModel, goal: MovesGoal, constraints: DesignConst
     colliding = np.flatnonzero(~collision_free(motion.q))
     if len(colliding):
         raise ArmidError(
-            f"Bodies come too close {motion.time[colliding[0]]:.1f} s into the {goal.kind}.",
-            remedy="narrow the positions with --limit JOINT.position=LOW:HIGH, or choose another --start or --seed.",
+            f"Bodies come too close to each other {motion.time[colliding[0]]:.1f} s after the begin of the "
+            f"{goal.kind}.",
+            remedy="give narrower position limits with --limit JOINT.position=LOW:HIGH, or choose another --start "
+            "or --seed.",
         )
     approaches = (
         () if collision is None
@@ -172,7 +175,7 @@ def design_moves(model: DynamicsModel, goal: MovesGoal, constraints: DesignConst
 def _margins(
     motion: Motion, robot: Robot, limits: Limits, torque: Torque | None, goal: CriterionGoal
 ) -> tuple[Margin, ...]:
-    """Margins of a motion to every limit; between its points each utilisation may rise by its largest step."""
+    """Margins of a motion to every limit; between points, a value may rise by at most its largest step."""
     middle, half = 0.5 * (limits.upper + limits.lower), 0.5 * (limits.upper - limits.lower)
     jerk = np.diff(motion.ddq, axis=0, append=motion.ddq[-1:]) * CHECK_RATE
     result: list[Margin] = []

@@ -16,22 +16,22 @@ from armid.study.plans.poses_and_sweeps import DesignedMoves
 from armid.study.records import finding_record
 
 Checked = Designed | DesignedMoves
-"""A motion with its pre-flight check."""
+"""Designed motion with its preflight check."""
 
 MOST_LINES = 12
-"""Parameters and pairs that the text shows; the JSON has all of them."""
+"""Largest number of parameters and of pairs in the text; the JSON contains all of them."""
 
 MARKS = {"pass": "✓", "fail": "✗", "weak": "!", "not checked": "–"}
-"""Before each verdict."""
+"""Marks that precede the verdicts."""
 
 NOT_LOOKED_AT = (
-    "(share of random poses in which they touch, findings pairs-touching-always and pairs-touching-mostly; or who "
-    "left them out, finding pairs-ignored)"
+    "(share of random poses in which they touch, see the findings pairs-touching-always and "
+    "pairs-touching-mostly; or the option or file that leaves them out, see the finding pairs-ignored)"
 )
-"""Explanation of the pairs of bodies that are left out."""
+"""Explanation of the pairs of bodies that are not checked."""
 
-MEASURED = "measured between the bodies as described, convex hulls around them, or triangles of meshes"
-"""Kinds of distances in the rows of closest approaches."""
+MEASURED = "distances between the shapes of the description, their convex hulls, or triangles of meshes"
+"""Explanation of the kinds of distances in the rows of closest approaches."""
 
 
 def mark_of(report: Preflight) -> str:
@@ -40,7 +40,7 @@ def mark_of(report: Preflight) -> str:
 
 
 def findings_of(designed: Checked) -> tuple[Finding, ...]:
-    """Findings of the description and of the design, each once."""
+    """Findings of the description and of the design, without duplicates."""
     return tuple(dict.fromkeys((*designed.robot.findings, *designed.findings)))
 
 
@@ -103,11 +103,11 @@ def _expected_record(expected: Expectation) -> dict[str, Any]:
 
 
 def report_text(designed: Checked, *, findings: bool = True) -> str:
-    """The report for people.
+    """Preflight report as text.
 
     Args:
         designed: The design.
-        findings: Whether findings are appended; on a screen they are printed separately.
+        findings: True if findings are appended; on a screen they are printed separately.
     """
     report = designed.preflight
     lines = [
@@ -117,7 +117,7 @@ def report_text(designed: Checked, *, findings: bool = True) -> str:
         *(_criterion_lines(designed) if isinstance(designed, Designed) else []),
         f"start pose: {start_text(designed)}",
         "",
-        "limits (share of the limit on a grid of 1 kHz, and certified between its points)",
+        "limits (share of the limit on a grid of 1 kHz, and certified share between the points of the grid)",
         f"  {margins_text(designed)}",
         *(_limit_line(m, designed) for m in report.margins if m.limit != "collision"),
     ]
@@ -125,7 +125,7 @@ def report_text(designed: Checked, *, findings: bool = True) -> str:
         lines += _approach_lines(report)
     if report.skipped:
         left = "; ".join(each.account for each in report.skipped)
-        lines += ["", f"not looked at {NOT_LOOKED_AT}: {left}"]
+        lines += ["", f"not checked {NOT_LOOKED_AT}: {left}"]
     if isinstance(designed, Designed):
         lines += _expected_lines(designed)
     if findings:
@@ -134,7 +134,7 @@ def report_text(designed: Checked, *, findings: bool = True) -> str:
 
 
 def _approach_lines(report: Preflight) -> list[str]:
-    """Lines with the closest approaches, pairs of constant distance last."""
+    """Lines with the closest approaches; pairs with constant distance come last."""
     changing = [each for each in report.approaches if not each.constant]
     constant = [each for each in report.approaches if each.constant]
     lines = ["", f"closest approaches (required distance; {MEASURED})"]
@@ -150,13 +150,13 @@ def _approach_lines(report: Preflight) -> list[str]:
 
 
 def constant_text(constant: Sequence[ClosestApproach]) -> str:
-    """Sentence that names pairs of constant distance, with their distances and the required ones."""
+    """Sentence that names pairs with constant distance, their distances, and the required distances."""
     pairs = "; ".join(f"{a.pair} {1000 * a.distance:.1f} mm ({1000 * a.asked:.1f} mm)" for a in constant)
     return f"neighbours whose distance stays the same in all poses (required distance): {pairs}"
 
 
 def _criterion_lines(designed: Designed) -> list[str]:
-    """Line with the criterion of a series, and its values."""
+    """Line with the criterion of a series and its values."""
     expected = designed.expected
     return [
         f"designed for {designed.problem.goal.criterion}; condition number {expected.condition:.2f}, "
@@ -165,7 +165,7 @@ def _criterion_lines(designed: Designed) -> list[str]:
 
 
 def _limit_line(margin: Margin, designed: Checked) -> str:
-    """Line for one limit; for positions with the range."""
+    """Line for one limit; for a position, with its range."""
     when = "" if np.isnan(margin.time) else f" at {margin.time:6.2f} s"
     shares = f"{100 * margin.share:6.1f} %  {100 * margin.certified:6.1f} %{when}"
     spread = designed.spread(margin)
@@ -178,7 +178,7 @@ def _limit_line(margin: Margin, designed: Checked) -> str:
 
 
 def _expected_lines(designed: Designed) -> list[str]:
-    """Lines with the standard deviations that the recording will give."""
+    """Lines with the predicted standard deviations of the parameters after the recording."""
     goal, expected = designed.problem.goal, designed.expected
     units = [joint.effort_unit for joint in goal.model.robot.joints]
     noises = [f"{x:g} {unit}" for x, unit in zip(goal.noise, units, strict=True)]
@@ -190,7 +190,7 @@ def _expected_lines(designed: Designed) -> list[str]:
     if len(order) > MOST_LINES:
         lines.append(f"  … {len(order) - MOST_LINES} more are smaller; preflight.json has all")
     torque = ", ".join(f"{x:.3g} {unit}" for x, unit in zip(expected.torque, units, strict=True))
-    lines.append(f"  of the torque predicted afterwards, joint by joint: {torque}")
+    lines.append(f"  of the torque that the model then predicts, joint by joint: {torque}")
     return lines
 
 
@@ -201,7 +201,7 @@ def start_text(designed: Checked) -> str:
 
 
 def torque_share(designed: Checked) -> float | None:
-    """Share of the torque limits that the plan may use; `None` where torque is not judged."""
+    """Share of the torque limits that the plan may use; `None` if torque is not checked."""
     torque = designed.torque
     return None if torque is None else float(torque.limit[0] / designed.limits.effort[torque.joints[0]])
 
@@ -210,12 +210,12 @@ def margins_text(designed: Checked) -> str:
     """Sentence with the shares of the velocity and torque limits that the plan may use."""
     share = torque_share(designed)
     if share is None:
-        return "the plan may use 100 % of each velocity limit; its torque is not judged"
+        return "the plan may use 100 % of each velocity limit; its torque is not checked"
     if share == 1.0:
         return "the plan may use 100 % of each velocity limit and of each torque limit"
     return (
-        f"predicted torques are uncertain, so the plan may use {100.0 * share:.0f} % of each torque limit, the bound "
-        "below; of each velocity limit it may use 100 %"
+        f"predicted torques are uncertain, so the plan may use only {100.0 * share:.0f} % of each torque "
+        "limit, which is the bound below; it may use 100 % of each velocity limit"
     )
 
 

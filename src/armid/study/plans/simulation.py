@@ -1,4 +1,4 @@
-"""Simulated recording on disk, with the true parameters."""
+"""Simulation of a recording to files, with the true parameters."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class WrittenSimulation:
         simulated: The simulation.
         recording: The log.
         truth: True parameters and options, as JSON.
-        noise_free: Motion and torque without noise, as NPZ, where requested.
+        noise_free: Motion and torque without noise, as NPZ, if requested.
     """
 
     simulated: Simulated
@@ -46,14 +46,16 @@ def the_plan(name: str, period: float | None = None) -> Excitation:
 
 
 def refuse_format(name: str) -> str:
-    """Suffix of a recording format.
+    """Checks that a format of recordings can be written, and returns its suffix.
 
     Raises:
-        OutputError: It cannot be written.
+        OutputError: The format cannot be written.
     """
     suffix = "." + name.lstrip(".")
     if suffix not in WRITERS:
-        raise OutputError(f"Recordings cannot be written as {name!r}.", possible=", ".join(s[1:] for s in WRITERS))
+        raise OutputError(
+            f"Recordings cannot be written in the format {name!r}.", possible=", ".join(s[1:] for s in WRITERS)
+        )
     return suffix
 
 
@@ -77,8 +79,8 @@ def simulate_to(
         options: Options of the simulation.
         kind: Format of the recording.
         seed: Seed of noise and faults.
-        noise_free: Whether to write motion and torque without noise, too.
-        tell: Told the share that is done.
+        noise_free: True if motion and torque without noise are written, too.
+        tell: Called with the finished share.
     """
     suffix, folder = refuse_format(kind), Path(folder)
     done = simulate(truth_of(robot), plan, options, seed=seed, tell=tell)
@@ -92,7 +94,7 @@ def simulate_to(
 
 
 def _archive(trace: TrueMotion, rate: float) -> bytes:
-    """NPZ file with the true motion at the instants of the log's rows, before jitter and delays."""
+    """NPZ file with the true motion at the times of the rows of the log, before jitter and delays."""
     every = round(1.0 / (rate * (trace.time[1] - trace.time[0])))
     names = {name: getattr(trace, name) for name in trace.__slots__}
     buffer = io.BytesIO()

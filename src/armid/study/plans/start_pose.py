@@ -1,4 +1,4 @@
-"""Start pose of a motion, given or chosen, and the bodies that are kept apart from there."""
+"""Start pose of a motion, given or chosen, and the collision model of its bodies."""
 
 from __future__ import annotations
 
@@ -26,18 +26,18 @@ from armid.study.plans.goals import DesignConstraints
 from armid.values import Array
 
 TIGHT = 0.1
-"""Share of swings that are free about a start pose below which capsules are replaced by hulls."""
+"""Share of random moves from a start pose that are free of collisions, below which hulls replace capsules."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Placement:
-    """Start pose of a motion, with its collision model.
+    """Start pose of a motion, with the collision model.
 
     Attributes:
         start: The pose, shape (n,) [rad or m].
         collision: Bodies that are kept apart; `None` where collisions are not checked.
         findings: Findings on start pose, floor and collisions.
-        unchecked: Reason why collisions are not checked; empty where they are.
+        unchecked: Reason why collisions are not checked; empty if they are checked.
     """
 
     start: Array
@@ -49,10 +49,10 @@ class Placement:
 def place_motion(
     robot: Robot, limits: Limits, constraints: DesignConstraints, given: Array | None, holds: Holds = any_pose
 ) -> Placement:
-    """Checks a given start pose or chooses one with free range around it, and makes its collision model.
+    """Checks a given start pose or chooses one with free space around it, and makes the collision model.
 
-    The usual start is zero for each joint that may be there, else the middle of its range. Where bodies must keep
-    apart, or the joints cannot hold that pose, `armid.excitation.start_pose` chooses another.
+    The usual start position of a joint is zero if the limits allow it, otherwise the middle of the range. If bodies
+    must keep a distance, or the joints cannot hold this pose, `armid.excitation.start_pose` chooses another pose.
 
     Args:
         robot: The arm.
@@ -62,12 +62,12 @@ def place_motion(
         holds: Test for poses that the joints can hold.
 
     Raises:
-        ArmidError: The pose breaks a limit, or bodies are too close in it.
+        ArmidError: The pose violates a limit, or bodies are too close to each other in it.
     """
     if given is not None:
         given = _checked_start(robot, limits, given)
     if constraints.clearance is None:
-        why = "left out (--no-collision)" if robot.shapes else "the description has no bodies"
+        why = "the check was left out (--no-collision)" if robot.shapes else "the description has no shapes of bodies"
         start, findings = (given, ()) if given is not None else _without_bodies(robot, limits, holds)
         return Placement(start, None, (*findings, _unseen(why)), why)
     floor = None if constraints.floor is None else constraints.floor.shape
@@ -90,7 +90,7 @@ def _among_bodies(
     given: Array | None,
     holds: Holds,
 ) -> Placement:
-    """The start among bodies."""
+    """Start pose among bodies."""
     assert constraints.clearance is not None
     cell = make_collision_model(robot, limits, around, margin=constraints.clearance, ignored=constraints.ignored)
     findings: tuple[Finding, ...] = ()
@@ -104,9 +104,9 @@ def _among_bodies(
         start = chosen.pose
         if not chosen.usual:
             evidence = (
-                "limits, bodies or torque leave less room at the usual start pose, so the motion starts from "
-                f"{_positions(robot, start)}; random moves out of it are free for {100 * chosen.free_share:.0f} % of "
-                "their length on average"
+                "limits, bodies or torque leave less free space around the usual start pose, so the motion "
+                f"starts from {_positions(robot, start)}; on average, random moves from this pose are free of "
+                f"collisions for {100 * chosen.free_share:.0f} % of their length"
             )
             findings = (_chosen(evidence),)
     collision = kept_apart(cell, start)
@@ -114,9 +114,9 @@ def _among_bodies(
 
 
 def _choose(cell: CollisionModel, limits: Limits, holds: Holds) -> tuple[CollisionModel, Start]:
-    """A start pose among bodies, measured by hulls where capsules are so wide that they leave none with room.
+    """Start pose among bodies; hulls replace capsules if capsules are so wide that no pose has free space.
 
-    Where that leaves none either, neighbours whose bodies overlap in most poses are left out.
+    If hulls leave no such pose, pairs of neighbours whose bodies overlap in most poses are left out.
     """
     chosen = find_start(cell, limits, holds)
     if chosen is not None and chosen.free_share >= TIGHT:
@@ -131,7 +131,7 @@ def _choose(cell: CollisionModel, limits: Limits, holds: Holds) -> tuple[Collisi
 
 
 def _without_bodies(robot: Robot, limits: Limits, holds: Holds) -> tuple[Array, tuple[Finding, ...]]:
-    """Usual pose, or another one where the joints cannot hold it."""
+    """Usual start pose, or another pose if the joints cannot hold it."""
     usual = usual_pose(limits)
     if holds(usual[None])[0]:
         return usual, ()
@@ -149,7 +149,7 @@ def _positions(robot: Robot, pose: Array) -> str:
 
 
 def _chosen(evidence: str) -> Finding:
-    return Finding("start-chosen", "info", "", evidence, "choose another with --start.")
+    return Finding("start-chosen", "info", "", evidence, "choose another pose with --start.")
 
 
 def _unseen(why: str) -> Finding:
@@ -158,52 +158,66 @@ def _unseen(why: str) -> Finding:
         "collision-unseen",
         "warning",
         "",
-        f"collisions were not checked: {why}; the arm may meet itself, the floor or what stands by",
+        f"collisions were not checked: {why}; the arm may collide with itself, the floor or other objects",
         "look at the preview and run the rehearsal first.",
     )
 
 
 def _floor(floor: Shape) -> Finding:
-    """Finding that a floor is assumed, and where."""
-    evidence = f"{floor.name}: the plane through the base frame's origin, across gravity; the arm keeps above it"
+    """Finding that a floor is assumed, with its position."""
+    evidence = (
+        f"{floor.name}: the plane through the origin of the base frame, perpendicular to gravity; the arm stays "
+        "above it"
+    )
     return Finding(
-        "floor-assumed", "info", "", evidence, "move it with --floor HEIGHT, or leave it out with --no-floor."
+        "floor-assumed",
+        "info",
+        "",
+        evidence,
+        "change its height with --floor HEIGHT, or leave it out with --no-floor.",
     )
 
 
 def _no_floor(why: str) -> Finding:
-    """Finding that no floor is assumed, and why."""
-    remedy = "say with --floor HEIGHT, in metres over the base, where there is one."
+    """Finding that no floor is assumed, with the reason."""
+    remedy = "if there is a floor, give its height above the base in metres with --floor HEIGHT."
     return Finding("floor-left-out", "info", "", f"no floor is assumed: {why}", remedy)
 
 
 def _without_shapes(robot: Robot) -> tuple[Finding, ...]:
-    """Finding that names the moving links without bodies, which nothing keeps apart."""
+    """Finding that names moving links without shapes, for which collisions cannot be checked."""
     bare = [link.name for k, link in enumerate(robot.links) if all(shape.link != k for shape in robot.shapes)]
     if not bare:
         return ()
-    evidence = f"{plural(len(bare), 'link')} without bodies in the description, which nothing keeps apart"
+    evidence = f"collisions are not checked for {plural(len(bare), 'link')} without shapes in the description"
     return (Finding("links-without-bodies", "info", "", f"{evidence}: {', '.join(bare)}"),)
 
 
 def _skipped_pairs(collision: CollisionOptions) -> tuple[Finding, ...]:
-    """Pairs of bodies that are not looked at: what touches in nearly all poses, and neighbours that do in most."""
+    """Findings about pairs of bodies that are not checked, because they were left out or touch in most poses."""
     asked = [each for each in collision.skipped if each.reason]
     always = [each for each in collision.skipped if not each.reason and each.share >= ALWAYS]
     mostly = [each for each in collision.skipped if not each.reason and each.share < ALWAYS]
     findings: list[Finding] = []
     if asked:
-        said = f"{_bodies(asked)} {_are(asked)} not looked at, as asked: {'; '.join(each.account for each in asked)}"
+        said = (
+            f"{_bodies(asked)} {_are(asked)} not checked, as requested: {'; '.join(each.account for each in asked)}"
+        )
         findings.append(Finding("pairs-ignored", "info", "", said))
     if always:
-        said = f"{_bodies(always)} touch in nearly all poses and {_are(always)} not looked at: {_shares(always)}"
+        said = (
+            f"{_bodies(always)} touch in nearly all poses and {_are(always)} therefore not checked: {_shares(always)}"
+        )
         findings.append(Finding("pairs-touching-always", "info", "", said))
     if mostly:
         said = (
-            f"{_bodies(mostly)} of neighbouring links overlap in most poses, as the bodies of the description are "
-            f"made, and {_are(mostly)} not looked at (share of random poses): {_shares(mostly)}"
+            f"{_bodies(mostly)} of neighbouring links overlap in most poses, because of the shapes in the "
+            f"description, and {_are(mostly)} therefore not checked (share of random poses): {_shares(mostly)}"
         )
-        remedy = "if the links can meet, narrow the joints between them with --limit JOINT.position=LOW:HIGH."
+        remedy = (
+            "if the links can collide, give narrower limits to the joints between them with --limit "
+            "JOINT.position=LOW:HIGH."
+        )
         findings.append(Finding("pairs-touching-mostly", "info", "", said, remedy))
     return tuple(findings)
 
@@ -221,17 +235,17 @@ def _shares(pairs: Sequence[IgnoredPair]) -> str:
 
 
 def _checked_start(robot: Robot, limits: Limits, given: Array) -> Array:
-    """The start pose, checked against its size and limits."""
+    """Start pose, after a check of its size and its limits."""
     start = np.asarray(given, dtype=np.float64)
     if start.shape != (robot.n,):
         raise ArmidError(
-            f"The start pose has {start.size} numbers; {robot.name} has {robot.n} joints.",
-            possible=f"one number a joint, in this order: {', '.join(robot.joint_names)}",
+            f"The start pose has {start.size} numbers, but {robot.name} has {robot.n} joints.",
+            possible=f"one number for each joint, in this order: {', '.join(robot.joint_names)}",
         )
     for name, q, low, high in zip(robot.joint_names, start, limits.lower, limits.upper, strict=True):
         if not low < q < high:
             raise ArmidError(
-                f"The start pose puts {name} at {q:g}, outside {low:g} to {high:g}.",
+                f"The start pose has {name} at {q:g}, outside the limits {low:g} to {high:g}.",
                 remedy="choose a pose inside the limits with --start.",
             )
     return start

@@ -20,17 +20,17 @@ UPRIGHT = 0.996
 """Cosine of the largest angle, five degrees, between gravity and -z of the base of a standing arm."""
 
 STANDS = (-0.05, 0.1)
-"""Range of the height of the lowest body that is fixed to the base, over the base's origin, for a standing arm
-[m]."""
+"""Range of the height, above the origin of the base, of the lowest body that is fixed to the base, for a standing
+arm [m]."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class AssumedFloor:
-    """Assumed floor where none is given.
+    """Floor that is assumed if none is given.
 
     Attributes:
-        shape: The floor; `None` where none is assumed.
-        why: Reason why none is assumed; empty where one is.
+        shape: The floor; `None` if none is assumed.
+        why: Reason why no floor is assumed; empty if a floor is assumed.
     """
 
     shape: Shape | None
@@ -44,28 +44,29 @@ def surroundings_of(options: Mapping[str, Any], robot: Robot) -> tuple[Shape, ..
 
 
 def assumed_floor(robot: Robot, options: Mapping[str, Any]) -> AssumedFloor | None:
-    """Assumes a floor through the base's origin for an arm that stands on it; `None` where a floor is given.
+    """Assumes a floor through the origin of the base for an arm that stands on it; `None` if a floor is given.
 
-    An arm stands on it if gravity points along -z of its base and the bodies that are fixed to the base reach down to
-    about the origin. A humanoid's torso and the carriage of a gantry do not.
+    An arm stands on a floor if gravity points along -z of its base and the lowest of the bodies that are fixed to the
+    base is close to the origin. The torso of a humanoid and the carriage of a gantry do not stand on it.
     """
     if options["floor"] is not None:
         return None
     if options["no_floor"]:
         return AssumedFloor(None, "--no-floor")
     if options["environment"] is not None:
-        return AssumedFloor(None, "--environment says what stands around")
+        return AssumedFloor(None, "the surroundings are given by --environment")
     down = robot.gravity / max(float(np.linalg.norm(robot.gravity)), 1e-12)
     if down[2] > -UPRIGHT:
         return AssumedFloor(None, "gravity does not point along -z of the base")
     if any(shape.kind == "half-space" for shape in robot.shapes):
-        return AssumedFloor(None, "the description has a plane of its own")
+        return AssumedFloor(None, "the description has a plane")
     lowest = min((_lowest(shape) for shape in robot.shapes if shape.link < 0), default=None)
     if lowest is None:
         return AssumedFloor(None, "the description has no body that is fixed to the base")
     if not STANDS[0] <= lowest <= STANDS[1]:
         reason = (
-            f"what is fixed to the base reaches down to {1000.0 * lowest:.0f} mm and does not stand on its origin"
+            f"the lowest body that is fixed to the base is at {1000.0 * lowest:.0f} mm, not at the height of "
+            "the origin of the base"
         )
         return AssumedFloor(None, reason)
     return AssumedFloor(replace(floor(0.0, robot.gravity), name="assumed floor"))
