@@ -64,7 +64,7 @@ def errors_of_identification(study: Study, case: Case) -> list[Finding]:
     (choice,) = study.recordings
     recording = read_recording(choice.path, case.robot, choice.reading)
     model = build_model(case.robot, ModelChoice(terms=("rigid-body",)))
-    return [finding for finding in run_checks(model, [(choice, recording)]) if finding.severity == "error"]
+    return [finding for _, finding in run_checks(model, [(choice, recording)]) if finding.severity == "error"]
 
 
 @pytest.mark.parametrize("fault", EXCHANGED)
