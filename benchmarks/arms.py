@@ -51,8 +51,9 @@ from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics import DynamicsModel
 from armid.model.terms import Coulomb, RigidBody, Viscous
 from armid.robot import Robot, load_robot
-from armid.study.plans.design import DesignConstraints, Designed, DesignGoal, SearchBudget, design_plan
+from armid.study.plans.design import DesignConstraints, DesignGoal, SearchBudget, design_plan
 from armid.study.plans.design_files import save_design
+from armid.study.plans.designed import Designed
 from armid.values import Array
 from flown import ROUNDING, Flight, fly, load_table, load_urdf
 

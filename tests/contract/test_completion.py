@@ -8,7 +8,8 @@ import pytest
 import typer
 
 from armid.cli import value_completion
-from armid.cli.main import COMMANDS, app
+from armid.cli.command_list import COMMANDS
+from armid.cli.main import app
 from armid.excitation.design.criteria import CRITERIA
 from armid.excitation.limits.joint_limits import KINDS
 

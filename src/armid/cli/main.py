@@ -14,25 +14,9 @@ from typing import Annotated, Any
 
 import typer
 
-from armid.cli.commands.base_parameters import base
-from armid.cli.commands.bench import bench
-from armid.cli.commands.certify_consistency import certify
-from armid.cli.commands.demo import demo
-from armid.cli.commands.doctor import doctor
-from armid.cli.commands.export import export
-from armid.cli.commands.identify import identify
-from armid.cli.commands.payload import payload
-from armid.cli.commands.predict import predict
-from armid.cli.commands.recalibrate import recalibrate
-from armid.cli.commands.report import report
-from armid.cli.commands.thesis import thesis
-from armid.cli.commands.track import track
-from armid.cli.commands.validate import validate
+from armid.cli.command_list import COMMANDS
 from armid.cli.folder_overview import next_step
 from armid.cli.help_format import Command
-from armid.cli.motion.excite import excite
-from armid.cli.motion.preview import preview
-from armid.cli.motion.simulate import simulate
 from armid.cli.remedy_options import hint
 from armid.errors import ArmidError
 from armid.threads import keep_freed_memory, prefer_one_thread
@@ -91,25 +75,6 @@ def options(
         sys.stdout.write(next_step())
 
 
-COMMANDS: tuple[Callable[..., None], ...] = (
-    base,
-    excite,
-    simulate,
-    identify,
-    doctor,
-    validate,
-    predict,
-    certify,
-    payload,
-    recalibrate,
-    track,
-    report,
-    preview,
-    export,
-    demo,
-    thesis,
-    bench,
-)
 for command in COMMANDS:
     app.command(cls=Command)(_interruptible(command))
 

@@ -25,7 +25,7 @@ from armid.report.rendering import require_extra
 from armid.report.section import Section
 from armid.report.tables import Column, Table, TableCell
 from armid.robot import Joint
-from armid.study.plans.design import Designed
+from armid.study.plans.designed import Designed
 from armid.study.plans.preflight_text import NOT_LOOKED_AT, Checked, findings_of, margins_text, mark_of, start_text
 from armid.values import Array, replace_file
 

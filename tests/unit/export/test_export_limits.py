@@ -6,7 +6,7 @@ import xml.etree.ElementTree as ET
 
 import pytest
 
-from armid.cli.motion.excite_request import parse_limits
+from armid.cli.motion.number_options import parse_limits
 from armid.errors import ArmidError, OutputError
 from armid.export.write import export_run
 from armid.robot import load_robot

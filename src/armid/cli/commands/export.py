@@ -94,7 +94,7 @@ def export(
 
         armid export runs/today --to c --out code
     """
-    from armid.cli.motion.excite_request import parse_limits
+    from armid.cli.motion.number_options import parse_limits
     from armid.export.write import export_record, export_run
     from armid.runs.run import load_run
     from armid.study.records import to_json

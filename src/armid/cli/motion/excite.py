@@ -211,8 +211,8 @@ def excite(robot: str, **options: Any) -> None:
     from armid.report.preview.page import write_preview
     from armid.report.preview.sources import preview_of_design
     from armid.study.config import build_model, load_choice
-    from armid.study.plans.design import Designed
     from armid.study.plans.design_files import choose_formats, plan_record, refuse_plan_folder, save_design
+    from armid.study.plans.designed import Designed
     from armid.study.plans.preflight_text import report_text
     from armid.study.records import to_json
 

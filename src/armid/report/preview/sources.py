@@ -21,7 +21,7 @@ from armid.runs.locate_recording import read_recording_of
 from armid.runs.records import read_records, trained_and_validated
 from armid.runs.run import Run
 from armid.study.config import RecordingChoice
-from armid.study.plans.design import Designed
+from armid.study.plans.designed import Designed
 from armid.study.plans.plan_files import is_plan, limits_of_plan, motion_of_plan, read_whole_plan
 from armid.study.plans.poses_and_sweeps import DesignedMoves
 from armid.study.read_recordings import read_choice

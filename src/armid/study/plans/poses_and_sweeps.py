@@ -30,9 +30,10 @@ from armid.model.dynamics import DynamicsModel
 from armid.model.motion import Motion
 from armid.robot.kinematics import forward_kinematics
 from armid.robot.robot import Robot
-from armid.study.plans.design import constrained_limits, judged_torque, pose_holds
+from armid.study.plans.design import constrained_limits
 from armid.study.plans.goals import DesignConstraints
 from armid.study.plans.start_pose import place_motion
+from armid.study.plans.torque_constraint import judged_torque, pose_holds
 from armid.values import Array
 
 CHECK_RATE, APPROACH_RATE = 1000.0, 100.0

@@ -11,7 +11,7 @@ from armid.errors import Finding
 from armid.excitation.certification import Margin
 from armid.excitation.collision.closest_approach import ClosestApproach
 from armid.excitation.preflight import Expectation, Preflight
-from armid.study.plans.design import Designed
+from armid.study.plans.designed import Designed
 from armid.study.plans.poses_and_sweeps import DesignedMoves
 from armid.study.records import finding_record
 

@@ -1,0 +1,108 @@
+"""Goal of a design by the options of `armid excite`: criterion, noise, earlier data, motions to predict."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from armid.cli.motion.motion_of_file import motion_of_file, series_of_file
+from armid.cli.motion.number_options import numbers
+from armid.errors import ArmidError
+from armid.excitation.design.objective import CriterionGoal, information_along, known_sizes
+from armid.information.information import Information
+from armid.model.base_parameters import BaseParameters, find_base_parameters
+from armid.model.dynamics import DynamicsModel
+from armid.runs.run import MARKER, load_run
+from armid.values import Array, load
+
+
+def goal_of(model: DynamicsModel, options: Mapping[str, Any]) -> CriterionGoal:
+    """Goal of the design: criterion, noise, information from earlier data, motion to predict.
+
+    After a run the default criterion is the largest relative deviation, which a further recording should reduce.
+    """
+    base, n = find_base_parameters(model), model.n
+    text = options["noise"]
+    single = text is not None and len(text.replace(",", " ").split()) == 1
+    noise = np.ones(n) if text is None else numbers(text, "--noise", 1 if single else n)
+    assert noise is not None
+    plain = CriterionGoal(model, base, "d-optimal", np.resize(noise, n), options["rate"], options["repetitions"])
+    prior: Array | None = None
+    scale: Array | None = None
+    for path in options["after"] or ():
+        known = prior_of_run(path, plain) if (Path(path) / MARKER).is_file() else _of_motion(path, plain)
+        prior = known if prior is None else prior + known
+        if (Path(path) / MARKER).is_file():
+            values, deviations = _estimates(path, base)
+            scale = known_sizes(values, deviations)
+    prediction: Array | None = None
+    for path in options["predict"] or ():
+        along_path = _of_motion(path, plain)
+        prediction = along_path if prediction is None else prediction + along_path
+    default_criterion = "d-optimal" if scale is None else "worst"
+    return replace(
+        plain, criterion=options["criterion"] or default_criterion, prior=prior, prediction=prediction, scale=scale
+    )
+
+
+def _estimates(path: str, base: BaseParameters) -> tuple[Array, Array]:
+    """Base parameters (b,) and deviations (b,) of a run; zero and infinite for parameters not in the run."""
+    fit = load_run(path).estimate.fit
+    index = {name: k for k, name in enumerate(fit.names)}
+    known = np.array([name in index for name in base.names])
+    at = [index[name] for name in base.names if name in index]
+    values, deviations = np.zeros(base.count), np.full(base.count, np.inf)
+    values[known], deviations[known] = fit.values[at], fit.deviation[at]
+    return values, deviations
+
+
+def identified_parameters(paths: Sequence[str], goal: CriterionGoal) -> Array | None:
+    """Base parameters (b,) for the torque limits, from the last run that identified all of them."""
+    for path in reversed(paths):
+        if (Path(path) / MARKER).is_file():
+            values, deviations = _estimates(path, goal.base)
+            if np.isfinite(deviations).all():
+                return values
+    return None
+
+
+def _of_motion(path: str, goal: CriterionGoal) -> Array:
+    """Information matrix (b, b) of one pass through a plan or recording."""
+    series = series_of_file(path)
+    motion = motion_of_file(path, goal.model.robot) if series is None else series.sample(goal.rate)
+    if motion.n != goal.model.n:
+        raise ArmidError(
+            f"{path} moves {motion.n} joints, but {goal.model.robot.name} has {goal.model.n}.",
+            remedy="give a plan or recording of this arm.",
+        )
+    return information_along(goal, motion)
+
+
+def prior_of_run(folder: str, goal: CriterionGoal) -> Array:
+    """Information matrix (b, b) of a run's data for the goal's base parameters, matched by name.
+
+    The stored rows of the run are weighted with the noise of the goal.
+
+    Raises:
+        ArmidError: The run has none of these parameters.
+    """
+    terms = ",".join(term.name for term in load_run(folder).model.terms)
+    information = load(Information, Path(folder) / "information.npz")
+    index = {name: k for k, name in enumerate(goal.base.names)}
+    position = np.array([index.get(name, -1) for name in information.names])
+    if information.n != goal.model.n or (position < 0).all():
+        raise ArmidError(
+            f"The run {folder} has none of the parameters of {goal.model.robot.name} with these terms.",
+            possible=", ".join(information.names[:8]) + ", …",
+            remedy=f"if it is the same arm, give the terms of the run: --terms {terms}.",
+        )
+    result = np.zeros((goal.base.count, goal.base.count))
+    for joint, noise in zip(information.joints, goal.noise, strict=True):
+        rows = joint.R[:, :, :-1].reshape(-1, len(joint.parameters))
+        at = position[joint.parameters]
+        result[np.ix_(at, at)] += rows.T @ rows / noise**2
+    return result
