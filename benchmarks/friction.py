@@ -31,7 +31,7 @@ from armid.model.dynamics import DynamicsModel
 from armid.robot import Robot, load_robot
 from armid.study.config import EstimationChoice, ModelChoice, RecordingChoice, RobotChoice, Study, build_model
 from armid.study.identify import Result, identify
-from armid.study.processed import joined_observations, process_each
+from armid.study.recordings.processed import joined_observations, process_each
 from armid.values import Array, digest
 
 ARMS = ("iiwa14-r820", "panda", "ur5e")

@@ -42,8 +42,8 @@ from armid.measurement.processing.pipeline import resolve_options
 from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics import DynamicsModel
 from armid.study.config import ModelChoice, build_model, load_choice, load_study
-from armid.study.processed import joined_observations, process_each
-from armid.study.read_recordings import read_choice
+from armid.study.recordings.processed import joined_observations, process_each
+from armid.study.recordings.reading import read_choice
 from armid.values import Array
 
 STUDIES = Path(__file__).parents[1] / "tests" / "real" / "studies"

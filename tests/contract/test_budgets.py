@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TypeGuard
@@ -15,7 +16,7 @@ ROOT = Path(__file__).parents[2]
 SOURCES = sorted((ROOT / "src").rglob("*.py"))
 NATIVE = sorted((ROOT / "native").glob("*.?pp"))
 
-FILE, NATIVE_FILE, FUNCTION, ATTRIBUTES, NAMES = 400, 500, 60, 10, 25
+FILE, NATIVE_FILE, FUNCTION, ATTRIBUTES, NAMES, MODULES = 400, 500, 60, 10, 25, 15
 
 MORE_ATTRIBUTES = {
     "Fit": 18,  # what an estimate is judged by, each number of a kind of its own
@@ -104,3 +105,8 @@ def test_public_names():
 
 def test_something_was_looked_at():
     assert len(SOURCES) > 50 and len(NATIVE) > 5 and sum(1 for _ in classes()) > 20
+
+
+def test_packages_have_few_modules():
+    modules = Counter(path.parent.relative_to(ROOT / "src") for path in SOURCES if path.stem != "__init__")
+    assert {str(package): count for package, count in modules.items() if count > MODULES} == {}

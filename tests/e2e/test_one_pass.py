@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 from armid.cli.main import app
 from armid.information import accumulate, regressor_rows
 from armid.runs import run as runs
-from armid.study import processed
+from armid.study.recordings import processed
 from labs import write_recordings, write_study
 
 pytest.importorskip("plotly")

@@ -21,8 +21,8 @@ from armid.measurement.recording import Recording
 from armid.runs.run import load_run, save_run
 from armid.study.config import RecordingChoice, load_study
 from armid.study.identify import identify
-from armid.study.processed import process_each
-from armid.study.read_recordings import read_choice
+from armid.study.recordings.processed import process_each
+from armid.study.recordings.reading import read_choice
 from armid.study.score_recordings import score_recordings
 from labs import FRICTION, SENSORS, small_model, small_plan, small_truth, write_arm, write_recording
 

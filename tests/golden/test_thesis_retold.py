@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 
 from armid.cli.main import main
-from armid.study.records import to_json
+from armid.study.storage.records import to_json
 from armid.thesis.page import MARKER, PAGE, render_thesis, thesis_sections, write_thesis
 from armid.thesis.published import published
 from armid.thesis.retell import Thesis, retell, thesis_record

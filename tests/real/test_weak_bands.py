@@ -13,7 +13,7 @@ from armid.information.column_source import column_source
 from armid.information.regressor_rows import all_rows
 from armid.study.identify import conclude
 from armid.study.prepare import prepare
-from armid.study.processed import joined_observations, of_role
+from armid.study.recordings.processed import joined_observations, of_role
 
 STUDIES = Path(__file__).parent / "studies"
 TRAIN, OTHER = "measurements_1.parquet", "measurements_3.parquet"

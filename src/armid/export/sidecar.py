@@ -12,7 +12,7 @@ from armid.estimation.estimate import Estimate, collapse
 from armid.export.types import Content
 from armid.model.base_formulas import base_formulas
 from armid.runs.run import Run
-from armid.study.records import finding_record
+from armid.study.storage.records import finding_record
 from armid.values import Array
 
 KIND = "armid-model 1"

@@ -18,7 +18,7 @@ from armid.model.dynamics import DynamicsModel
 from armid.robot.angle_rounding import rounded
 from armid.robot.robot import Robot
 from armid.runs.run import Run
-from armid.study.processed import process_each
+from armid.study.recordings.processed import process_each
 from armid.validation.prediction import Check, JointCheck
 from armid.values import Array
 

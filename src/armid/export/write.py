@@ -24,7 +24,7 @@ from armid.export.verification import Prediction, places_of, verify, without_pla
 from armid.remedy import Remedy
 from armid.robot.robot import InertialParameters, Link, Robot
 from armid.runs.run import Run
-from armid.study.records import finding_record, to_json
+from armid.study.storage.records import finding_record, to_json
 from armid.validation.prediction import Check
 from armid.values import Array, replace_file
 

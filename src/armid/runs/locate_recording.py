@@ -12,7 +12,7 @@ from armid.measurement.recording import Recording
 from armid.runs.run import Run
 from armid.study.config import RecordingChoice
 from armid.study.demo import MOTIONS, demo_recordings
-from armid.study.read_recordings import read_choice
+from armid.study.recordings.reading import read_choice
 
 
 def read_recording_of(

@@ -20,8 +20,8 @@ from armid.measurement.recording import Recording
 from armid.model.base_parameters import BaseParameters
 from armid.runs.run import Run
 from armid.study.config import RecordingChoice
-from armid.study.processed import ProcessedRecording, joined_observations, process_each
-from armid.study.read_recordings import read_choice
+from armid.study.recordings.processed import ProcessedRecording, joined_observations, process_each
+from armid.study.recordings.reading import read_choice
 from armid.values import Array, load
 
 

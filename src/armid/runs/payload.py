@@ -16,7 +16,7 @@ from armid.model.terms.rigid_body import rigid_body_units
 from armid.runs.new_recordings import NewRecordings, link_columns, load_columns, load_new_recordings
 from armid.runs.run import Run
 from armid.study.plausibility import few_blocks_finding
-from armid.study.records import finding_record
+from armid.study.storage.records import finding_record
 from armid.values import Array
 
 FAR = 3.0

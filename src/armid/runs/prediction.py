@@ -22,8 +22,8 @@ from armid.runs.run import Run
 from armid.study.config import RecordingChoice
 from armid.study.diagnosis import findings_on
 from armid.study.plans.plan_files import motion_of_plan
-from armid.study.processed import process_each
-from armid.study.read_recordings import read_choice
+from armid.study.recordings.processed import process_each
+from armid.study.recordings.reading import read_choice
 from armid.study.score_recordings import score_recordings
 from armid.validation.prediction import Validation, validate
 from armid.validation.prediction_interval import torque_band

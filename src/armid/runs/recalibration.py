@@ -23,8 +23,8 @@ from armid.runs.run import Run
 from armid.study.config import EstimationChoice, RecordingChoice, Study, parse_robot, resolve_model
 from armid.study.identify import Result
 from armid.study.plausibility import few_blocks_finding, negative_finding
-from armid.study.processed import ProcessedRecording, process_each
-from armid.study.read_recordings import read_choice
+from armid.study.recordings.processed import ProcessedRecording, process_each
+from armid.study.recordings.reading import read_choice
 from armid.study.score_recordings import score_recordings
 from armid.threads import one_blas_thread
 from armid.validation.prediction import Score, validate

@@ -21,7 +21,7 @@ from armid.runs.run import Run
 from armid.study.compare_methods import MethodScore, MethodTable
 from armid.study.config import EstimationChoice, ModelChoice, RecordingChoice, Study, parse_robot
 from armid.study.identify import Result
-from armid.study.records import SelectionSummary, selection_summary
+from armid.study.storage.records import SelectionSummary, selection_summary
 from armid.validation.prediction import Check, Score, Validation
 from armid.values import Array
 

@@ -16,7 +16,7 @@ from armid.measurement.processing.pipeline import process_recordings
 from armid.remedy import Remedy, setting
 from armid.runs.run import Run
 from armid.study.config import RecordingChoice
-from armid.study.read_recordings import read_choice
+from armid.study.recordings.reading import read_choice
 from armid.validation.prediction import Check, Validation
 from armid.validation.rollout import Feedback
 from armid.validation.rollout_score import MotionScore, score_motion

@@ -22,11 +22,11 @@ from armid.measurement.processing.options import ProcessingOptions
 from armid.model.dynamics import DynamicsModel
 from armid.notebook import Displayed, Summary
 from armid.robot import Robot
-from armid.study.atomic_folder import refuse, whole_folder
 from armid.study.config import ModelChoice, build_model
 from armid.study.identify import Result
-from armid.study.provenance import RunOrigin, origin_now, origin_of, origin_record
-from armid.study.records import (
+from armid.study.storage.atomic_folder import refuse, whole_folder
+from armid.study.storage.provenance import RunOrigin, origin_now, origin_of, origin_record
+from armid.study.storage.records import (
     estimate_record,
     friction_selection_record,
     log_format_record,

@@ -27,8 +27,8 @@ from armid.information.information import Information, select, total
 from armid.measurement.observations import Observations
 from armid.study.config import build_estimator
 from armid.study.prepare import Prepared, stated_problem
-from armid.study.processed import joined_observations, of_role
 from armid.study.progress import Progress
+from armid.study.recordings.processed import joined_observations, of_role
 from armid.validation.consistency_certificate import certify_values
 from armid.values import Array
 

@@ -20,8 +20,8 @@ from armid.robot import load_robot
 from armid.study.config import EstimationChoice, ModelChoice, RecordingChoice, RobotChoice, Study, build_model
 from armid.study.identify import Result, conclude
 from armid.study.prepare import prepare
-from armid.study.processed import ProcessedRecording
 from armid.study.progress import Progress
+from armid.study.recordings.processed import ProcessedRecording
 from armid.values import Array
 
 HANGING = (0.0, 0.0, 9.81)

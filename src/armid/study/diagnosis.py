@@ -24,7 +24,7 @@ from armid.model.dynamics import DynamicsModel
 from armid.remedy import Remedy
 from armid.robot import Robot
 from armid.study.config import RecordingChoice, Study, build_model, load_choice
-from armid.study.recording_labels import labels, together
+from armid.study.recordings.labels import labels, together
 from armid.study.remedy_translation import tables_of
 from armid.threads import one_blas_thread
 from armid.validation.gravity_sign import gravity_finding

@@ -15,7 +15,7 @@ from armid.study.config import (
     build_estimator,
 )
 from armid.study.extrapolation import highest_speeds
-from armid.study.processed import ProcessedRecording
+from armid.study.recordings.processed import ProcessedRecording
 from armid.values import digest
 
 

@@ -23,8 +23,8 @@ from armid.study.diagnosis import diagnosed_error
 from armid.study.estimate_study import estimate_study
 from armid.study.estimation_defaults import with_origin_of_weight
 from armid.study.prepare import Prepared, prepare, stated_problem
-from armid.study.processed import of_role
 from armid.study.progress import Progress, no_progress
+from armid.study.recordings.processed import of_role
 from armid.study.score_recordings import score_recordings
 from armid.threads import one_blas_thread
 from armid.validation.prediction import (

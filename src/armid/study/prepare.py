@@ -30,9 +30,9 @@ from armid.study.config import (
 from armid.study.default_terms import add_rotor_inertia
 from armid.study.diagnosis import findings_of_each, merged
 from armid.study.estimation_defaults import as_chosen
-from armid.study.processed import ProcessedRecording, joined_observations, of_role, process_each
 from armid.study.progress import Progress, no_progress
-from armid.study.read_recordings import read_all, scale_deviation
+from armid.study.recordings.processed import ProcessedRecording, joined_observations, of_role, process_each
+from armid.study.recordings.reading import read_all, scale_deviation
 from armid.threads import one_blas_thread
 
 

@@ -9,8 +9,8 @@ from armid.errors import Finding
 from armid.estimation.estimate import Estimate
 from armid.model.dynamics import DynamicsModel
 from armid.study.extrapolation import highest_speeds, speed_finding
-from armid.study.processed import ProcessedRecording
-from armid.study.recording_labels import labels
+from armid.study.recordings.labels import labels
+from armid.study.recordings.processed import ProcessedRecording
 from armid.validation.prediction import PredictedRecording, Score, score
 
 

@@ -18,7 +18,7 @@ from armid.measurement.processing.options import ProcessingOptions
 from armid.measurement.recording import Recording
 from armid.model.terms.rigid_body import RIGID_BODY_SYMBOLS
 from armid.study.config import EstimationChoice, RecordingChoice, build_estimator
-from armid.study.processed import joined_observations, process_each
+from armid.study.recordings.processed import joined_observations, process_each
 from armid.thesis.setting import PERIOD, ReferenceModel, Setting
 from armid.values import digest
 

@@ -21,7 +21,7 @@ from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics import DynamicsModel
 from armid.model.terms import Coulomb, RigidBody, RotorInertia, Viscous
 from armid.robot.readers.urdf import read
-from armid.study.records import certificate_record
+from armid.study.storage.records import certificate_record
 from armid.values import Array
 from labs import URDF
 from problems import lively_motion

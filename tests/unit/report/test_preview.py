@@ -31,7 +31,7 @@ from armid.robot import Robot, load_robot
 from armid.robot.kinematics import forward_kinematics
 from armid.robot.shapes import Shape
 from armid.study.plans.plan_files import is_plan, limits_record, read_whole_plan, shape_records
-from armid.study.records import to_json
+from armid.study.storage.records import to_json
 from labs import small_plan, small_recording, write_arm
 from reports import Page
 

@@ -24,9 +24,9 @@ from armid.report.sections.provenance import show_provenance
 from armid.runs.run import Run, load_run, save_run
 from armid.study.config import Study, load_study
 from armid.study.identify import identify
-from armid.study.processed import process_each
-from armid.study.read_recordings import read_choice
-from armid.study.records import to_json
+from armid.study.recordings.processed import process_each
+from armid.study.recordings.reading import read_choice
+from armid.study.storage.records import to_json
 from armid.validation import prediction
 from armid.validation.prediction import score
 from labs import (

@@ -35,7 +35,7 @@ from armid.report.tables import Column, Table, TableCell
 from armid.robot import Robot, load_robot
 from armid.robot.body_names import BodyName, BodyPair
 from armid.runs.run import load_run
-from armid.study.provenance import RunOrigin
+from armid.study.storage.provenance import RunOrigin
 from paged import understood
 from reports import Page, make_run
 

@@ -18,8 +18,8 @@ from armid.study.compare_methods import MethodTable, compare_methods, compare_re
 from armid.study.config import EstimationChoice, ModelChoice, load_study
 from armid.study.identify import Result, conclude
 from armid.study.prepare import Prepared, prepare
-from armid.study.provenance import RunOrigin
-from armid.study.records import plain
+from armid.study.storage.provenance import RunOrigin
+from armid.study.storage.records import plain
 from labs import write_recordings, write_study
 
 MADE = RunOrigin("2025-05-03T14:07:00+02:00", "bench", "1.0")

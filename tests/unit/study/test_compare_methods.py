@@ -27,7 +27,7 @@ from armid.study.compare_methods import compare_methods, compare_record
 from armid.study.config import parse_study
 from armid.study.identify import conclude
 from armid.study.prepare import Prepared, prepare
-from armid.study.records import to_json
+from armid.study.storage.records import to_json
 from labs import STUDY, small_recording, write_arm
 
 GIVEN = {"run1.csv": small_recording(1), "run2.csv": small_recording(2)}

@@ -30,7 +30,7 @@ from armid.study.config import (
 )
 from armid.study.estimation_defaults import with_selection_prior
 from armid.study.identify import Result, identify
-from armid.study.recording_parts import cut_recording
+from armid.study.recordings.parts import cut_recording
 from labs import (
     STUDY,
     small_model,

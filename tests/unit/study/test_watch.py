@@ -13,7 +13,7 @@ from armid.measurement.log_format import LogFormat
 from armid.measurement.recording import Recording
 from armid.study.config import EstimationChoice, ModelChoice, RecordingChoice, RobotChoice, Study
 from armid.study.identify import identify
-from armid.study.recording_labels import labels
+from armid.study.recordings.labels import labels
 from sick import Case, sound
 
 SEED = 0

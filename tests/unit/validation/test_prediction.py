@@ -20,7 +20,7 @@ from armid.measurement.low_pass_band import Band
 from armid.measurement.observations import Observations, ObservedRun
 from armid.model.base_parameters import BaseParameters, find_base_parameters
 from armid.model.terms import RigidBody
-from armid.study.records import to_json, validation_record
+from armid.study.storage.records import to_json, validation_record
 from armid.validation import prediction, prediction_interval
 from armid.validation.prediction import Score, score, validate
 from armid.values import Array

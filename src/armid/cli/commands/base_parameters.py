@@ -63,7 +63,7 @@ def base(
     from armid.model.base_parameters import find_base_parameters
     from armid.model.parameter_counts import count_text
     from armid.study.config import build_model, load_choice
-    from armid.study.records import to_json
+    from armid.study.storage.records import to_json
 
     arm = load_choice(robot_choice(robot, gravity, lock, only, tip, package))
     base_parameters = find_base_parameters(build_model(arm, model_choice(terms, default=BASE_TERMS)))

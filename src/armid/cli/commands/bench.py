@@ -21,7 +21,7 @@ def bench(
     """
     from armid.cli.console import output_console, progress
     from armid.runs.kernel_benchmark import run_benchmarks
-    from armid.study.records import to_json
+    from armid.study.storage.records import to_json
 
     with progress(quiet=json) as tell:
         record = run_benchmarks(samples, progress=tell)

@@ -70,7 +70,7 @@ def certify(
     from armid.runs import consistency_check as stage
     from armid.runs.run import load_run
     from armid.study.config import load_choice
-    from armid.study.records import to_json
+    from armid.study.storage.records import to_json
 
     along = None if motion is None else stage.read_plan(motion)
     if values is None and Path(subject).is_dir():

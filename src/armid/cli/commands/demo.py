@@ -41,7 +41,7 @@ def demo(
     from armid.measurement.processing.options import ProcessingOptions
     from armid.runs.run import refuse_folder, saved_run
     from armid.study.demo import RECORD, demo_study, run_demo, thesis_processing
-    from armid.study.records import estimate_record, to_json, validation_record
+    from armid.study.storage.records import estimate_record, to_json, validation_record
 
     folder = out or Path("runs") / "demo"
     refuse_folder(folder)

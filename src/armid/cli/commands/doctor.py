@@ -63,7 +63,7 @@ def doctor(
     from armid.measurement.log_format import LogFormat
     from armid.study.config import RecordingChoice, Study, load_study
     from armid.study.diagnosis import diagnose, diagnosis_record, has_errors
-    from armid.study.records import to_json
+    from armid.study.storage.records import to_json
 
     reading_options = given(columns, rate, torque_sign, units, time_unit, period)
     if not recordings:

@@ -97,7 +97,7 @@ def export(
     from armid.cli.motion.number_options import parse_limits
     from armid.export.write import export_record, export_run
     from armid.runs.run import load_run
-    from armid.study.records import to_json
+    from armid.study.storage.records import to_json
 
     if to in LANGUAGES:
         return _code(run, to, out, json=json)
@@ -123,7 +123,7 @@ def _code(run: str, to: str, out: Path | None, *, json: bool) -> None:
     """Write the run's model as source code and print the written files."""
     from armid.export.code import code_record, export_code
     from armid.runs.run import load_run
-    from armid.study.records import to_json
+    from armid.study.storage.records import to_json
 
     exported = export_code(load_run(run), to, out)
     written = "".join(f"{path} written\n" for path in exported.files)

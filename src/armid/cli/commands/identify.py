@@ -203,7 +203,7 @@ def _print(result: Result, table: MethodTable | None, folder: Path, *, verbose: 
     from armid.cli.identification_result import print_result
     from armid.estimation.link_properties import link_record, link_table
     from armid.study.compare_methods import compare_record
-    from armid.study.records import estimate_record, friction_selection_record, to_json, validation_record
+    from armid.study.storage.records import estimate_record, friction_selection_record, to_json, validation_record
 
     if json:
         record = estimate_record(result.estimate)

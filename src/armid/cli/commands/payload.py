@@ -50,7 +50,7 @@ def payload(
     from armid.cli.console import print_findings
     from armid.runs.payload import find_payload, payload_record
     from armid.runs.run import load_run
-    from armid.study.records import to_json
+    from armid.study.storage.records import to_json
     from armid.values import replace_file
 
     loaded = load_run(run)

@@ -45,7 +45,7 @@ def predict(
     from armid.runs import prediction
     from armid.runs.run import load_run
     from armid.study.extrapolation import speed_finding
-    from armid.study.records import to_json
+    from armid.study.storage.records import to_json
 
     if out.resolve() == Path(motion).resolve():
         raise ArmidError(

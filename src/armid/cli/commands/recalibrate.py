@@ -44,7 +44,7 @@ def recalibrate(
     from armid.runs.changes import CHANGES, changes_record
     from armid.runs.recalibration import recalibrate as stage
     from armid.runs.run import load_run, refuse_folder, save_run
-    from armid.study.records import estimate_record, to_json, validation_record
+    from armid.study.storage.records import estimate_record, to_json, validation_record
 
     if tool and everything:
         raise StudyError("--tool and --all are both given.", remedy="give only one of them; --all includes the tool.")

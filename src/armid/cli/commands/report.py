@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from armid.runs.run import Run
     from armid.study.compare_methods import MethodTable
     from armid.study.identify import Result
-    from armid.study.processed import ProcessedRecording
+    from armid.study.recordings.processed import ProcessedRecording
 
 PAGE = "report.html"
 
@@ -52,7 +52,7 @@ def report(
     from armid.report.page import write_page as write_one
     from armid.report.rendering import require_extra
     from armid.runs.run import load_run
-    from armid.study.records import to_json
+    from armid.study.storage.records import to_json
 
     require_extra()
     first = load_run(run)

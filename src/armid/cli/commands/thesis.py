@@ -36,8 +36,8 @@ def thesis(
     """
     from armid.cli.console import progress
     from armid.report.page import require_extra
-    from armid.study.atomic_folder import refuse
-    from armid.study.records import to_json
+    from armid.study.storage.atomic_folder import refuse
+    from armid.study.storage.records import to_json
     from armid.thesis.page import KIND, MARKER, PAGE, write_thesis
     from armid.thesis.retell import retell, thesis_record
     from armid.thesis.setting import extent_of

@@ -51,8 +51,8 @@ def track(
     from armid.runs.run import load_run
     from armid.runs.tracking import track as stage
     from armid.runs.tracking import track_record, track_table
-    from armid.study.atomic_folder import refuse, whole_folder
-    from armid.study.records import to_json
+    from armid.study.storage.atomic_folder import refuse, whole_folder
+    from armid.study.storage.records import to_json
     from armid.values import replace_file
 
     if tool and everything:

@@ -47,7 +47,7 @@ def validate(
     from armid.runs.prediction import validate_run
     from armid.runs.rollout import judged_by_motion, motion_record
     from armid.runs.run import load_run
-    from armid.study.records import to_json, validation_record
+    from armid.study.storage.records import to_json, validation_record
 
     loaded = load_run(run)
     reading, closed = changed_reading(loaded.reading, rate, torque_sign, columns), controller is not None

@@ -214,7 +214,7 @@ def excite(robot: str, **options: Any) -> None:
     from armid.study.plans.design_files import choose_formats, plan_record, refuse_plan_folder, save_design
     from armid.study.plans.designed import Designed
     from armid.study.plans.preflight_text import report_text
-    from armid.study.records import to_json
+    from armid.study.storage.records import to_json
 
     formats = choose_formats(options["formats"])
     arm = load_choice(robot_choice(robot, *(options[key] for key in ("gravity", "lock", "only", "tip", "package"))))

@@ -13,7 +13,7 @@ from armid.model.motion import Motion
 from armid.robot.robot import Robot
 from armid.study.config import RecordingChoice
 from armid.study.plans.plan_files import is_plan, motion_of_plan, series_of
-from armid.study.read_recordings import read_choice
+from armid.study.recordings.reading import read_choice
 
 
 def series_of_file(path: str) -> Excitation | None:

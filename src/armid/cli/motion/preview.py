@@ -70,7 +70,7 @@ def preview(
     from armid.report.preview.sources import preview_of
     from armid.report.rendering import require_extra
     from armid.study.config import load_choice
-    from armid.study.records import to_json
+    from armid.study.storage.records import to_json
 
     require_extra("jinja2")
     run, motion_run = _run(robot), _run(motion)

@@ -108,7 +108,7 @@ def _report(done: WrittenSimulation, *, json: bool) -> None:
     import numpy as np
 
     from armid.notebook import plural
-    from armid.study.records import to_json
+    from armid.study.storage.records import to_json
 
     recording, truth = done.simulated.recording, done.simulated.truth
     peak = np.abs(done.simulated.trace.effort).max(axis=0)

@@ -16,7 +16,7 @@ from armid.runs.locate_recording import read_recording_of
 from armid.runs.records import RunRecords, read_records, trained_and_validated
 from armid.runs.run import Run
 from armid.study.config import Study
-from armid.study.processed import ProcessedRecording, process_each
+from armid.study.recordings.processed import ProcessedRecording, process_each
 from armid.validation.prediction import PredictedRecording, Score, Validation
 from armid.values import Array
 

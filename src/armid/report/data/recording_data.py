@@ -16,7 +16,7 @@ from armid.model.dynamics import DynamicsModel
 from armid.model.expression import symbols
 from armid.runs.run import Run
 from armid.study.config import RecordingChoice
-from armid.study.processed import ProcessedRecording
+from armid.study.recordings.processed import ProcessedRecording
 from armid.validation.prediction import PredictedRecording, predict_recording
 from armid.values import Array
 

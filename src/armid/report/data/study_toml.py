@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from armid.study.config import Study
-from armid.study.records import plain, study_record
+from armid.study.storage.records import plain, study_record
 from armid.toml_writing import to_toml
 
 

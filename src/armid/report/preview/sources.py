@@ -24,7 +24,7 @@ from armid.study.config import RecordingChoice
 from armid.study.plans.designed import Designed
 from armid.study.plans.plan_files import is_plan, limits_of_plan, motion_of_plan, read_whole_plan
 from armid.study.plans.poses_and_sweeps import DesignedMoves
-from armid.study.read_recordings import read_choice
+from armid.study.recordings.reading import read_choice
 from armid.values import Array
 
 

@@ -1,4 +1,4 @@
-"""Reader of MJCF: it converts a file to a plain form (`armid.robot.mjcf_plain`) for Pinocchio; meshes are not opened.
+"""Reader of MJCF: it converts a file to a plain form (`armid.robot.mjcf.plain_document`) for Pinocchio; meshes are not opened.
 
 Bodies with several hinges or slides become a chain of massless links. Effort limits are those of the joint, or of its
 actuator if the joint has none. Gravity is that of the file.
@@ -17,9 +17,9 @@ from typing import Any
 from armid.errors import RobotError
 from armid.robot.collision_from_visual import with_bodies
 from armid.robot.joint_selection import JointOutline
-from armid.robot.mjcf_joints import joint_names, outline_of
-from armid.robot.mjcf_plain import flatten, plain_mjcf
-from armid.robot.mjcf_shapes import WORLD, add_sites, carriers_of, shapes_of_mjcf
+from armid.robot.mjcf.joints import joint_names, outline_of
+from armid.robot.mjcf.plain_document import flatten, plain_mjcf
+from armid.robot.mjcf.shapes import WORLD, add_sites, carriers_of, shapes_of_mjcf
 from armid.robot.pinocchio_model import build, pinocchio, robot_from_model
 from armid.robot.robot import Robot
 from armid.robot.xml import check_locked, parse_xml, root_tag

@@ -13,7 +13,7 @@ from armid.excitation.collision.closest_approach import ClosestApproach
 from armid.excitation.preflight import Expectation, Preflight
 from armid.study.plans.designed import Designed
 from armid.study.plans.poses_and_sweeps import DesignedMoves
-from armid.study.records import finding_record
+from armid.study.storage.records import finding_record
 
 Checked = Designed | DesignedMoves
 """Designed motion with its preflight check."""

@@ -18,7 +18,7 @@ from armid.lab.true_motion import TrueMotion
 from armid.measurement.writing import WRITERS, save_recording
 from armid.robot.robot import Robot
 from armid.study.plans.plan_files import series_of
-from armid.study.records import to_json
+from armid.study.storage.records import to_json
 from armid.values import replace_file, sha256_of_file
 
 

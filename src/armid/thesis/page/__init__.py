@@ -7,8 +7,8 @@ from pathlib import Path
 
 from armid.report.page import assemble, require_extra
 from armid.report.section import Section
-from armid.study.atomic_folder import whole_folder
-from armid.study.records import to_json
+from armid.study.storage.atomic_folder import whole_folder
+from armid.study.storage.records import to_json
 from armid.thesis.page.conclusions import show_audit, show_errata, show_provenance, show_summary
 from armid.thesis.page.estimation import show_parameters, show_steps, show_torque
 from armid.thesis.page.model import show_base, show_dynamics, show_kinematics

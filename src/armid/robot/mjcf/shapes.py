@@ -19,7 +19,7 @@ import numpy as np
 from armid.errors import ArmidError, Finding
 from armid.maths.spatial import homogeneous
 from armid.robot.body_names import BodyName
-from armid.robot.mjcf_plain import Plain
+from armid.robot.mjcf.plain_document import Plain
 from armid.robot.pinocchio_model import pinocchio
 from armid.robot.shapes import (
     Kind,

@@ -14,7 +14,7 @@ from armid.measurement.robot_convention import to_robot_convention
 from armid.robot import Robot
 from armid.study.config import RecordingChoice, Study
 from armid.study.progress import Progress
-from armid.study.recording_parts import cut_recording, refuse_shared
+from armid.study.recordings.parts import cut_recording, refuse_shared
 from armid.values import Array
 
 

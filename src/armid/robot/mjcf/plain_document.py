@@ -19,7 +19,7 @@ import numpy as np
 
 from armid.errors import Finding, RobotError
 from armid.maths.spatial import axis_rotation, rotation_x, rotation_y, rotation_z
-from armid.robot.mjcf_joints import check_equalities, joints_of
+from armid.robot.mjcf.joints import check_equalities, joints_of
 from armid.robot.pinocchio_model import DescribedLimits, limits_of
 from armid.robot.robot import EARTH_GRAVITY
 from armid.robot.xml import floating, identity_only, numbers, parse_xml

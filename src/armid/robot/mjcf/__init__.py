@@ -1,0 +1,1 @@
+"""MJCF descriptions: plain form of the document, joints, geometry."""

@@ -1,0 +1,1 @@
+"""Recordings of a study: read, cut, processed and labelled."""

@@ -1,0 +1,1 @@
+"""Stored form of studies and results: JSON records, provenance, folders written at once."""
