@@ -1,4 +1,4 @@
-"""Reader of MJCF: it converts a file to a plain form (`armid.robot.mjcf.plain_document`) for Pinocchio; meshes are not opened.
+"""Reader of MJCF: converts a file to a plain form for Pinocchio; meshes are not opened.
 
 Bodies with several hinges or slides become a chain of massless links. Effort limits are those of the joint, or of its
 actuator if the joint has none. Gravity is that of the file.
