@@ -45,6 +45,10 @@ GEARED = 3.0
 """Range of a motion divided by the range of the limits, from which positions are positions of motors."""
 
 
+FAR_OUTSIDE = ("position-limits", "position-sign", "position-offset")
+"""Codes of errors that say why a joint is far outside its limits, of which the reader has only a suspicion."""
+
+
 @dataclass(frozen=True, slots=True)
 class Diagnosis:
     """Findings on one recording.
@@ -129,7 +133,8 @@ def diagnose_recording(
     evidence = LogEvidence(robot, raw, how, recording, tuple(noted), model, explanations_of(), processing.saturation)
     if any(f.code == "current-without-gain" and f.severity == "error" for f in noted):
         return _of_currents(evidence)
-    return examine(_reconsidered(evidence))
+    found = examine(_reconsidered(evidence))
+    return tuple(finding for _, finding in _told_once([(0, finding) for finding in found]))
 
 
 def _no_effort(raw: Recording) -> Finding:
@@ -199,11 +204,12 @@ def findings_of_each(
     """
     common = {finding.code for finding in trained if finding.severity != "info"}
     known_codes = [
-        {finding.code for finding in found if finding.severity != "info"} | (common if c.role == "train" else set())
+        {finding.code for finding in found if finding.severity != "info"} - {"position-offset"}
+        | (common if c.role == "train" else set())
         for (c, _), found in zip(recordings, read, strict=True)
     ]
     of_readers = [(k, finding) for k, found in enumerate(read) for finding in found]
-    return [*of_readers, *run_checks(model, recordings, known_codes)]
+    return _told_once([*of_readers, *run_checks(model, recordings, known_codes)])
 
 
 def merged(recordings: Sequence[RecordingChoice], findings: Sequence[tuple[int, Finding]]) -> list[Finding]:
@@ -328,6 +334,18 @@ def _implied_rate(log: Recording) -> float | None:
         return None
     rate = float(np.median(speed[fast] / along[fast]))
     return rate if np.isfinite(rate) and rate > 0.0 else None
+
+
+def _told_once(findings: Sequence[tuple[int, Finding]]) -> list[tuple[int, Finding]]:
+    """Findings without the reader's suspicion about a joint far outside its limits where its cause is known."""
+    known = {
+        (k, joint)
+        for k, finding in findings
+        if finding.code in FAR_OUTSIDE and finding.severity == "error"
+        for joint in finding.channel.split(", ")
+    }
+    doubted = ("position-offset", "warning")
+    return [(k, f) for k, f in findings if (f.code, f.severity) != doubted or (k, f.channel) not in known]
 
 
 def _reconsidered(evidence: LogEvidence) -> LogEvidence:

@@ -33,7 +33,7 @@ from armid.validation.prediction import (
     Validation,
     predict_recording,
     validate,
-    with_doubted_unit,
+    with_doubts,
 )
 
 
@@ -120,7 +120,7 @@ def conclude(prepared: Prepared, *, progress: Progress | None = None) -> Result:
     predictions = {each: predict_recording(model, estimate, each.observations) for each in recordings}
     training, _ = score_recordings(model, estimate, train, predictions)
     scores, found = score_recordings(model, estimate, of_role(recordings, "validate"), predictions)
-    validation = with_doubted_unit(validate(robot.joint_names, scores, estimate), prepared.findings)
+    validation = with_doubts(validate(robot.joint_names, scores, estimate), prepared.findings)
     tell("validation", 1.0)
     seconds = time.perf_counter() - prepared.began
     estimate = replace(estimate, findings=(*findings, *found), seconds=seconds)

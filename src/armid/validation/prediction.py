@@ -30,8 +30,8 @@ COVERED_ROWS = 20_000
 used."""
 
 
-DOUBTED_UNIT = "torque-unit"
-"""Code of the finding on a torque in a wrong unit."""
+DOUBTS = {"torque-unit": "the torque's unit", "position-limits": "the positions"}
+"""By code of findings: what a description contradicts although recordings agree with each other."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -198,20 +198,24 @@ def validate(joints: Sequence[str], scores: Sequence[Score], estimate: Estimate)
     return Validation(tuple(joints), tuple(scores), verdict, tuple(checks))
 
 
-def with_doubted_unit(validation: Validation, findings: Sequence[Finding]) -> Validation:
-    """Validation that fails where the torque's unit contradicts the description.
+def with_doubts(validation: Validation, findings: Sequence[Finding]) -> Validation:
+    """Validation that fails where the description contradicts the torque's unit, or the positions as a whole.
 
-    Training and validation recordings in one wrong unit agree with each other, so that no error shows it.
+    Training and validation recordings in one wrong unit, or of another arm, agree with each other, so that no error
+    shows it.
 
     Args:
         validation: Scores, checks and verdict.
         findings: Findings on the recordings.
     """
-    doubts = [each for each in findings if each.code == DOUBTED_UNIT and each.severity == "error"]
+    errors = [each.code for each in findings if each.severity == "error"]
+    doubts = [code for code in DOUBTS if code in errors]
     if not doubts or not validation.recordings:
         return validation
-    check = Check(f"findings against the torque's unit ({DOUBTED_UNIT})", float(len(doubts)), 0.0, False)
-    return replace(validation, verdict="fail", checks=(*validation.checks, check))
+    checks = [
+        Check(f"findings against {DOUBTS[code]} ({code})", float(errors.count(code)), 0.0, False) for code in doubts
+    ]
+    return replace(validation, verdict="fail", checks=(*validation.checks, *checks))
 
 
 def _together(parts: Sequence[Comparison]) -> Comparison:

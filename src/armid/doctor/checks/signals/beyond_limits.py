@@ -1,0 +1,95 @@
+"""Joints that are outside their limits as long as they move: the log of another arm, or other zeros and signs."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armid.doctor.check_input import LogEvidence
+from armid.doctor.log_check import LogCheck
+from armid.errors import Finding
+from armid.robot import Robot
+from armid.values import Array
+
+CODE = "position-limits"
+
+NEARLY_ALL = 0.95
+"""Share of the samples outside the limits from which a joint is outside in all of its motion."""
+
+FAR = 0.1
+"""Largest distance from the limits over their span from which they contradict a joint. Limits of descriptions are
+approximate: on ten recorded arms a joint goes beyond them by up to 0.03, and comes back."""
+
+MOVES = 0.02
+"""Range of the positions over the span of the limits from which a joint moves."""
+
+NAMED = 3
+"""Largest number of joints that a message describes."""
+
+REMEDY = (
+    "check that the log is of this arm and not of another one of a pair; else its zeros (joint_offset), directions "
+    "of counting (position_sign), units and order of channels (joints); or correct the limits of the description"
+)
+
+
+def check(evidence: LogEvidence) -> list[Finding]:
+    """Reports joints that are outside their limits in all of their motion, unless another fault explains it."""
+    if evidence.recording is None:
+        return []
+    robot, q = evidence.robot, evidence.recording.q
+    outside = always_outside(robot, q)
+    if outside.any() and evidence.explanations and evidence.corrected is not None:
+        runs = evidence.corrected.log.runs
+        outside &= always_outside(robot, np.concatenate([run.motion.q[run.rows] for run in runs]))
+    if not outside.any():
+        return []
+    joints = np.flatnonzero(outside)
+    told = [_range(robot, q, j) for j in joints[:NAMED]]
+    more = f"; {len(joints) - NAMED} more" if len(joints) > NAMED else ""
+    mirrored = not always_outside(robot, -q)[outside].any()
+    why = (
+        " Counted in the other direction they would be inside, as those of the other arm of a pair."
+        if mirrored
+        else ""
+    )
+    evident = f"In all of the motion joints are outside their limits: {'; '.join(told)}{more}.{why}"
+    return [Finding(CODE, "error", ", ".join(robot.joint_names[j] for j in joints), evident, REMEDY)]
+
+
+def always_outside(robot: Robot, q: Array) -> NDArray[np.bool_]:
+    """Joints that move and are outside their limits in nearly all samples, also by whole turns, shape (n,).
+
+    Args:
+        robot: The arm.
+        q: Positions, shape (N, n).
+    """
+    low, high = np.array([joint.position_limits for joint in robot.joints]).reshape(-1, 2).T
+    known = np.isfinite(low) & np.isfinite(high) & (low < high)
+    low, high = np.where(known, low, -1.0), np.where(known, high, 1.0)
+    span = high - low
+    turn = np.array([0.0 if joint.is_prismatic else 2.0 * np.pi for joint in robot.joints])
+    turns = np.round((q.min(axis=0) + q.max(axis=0) - low - high) / (4.0 * np.pi))
+    result = known & (np.ptp(q, axis=0) > MOVES * span)
+    for shifted in (q, q - turns * turn):
+        beyond = np.maximum(low - shifted, shifted - high)
+        result &= ((beyond > 0.0).mean(axis=0) >= NEARLY_ALL) & (beyond.max(axis=0) > FAR * span)
+    return result
+
+
+def _range(robot: Robot, q: Array, j: np.intp) -> str:
+    low, high = robot.joints[j].position_limits
+    return (
+        f"{robot.joint_names[j]} goes from {q[:, j].min():.4g} to {q[:, j].max():.4g} {robot.joints[j].unit}, "
+        f"its limits are [{low:.4g}, {high:.4g}]"
+    )
+
+
+CHECK = LogCheck(
+    look=check,
+    scope="recording",
+    effects={
+        CODE: "The log is not of this arm, or read at wrong angles; an estimate may fit and still be of another arm."
+    },
+    follows=("degrees", "motor-side"),
+    needs_torque=False,
+)
