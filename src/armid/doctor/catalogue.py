@@ -16,7 +16,7 @@ CHECKS: Catalogue[LogCheck] = Catalogue(
         "period-misaligned": "armid.doctor.checks.signals.period_misaligned:CHECK",
         "motor-side": "armid.doctor.checks.signals.motor_side:CHECK",
         "degrees": "armid.doctor.checks.signals.degrees:CHECK",
-        "position-limits": "armid.doctor.checks.signals.beyond_limits:CHECK",
+        "position-limits": "armid.doctor.checks.signals.position_limits:CHECK",
         "torque-sign": "armid.doctor.checks.dynamics.torque_sign:CHECK",
         "position-sign": "armid.doctor.checks.dynamics.position_sign:CHECK",
         "joint-order": "armid.doctor.checks.dynamics.joint_order:CHECK",

@@ -26,6 +26,8 @@ class LogCheck:
         untested: By code: reason why the remedy is not tested on left-out motion.
         hides: Codes of findings that follow from the fault with the check's name and are not reported beside it.
         follows: Codes of faults beside which its own findings are not reported, since they follow from them.
+        fails: Codes of its errors with which the verdict of an identification is `fail`, although its recordings
+            agree with each other.
         needs_torque: False if the check holds for a log of motor currents, too.
     """
 
@@ -36,4 +38,5 @@ class LogCheck:
     untested: Mapping[str, str] = field(default_factory=dict[str, str])
     hides: tuple[str, ...] = ()
     follows: tuple[str, ...] = ()
+    fails: tuple[str, ...] = ()
     needs_torque: bool = True

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -28,10 +28,6 @@ data, for which the training error is nearly zero."""
 COVERED_ROWS = 20_000
 """Approximate number of rows on which prediction intervals are evaluated; of a longer recording, every k-th row is
 used."""
-
-
-DOUBTS = {"torque-unit": "the torque's unit", "position-limits": "the positions"}
-"""By code of findings: what a description contradicts although recordings agree with each other."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -198,8 +194,8 @@ def validate(joints: Sequence[str], scores: Sequence[Score], estimate: Estimate)
     return Validation(tuple(joints), tuple(scores), verdict, tuple(checks))
 
 
-def with_doubts(validation: Validation, findings: Sequence[Finding]) -> Validation:
-    """Validation that fails where the description contradicts the torque's unit, or the positions as a whole.
+def contradicted(validation: Validation, findings: Sequence[Finding], codes: Collection[str]) -> Validation:
+    """Validation that fails where the description contradicts the recordings as a whole.
 
     Training and validation recordings in one wrong unit, or of another arm, agree with each other, so that no error
     shows it.
@@ -207,13 +203,14 @@ def with_doubts(validation: Validation, findings: Sequence[Finding]) -> Validati
     Args:
         validation: Scores, checks and verdict.
         findings: Findings on the recordings.
+        codes: Codes of errors that say so.
     """
-    errors = [each.code for each in findings if each.severity == "error"]
-    doubts = [code for code in DOUBTS if code in errors]
-    if not doubts or not validation.recordings:
+    errors = [each.code for each in findings if each.severity == "error" and each.code in codes]
+    if not errors or not validation.recordings:
         return validation
     checks = [
-        Check(f"findings against {DOUBTS[code]} ({code})", float(errors.count(code)), 0.0, False) for code in doubts
+        Check(f"findings against the description ({code})", float(errors.count(code)), 0.0, False)
+        for code in dict.fromkeys(errors)
     ]
     return replace(validation, verdict="fail", checks=(*validation.checks, *checks))
 

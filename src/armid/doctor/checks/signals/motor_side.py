@@ -150,4 +150,5 @@ CHECK = LogCheck(
     },
     explain=explain,
     hides=("saturation",),
+    fails=(UNIT,),
 )

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from armid.doctor.checks.signals.beyond_limits import always_outside
+from armid.doctor.checks.signals.position_limits import always_outside
 from armid.errors import Finding
 from armid.measurement.log_format import LogFormat
 from armid.robot import Robot, load_robot

@@ -91,5 +91,6 @@ CHECK = LogCheck(
         CODE: "The log is not of this arm, or read at wrong angles; an estimate may fit and still be of another arm."
     },
     follows=("degrees", "motor-side"),
+    fails=(CODE,),
     needs_torque=False,
 )
