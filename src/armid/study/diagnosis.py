@@ -338,14 +338,9 @@ def _implied_rate(log: Recording) -> float | None:
 
 def _told_once(findings: Sequence[tuple[int, Finding]]) -> list[tuple[int, Finding]]:
     """Findings without the reader's suspicion about a joint far outside its limits where its cause is known."""
-    known = {
-        (k, joint)
-        for k, finding in findings
-        if finding.code in FAR_OUTSIDE and finding.severity == "error"
-        for joint in finding.channel.split(", ")
-    }
+    known = {k for k, finding in findings if finding.code in FAR_OUTSIDE and finding.severity == "error"}
     doubted = ("position-offset", "warning")
-    return [(k, f) for k, f in findings if (f.code, f.severity) != doubted or (k, f.channel) not in known]
+    return [(k, finding) for k, finding in findings if (finding.code, finding.severity) != doubted or k not in known]
 
 
 def _reconsidered(evidence: LogEvidence) -> LogEvidence:

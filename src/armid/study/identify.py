@@ -6,7 +6,6 @@ import time
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
-from armid.doctor import failing_codes
 from armid.errors import EstimationError
 from armid.estimation.estimate import Estimate
 from armid.estimation.friction.selection import FrictionSelection
@@ -32,7 +31,6 @@ from armid.validation.prediction import (
     PredictedRecording,
     Score,
     Validation,
-    contradicted,
     predict_recording,
     validate,
 )
@@ -121,7 +119,7 @@ def conclude(prepared: Prepared, *, progress: Progress | None = None) -> Result:
     predictions = {each: predict_recording(model, estimate, each.observations) for each in recordings}
     training, _ = score_recordings(model, estimate, train, predictions)
     scores, found = score_recordings(model, estimate, of_role(recordings, "validate"), predictions)
-    validation = contradicted(validate(robot.joint_names, scores, estimate), prepared.findings, failing_codes())
+    validation = plausibility.contradicted(validate(robot.joint_names, scores, estimate), prepared.findings)
     tell("validation", 1.0)
     seconds = time.perf_counter() - prepared.began
     estimate = replace(estimate, findings=(*findings, *found), seconds=seconds)

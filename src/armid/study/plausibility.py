@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from armid.doctor import failing_codes
 from armid.doctor.checks.dynamics.excitation_weak import WEAK_CONDITION, excitation_severity, poorly_determined
 from armid.errors import Finding
 from armid.estimation.crossvalidation import FOLDS
@@ -24,6 +26,7 @@ from armid.model.dynamics import DynamicsModel
 from armid.remedy import Remedy, setting
 from armid.robot import Robot
 from armid.validation.gravity_sign import gravity_finding
+from armid.validation.prediction import Check, Validation
 from armid.values import Array
 
 FAR = 20.0
@@ -268,3 +271,24 @@ def negative_finding(model: DynamicsModel, fit: Fit) -> Finding | None:
         "separate these parameters from others.",
         Remedy("use ", setting("method", "physical"), ", and check the residuals in the report."),
     )
+
+
+def contradicted(validation: Validation, findings: Sequence[Finding]) -> Validation:
+    """Validation that fails where the description contradicts the recordings as a whole.
+
+    Training and validation recordings in one wrong unit, or of another arm, agree with each other, so that no error
+    shows it.
+
+    Args:
+        validation: Scores, checks and verdict.
+        findings: Findings on the recordings.
+    """
+    codes = failing_codes()
+    errors = [each.code for each in findings if each.severity == "error" and each.code in codes]
+    if not errors or not validation.recordings:
+        return validation
+    checks = [
+        Check(f"findings against the description ({code})", float(errors.count(code)), 0.0, False)
+        for code in dict.fromkeys(errors)
+    ]
+    return replace(validation, verdict="fail", checks=(*validation.checks, *checks))

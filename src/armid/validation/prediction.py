@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from armid.errors import Finding
 from armid.estimation.estimate import Estimate, torque_parameters
 from armid.information.residuals import Comparison, compare
 from armid.measurement.observations import Observations
@@ -192,27 +191,6 @@ def validate(joints: Sequence[str], scores: Sequence[Score], estimate: Estimate)
         checks.append(Check(f"NRMSE of every joint below 1{where}", worst, 1.0, worst < 1.0))
     verdict = "not judged" if not scores else "pass" if all(check.ok for check in checks) else "fail"
     return Validation(tuple(joints), tuple(scores), verdict, tuple(checks))
-
-
-def contradicted(validation: Validation, findings: Sequence[Finding], codes: Collection[str]) -> Validation:
-    """Validation that fails where the description contradicts the recordings as a whole.
-
-    Training and validation recordings in one wrong unit, or of another arm, agree with each other, so that no error
-    shows it.
-
-    Args:
-        validation: Scores, checks and verdict.
-        findings: Findings on the recordings.
-        codes: Codes of errors that say so.
-    """
-    errors = [each.code for each in findings if each.severity == "error" and each.code in codes]
-    if not errors or not validation.recordings:
-        return validation
-    checks = [
-        Check(f"findings against the description ({code})", float(errors.count(code)), 0.0, False)
-        for code in dict.fromkeys(errors)
-    ]
-    return replace(validation, verdict="fail", checks=(*validation.checks, *checks))
 
 
 def _together(parts: Sequence[Comparison]) -> Comparison:
