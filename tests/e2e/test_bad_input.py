@@ -146,7 +146,7 @@ def with_one_joint_still(table: Table) -> None:
         ),
         (with_one_sample, ["usable samples is too small: 1"]),
         (of_a_moment, ["no row is left"]),
-        (with_one_joint_still, ["do not see FV_3, FS_3", "moves the joints"]),
+        (with_one_joint_still, ["do not determine FV_3, FS_3", "moves the joints"]),
     ],
 )
 def test_a_spoiled_recording_is_refused(identify, spoil: Callable[[Table], None], words: list[str]):

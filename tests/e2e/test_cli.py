@@ -618,7 +618,7 @@ def test_data_that_do_not_determine_the_parameters_are_refused(armid: Armid, sma
     q[:, 2] = 0.5
     write_recording(replace(log, q=q), Path("still.csv"))
     done = armid("identify", small / "small.urdf", "still.csv")
-    assert_refused(done, "they do not see", "moves the joints")
+    assert_refused(done, "they do not determine", "moves the joints")
     assert "FV_3, FS_3" in done.err and not Path("runs").exists()
 
 

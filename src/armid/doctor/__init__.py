@@ -1,8 +1,8 @@
 """The doctor: checks of a log for faults before an estimate is made from it.
 
 `armid.doctor.catalogue` lists the checks. A check examines the evidence and returns findings with numbers; it repairs
-nothing. Checks that can `explain` a misfit compete: each computes by how much the residual falls once its fault is
-corrected. The best explanation is accepted, and the others are then tried on the corrected log.
+nothing. Checks that can `explain` a misfit of the model compete: each one corrects its fault and computes the
+decrease of the residual. The best explanation is accepted, and the other checks are then tried on the corrected log.
 """
 
 from __future__ import annotations

@@ -29,5 +29,5 @@ CHECKS: Catalogue[LogCheck] = Catalogue(
         "contact": "armid.doctor.checks.dynamics.contact:CHECK",
     }
 )
-"""Checks by the name of their file, those of the log itself before those that need a model. Explanations of a misfit
-compete in this order where they explain equally well."""
+"""Checks by the name of their file. Checks of the log alone come before checks that need a model. If two faults
+explain a misfit of the model equally well, the first one in this order is reported."""

@@ -1,4 +1,4 @@
-"""Input of the checks: a recording as logged, as read, and as a model explains it."""
+"""Input of the checks: a recording as logged, the same recording as read, and the fit of a model to it."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ ROUNDS = 3
 """Largest number of faults that are corrected one after the other."""
 
 ROWS = 3
-"""Rows for each parameter of a joint from which a model is fitted. With fewer the fit follows the noise, and friction
-of the wrong sign can seem significant."""
+"""Smallest number of rows for each parameter of a joint with which a model is fitted. With fewer rows, the fit
+follows the noise, and friction of the wrong sign can seem significant."""
 
 WIDTH = 0.02
-"""Width of Coulomb friction in the doctor's model [rad/s]."""
+"""Velocity over which the doctor's model smooths Coulomb friction [rad/s]."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -40,16 +40,17 @@ class Explanation:
 
     Attributes:
         code: Code of the finding.
-        gain: Fall of the log residual once the fault is corrected.
+        gain: Decrease of the mean logarithm of the residuals when the fault is corrected.
         severity: Severity of the finding.
-        channel: Joint, or empty for all.
+        channel: Name of the joint; empty for all joints.
         evidence: Observation, with numbers.
-        remedy: Makes the lines of a study that correct the fault, combined with the log format of the evidence.
+        remedy: Function that returns the lines of a study that correct the fault, given the log format in use.
         after: The log with the fault corrected.
-        confirmed: Independent check on the log, where there is one; made for the first fault alone.
-        by_error_alone: True if the error is the only evidence, so that the held-out error must fall, too. Signs of
-            torques, zeros and gravity also show in friction, inertias and weights.
-        trial: Test on held-out motion, where the fault shows in some rows alone; otherwise all rows are tested.
+        confirmed: Function for an independent check on the log, if there is one. It is called only for the first
+            fault.
+        by_error_alone: True if a smaller error is the only evidence; the held-out error must then decrease, too.
+            Wrong signs of torques, wrong zeros and wrong gravity also show in friction, inertias and weights.
+        trial: Test on held-out motion, if the fault affects only some rows; if not given, all rows are tested.
     """
 
     code: str
@@ -75,10 +76,10 @@ class LogEvidence:
         robot: The arm as described.
         raw: The recording as logged.
         reading: Log format.
-        recording: The recording in the robot's convention; `None` where it cannot be converted.
+        recording: The recording in the robot's convention; `None` if it cannot be converted.
         noted: Findings of reading and conversion.
-        model: The study's model, if there is one; its terms are used.
-        explains: Explanations that are tried where the model misfits the log.
+        model: Model of the study, if there is one; its terms are used.
+        explains: Functions that explain the log by a fault; they are tried if the model does not fit the log.
         saturation: Share of a joint's torque limit from which the study excludes rows, if it gives one.
     """
 
@@ -93,7 +94,7 @@ class LogEvidence:
 
     @cached_property
     def state(self) -> LogState | None:
-        """The log with a model that has friction, offsets and rotor inertia; `None` where the log is too short."""
+        """The log and a model with friction, offsets and rotor inertia; `None` if the log is too short."""
         if self.recording is None or self.recording.effort is None or self.robot.n == 0:
             return None
         log = downsample(self.counted)
@@ -121,7 +122,7 @@ class LogEvidence:
 
     @property
     def counted(self) -> Recording:
-        """The recording in the robot's convention, rows of stuck channels excluded."""
+        """The recording in the robot's convention, without the rows at which a channel is stuck."""
         assert self.recording is not None
         return without_stuck(self.recording, self.stuck)
 
@@ -134,8 +135,8 @@ class LogEvidence:
     def _accepted(self) -> tuple[tuple[LogState, Explanation], ...]:
         """State of the log before each accepted explanation, and the explanation.
 
-        An explanation that the log does not confirm is not reported. Its correction still stays, so that its misfit
-        is not attributed to another fault.
+        An explanation that the log does not confirm is not reported. Its correction remains in effect, so that the
+        misfit is not attributed to another fault.
         """
         state, codes = self.state, set[str]()
         accepted: list[tuple[LogState, Explanation]] = []
@@ -154,7 +155,7 @@ class LogEvidence:
         return tuple(accepted)
 
     def _holds(self, before: LogState, each: Explanation) -> bool:
-        """True if held-out motion supports an explanation, or does not contradict one with further evidence."""
+        """True if held-out motion supports an explanation, or does not contradict one that has other evidence."""
         trial = self._trial(before, each)
         return trial.helps if each.by_error_alone else not trial.harms
 
@@ -164,7 +165,7 @@ class LogEvidence:
         return self._trial(before, accepted)
 
     def _trial(self, before: LogState, each: Explanation) -> RemedyTrial:
-        """Held-out errors before and after an explanation, each computed once."""
+        """Held-out errors before and after the correction of a fault; they are computed only once."""
         if each.trial is not None:
             return each.trial
         after = each.after
@@ -179,7 +180,7 @@ class LogEvidence:
 
     @cached_property
     def corrected(self) -> LogState | None:
-        """The log once its faults are corrected."""
+        """The log after correction of all faults that were found."""
         return self.explanations[-1].after if self.explanations else self.state
 
     def explained(self, code: str) -> list[Finding]:
@@ -195,7 +196,7 @@ class LogEvidence:
 
     @cached_property
     def rate(self) -> float:
-        """Sample rate of the log, or 1 where it is unknown [Hz]."""
+        """Sample rate of the log [Hz]; 1 if it is unknown."""
         recording = self.recording or self.raw
         if recording.time is not None and len(recording.time) > 1:
             step = float(median(np.diff(recording.time)))
@@ -203,5 +204,5 @@ class LogEvidence:
         return recording.rate or 1.0
 
     def without(self, *codes: str) -> LogEvidence:
-        """The same log without the reading's findings of some codes."""
+        """The same log without the findings of the reader that have one of the given codes."""
         return replace(self, noted=tuple(finding for finding in self.noted if finding.code not in codes))

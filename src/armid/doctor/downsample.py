@@ -23,24 +23,26 @@ from armid.model.motion import Motion
 from armid.values import Array
 
 CUTOFFS = (2.0, 6.0)
-"""Limits of the band's cut-off [Hz]: faults of a log show at the frequencies of the motion, not above."""
+"""Smallest and largest cut-off of the band [Hz]; faults of a log show at the frequencies of the motion, not above."""
 
 THIN_RATE = 20.0
-"""Sample rate in units of the cut-off: friction at reversals has frequencies above the band, which would alias at a
-lower rate."""
+"""Sample rate divided by the cut-off. Friction at reversals has frequencies above the band; at a lower rate they
+would cause aliasing."""
 
 ROWS_RATE = 4.0
-"""Rows a second in units of the cut-off: twice the Nyquist rate of the band."""
+"""Row rate divided by the cut-off: twice the Nyquist rate of the band."""
 
 SEPARATE = 1000
-"""Rows used (up to twice as many) where rows are not consecutive: as many as the band keeps of half a minute.
-Unmodelled effects correlate neighbouring residuals; where the order is lost, that correlation cannot be estimated."""
+"""Number of rows used (up to twice as many) if rows are not consecutive; the band keeps about as many of half a
+minute. Unmodelled effects correlate the residuals of neighbouring rows; without the order of the rows, this
+correlation cannot be estimated."""
 
 COARSE = 400
-"""Rows (up to twice as many) of a quick comparison of geometries: several times the parameters of a joint."""
+"""Number of rows (up to twice as many) for quick comparisons of geometries: several times the parameters of a
+joint."""
 
 LONGEST = 60.0
-"""Seconds of a log that are examined, half of them from its beginning and half from its end."""
+"""Length of the part of a log that is examined [s]: one half is its beginning, the other half its end."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -50,7 +52,7 @@ class DownsampledLog:
     Attributes:
         runs: Contiguous runs with filtered motion and unfiltered torque.
         band: Low-pass for torque and columns.
-        cutoff: Cut-off of the band [Hz]; that of the motion where the band is open.
+        cutoff: Cut-off of the band [Hz]; if nothing is filtered, the cut-off that suits the motion.
         rate: Sample rate of the original recording [Hz].
     """
 
@@ -60,7 +62,7 @@ class DownsampledLog:
     rate: float
 
     def reordered(self, motion: NDArray[np.intp], torque: NDArray[np.intp]) -> DownsampledLog:
-        """The same log with reordered channels; a row counts where both channels of a joint count."""
+        """The same log with reordered channels; a row is used for a joint if it is used for both of its channels."""
 
         def changed(run: ObservedRun) -> ObservedRun:
             m, mask = run.motion, run.mask[:, motion] & run.mask[:, torque]
@@ -71,7 +73,7 @@ class DownsampledLog:
 
     @property
     def mask(self) -> NDArray[np.bool_]:
-        """Rows that count, shape (M, n)."""
+        """Mask of the rows that are used for each joint, shape (M, n)."""
         return np.concatenate([run.mask for run in self.runs])
 
     def coarse(self) -> DownsampledLog:
@@ -112,10 +114,11 @@ def downsample(recording: Recording, cutoff: float | None = None) -> Downsampled
 
     Args:
         recording: Recording in robot order, SI units, joint side.
-        cutoff: Cut-off of the band [Hz], lowered where the rate is too low; that of the motion if not given.
+        cutoff: Cut-off of the band [Hz], lowered if the sample rate is too low; if not given, it follows from the
+            motion.
 
     Raises:
-        RecordingError: It cannot be differentiated or is too short.
+        RecordingError: The recording cannot be differentiated or is too short.
     """
     if recording.consecutive is False:
         few = slice(None, None, max(1, recording.samples // SEPARATE))
@@ -173,7 +176,7 @@ def _decimated(piece: Stretch, step: int) -> Stretch:
 
 
 def _any_near(flags: NDArray[np.bool_], step: int) -> NDArray[np.bool_]:
-    """Flags at every `step`-th sample, set where any sample within a step is flagged."""
+    """Flags of one sample in each step; true if any sample within a step is flagged."""
     if step == 1:
         return flags
     rows = np.arange(0, len(flags), step)

@@ -1,4 +1,4 @@
-"""Check of a log for a fault, and what the doctor has to know of it."""
+"""Check of a log for a fault, with the data that the doctor needs about the check."""
 
 from __future__ import annotations
 
@@ -17,18 +17,19 @@ class LogCheck:
     """Check of a log for a fault.
 
     Attributes:
-        look: Finds the fault in the evidence; it repairs nothing.
-        scope: Recordings that an identification looks at; `armid doctor` always looks at all. `recording`: each,
-            since the fault may differ between recordings. `format`: for each log format the longest training
-            recording, and every validation recording, since the fault is in the log format. `command`: none.
-        effects: By code of its findings: effect of the fault on an estimate.
-        explain: Explanation of a misfit of the model by this fault, if it is such a fault.
-        untested: By code: reason why the remedy is not tested on left-out motion.
-        hides: Codes of findings that follow from the fault with the check's name and are not reported beside it.
-        follows: Codes of faults beside which its own findings are not reported, since they follow from them.
-        fails: Codes of its errors with which the verdict of an identification is `fail`, although its recordings
-            agree with each other.
-        needs_torque: False if the check holds for a log of motor currents, too.
+        look: Function that finds the fault in the evidence; it repairs nothing.
+        scope: Recordings that are checked during an identification; `armid doctor` always checks all recordings.
+            `recording`: every one, because the fault may differ between recordings. `format`: the longest training
+            recording of each log format, and every validation recording, because the fault is in the log format.
+            `command`: none.
+        effects: Effect of the fault on an estimate, by code of the findings of this check.
+        explain: Function that explains a misfit of the model by this fault, if the fault causes one.
+        untested: Reason why the remedy is not tested on left-out motion, by code.
+        hides: Codes of findings that are consequences of this fault; they are not reported together with it.
+        follows: Codes of faults that cause the findings of this check; these findings are then not reported.
+        fails: Codes of errors of this check for which the verdict of an identification is `fail`, although its
+            recordings agree with each other.
+        needs_torque: False if the check is also valid for a log of motor currents.
     """
 
     look: Callable[[LogEvidence], list[Finding]]

@@ -1,4 +1,4 @@
-"""A log as it is interpreted, the fit of a model to it, and further evidence about the arm."""
+"""Interpretation of a log, the fit of a model to it, and further evidence about the arm."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from armid.model.motion import Motion
 from armid.values import Array
 
 JOINT_SYMBOLS = ("FV", "FS", "FO", "IA")
-"""Symbols of parameters that belong to one joint alone: friction, offset, rotor inertia."""
+"""Symbols of parameters that belong to one joint only: friction, offset, rotor inertia."""
 
 POSES = 40
 """Poses along the motion at which joint inertias are computed."""
@@ -29,11 +29,11 @@ POSES = 40
 
 @dataclass(frozen=True, eq=False, slots=True)
 class DescriptionComparison:
-    """Measured torque compared with the description's, joint by joint, after friction and offset are projected out.
+    """Comparison of measured and described torque, joint by joint, after friction and offset are projected out.
 
     Attributes:
         scale: Factor from described to measured torque, shape (n,).
-        correlation: Correlation of the two, shape (n,).
+        correlation: Correlation of described and measured torque, shape (n,).
         size: RMS of the described torque after the projection, shape (n,) [N·m or N].
     """
 
@@ -44,7 +44,7 @@ class DescriptionComparison:
 
 @dataclass(frozen=True, eq=False)
 class LogState:
-    """A log as it is interpreted, and the model that is fitted to it.
+    """Interpretation of a log, and the model that is fitted to it.
 
     Attributes:
         model: Arm and torque terms.
@@ -67,7 +67,7 @@ class LogState:
         return make_rows(self.source, self.log)
 
     def with_torque(self, factor: Array) -> LogState:
-        """The same with each joint's torque multiplied by a factor (n,); the columns are reused."""
+        """The same with the torque of each joint multiplied by a factor (n,); the columns are reused."""
         runs = tuple(replace(run, torque=run.torque * factor) for run in self.log.runs)
         after = self.on(replace(self.log, runs=runs))
         after.__dict__["rows"] = replace(self.rows, torque=self.rows.torque * factor)
@@ -80,7 +80,7 @@ class LogState:
         return after
 
     def without(self, left_out: NDArray[np.bool_]) -> LogState:
-        """The same with some rows excluded, flags of shape (M,) for all joints or (M, n)."""
+        """The same without some rows; their flags have shape (M, n), or (M,) for all joints."""
         flags = left_out[:, None] if left_out.ndim == 1 else left_out
         ends = np.cumsum([len(run.mask) for run in self.log.runs])[:-1]
         included = np.split(~flags, ends)
@@ -96,21 +96,21 @@ class LogState:
 
     @cached_property
     def joint_fits(self) -> tuple[QuickFit, ...]:
-        """Separate fit of each joint, with parameters of its own."""
+        """Separate fit of each joint, with separate parameters."""
         return tuple(solve(self._joint_rows(j)) for j in range(self.rows.n))
 
     @property
     def conflict(self) -> float:
-        """Log ratio of the residual of the common fit to that of separate fits of the joints.
+        """Logarithm of the residual of the common fit divided by the residual of separate fits of the joints.
 
-        An effect that the model lacks, such as friction at reversals, is missing from both fits and cancels. A large
-        ratio therefore means wrong geometry: order of channels, gravity, zeros, signs or scales.
+        An effect that the model does not contain, such as friction at reversals, is missing in both fits and cancels.
+        A large ratio therefore shows wrong geometry: order of channels, gravity, zeros, signs or scales.
         """
         alone = np.array([fit.sigma[0] for fit in self.joint_fits])
         return self.fit.cost - float(np.mean(np.log(alone)))
 
     def _joint_rows(self, j: int) -> QuickRows:
-        """Rows of joint j alone, with parameters of its own."""
+        """Rows of joint j, with separate parameters."""
         rows, count = self.rows, len(self.rows.parameters[j])
         return replace(
             rows,
@@ -122,7 +122,7 @@ class LogState:
         )
 
     def symbols(self, j: int) -> list[str]:
-        """Symbols of joint j's columns; empty for terms of other joints."""
+        """Symbols of the columns of joint j; empty for terms of other joints."""
         parameters = [self.model.parameters[self.base.kept[p]] for p in self.rows.parameters[j]]
         return [p.symbol if p.number == j + 1 or p.symbol not in JOINT_SYMBOLS else "" for p in parameters]
 
@@ -138,7 +138,7 @@ class LogState:
         return self._at_rows(lambda run: self._torque(bodies, run.motion, run.motion.q))
 
     def rigid_slopes(self, theta: Array, step: float) -> Array:
-        """Filtered derivative of the links' torque by each position at the rows, shape (n, M, n) [N·m/rad].
+        """Filtered derivative of the torque of the links by each position at the rows, shape (n, M, n) [N·m/rad].
 
         Args:
             theta: Standard parameters.
@@ -184,7 +184,7 @@ class LogState:
 
     @cached_property
     def nominal(self) -> DescriptionComparison | None:
-        """Comparison with the description's torque; `None` where the description has no inertias."""
+        """Comparison with the torque of the description; `None` if the description contains no inertias."""
         theta = self.model.nominal_parameters()
         if theta is None:
             return None
@@ -203,7 +203,7 @@ class LogState:
 
     @cached_property
     def dissipation(self) -> Array:
-        """Power that each joint's friction dissipates, in its standard deviations, shape (n,)."""
+        """Power that the friction of each joint dissipates, divided by its standard deviation, shape (n,)."""
         z = np.zeros(self.rows.n)
         for j, fit in enumerate(self.joint_fits):
             power = np.array(
@@ -217,7 +217,7 @@ class LogState:
 
     @cached_property
     def inertia(self) -> Array:
-        """Mean inertia of each joint, in its standard deviations, shape (n,)."""
+        """Mean inertia of each joint, divided by its standard deviation, shape (n,)."""
         rows, n = self.rows, self.rows.n
         q = rows.motion.q[:: max(1, rows.motion.samples // POSES)]
         still = np.zeros_like(q)
@@ -232,6 +232,6 @@ class LogState:
 
 
 def _certainty(direction: Array, fit: QuickFit) -> float:
-    """Linear function of an estimate, in its standard deviations."""
+    """Linear function of an estimate, divided by the standard deviation of the result."""
     spread = float(np.sqrt(max(direction @ fit.covariance @ direction, 0.0)))
     return float(direction @ fit.values) / spread if spread > 0.0 else 0.0

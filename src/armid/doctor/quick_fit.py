@@ -1,7 +1,7 @@
 """Weighted least squares on some hundred rows of a recording, in milliseconds.
 
-The doctor fits a model many times: to the log as it is, with channels in another order, with another gravity. Torque
-and columns pass the same filter, as they do for an estimate; each joint keeps a triangular factor.
+The doctor fits a model many times: to the log as it is, with channels in another order, with another gravity. As for
+an estimate, torque and columns pass the same filter, and each joint has a triangular factor.
 """
 
 from __future__ import annotations
@@ -20,35 +20,35 @@ from armid.model.motion import Motion
 from armid.values import Array
 
 PASSES = 4
-"""Rounds of weighting each joint by its residual. Two suffice unless the first round weights a joint badly."""
+"""Largest number of rounds in which joints are weighted by their residuals; two are usually enough."""
 
 SETTLED = 1e-3
 """Relative change of all residuals in a round below which the weighting has converged."""
 
 FLOOR = 1e-9
-"""Smallest residual over torque in a joint's weight: logs without noise have a residual of zero."""
+"""Smallest ratio of residual to torque in the weight of a joint; logs without noise have a residual of zero."""
 
 RIDGE = 1e-9
-"""Added to products of unit columns, so that parameters that are not excited get a value; the squares of those that
-are excited are at least 1e-4."""
+"""Number that is added to the diagonal of the products of unit columns, so that parameters that are not excited get a
+value. For parameters that are excited, the diagonal of the factor has squares of at least 1e-4."""
 
 COARSE_FLOOR = 1e-6
-"""`FLOOR` for fits from products, whose rounding error is the root of the machine epsilon."""
+"""`FLOOR` for fits from products, whose rounding error is the square root of the machine epsilon."""
 
 CUT = 1e-9
-"""Singular value over the largest below which a direction counts as not excited."""
+"""Ratio to the largest singular value below which a direction counts as not excited."""
 
 INDEPENDENT = 1e-6
-"""Diagonal of a triangular factor over its largest element above which columns are independent beyond doubt, and
-triangular equations give the solution in a sixth of the time of singular values."""
+"""Ratio of the smallest to the largest diagonal element of a triangular factor above which the columns are certainly
+independent. The triangular equations are then solved directly, in a sixth of the time of singular values."""
 
 LONGEST_LAG = 1.0
-"""Longest lag of the residuals' autocorrelation that is summed [s]."""
+"""Longest lag up to which the autocorrelation of the residuals is summed [s]."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class QuickRows:
-    """Filtered columns and torque, M rows.
+    """M rows of filtered columns and torque.
 
     Attributes:
         columns: For each joint the columns of the parameters that its torque depends on, (k, M).
@@ -56,7 +56,7 @@ class QuickRows:
         count: Number of parameters b.
         motion: Motion at the rows.
         torque: Shape (M, n) [N·m or N].
-        mask: Rows that count, shape (M, n).
+        mask: Mask of the rows that are used, shape (M, n).
         run: Index of the contiguous run of each row, shape (M,).
         rate: Rows a second [Hz].
     """
@@ -78,14 +78,14 @@ class QuickRows:
 
 @dataclass(frozen=True, eq=False)
 class QuickFit:
-    """Result of weighted least squares on rows; what is not asked of it is not computed.
+    """Result of weighted least squares on rows; its properties are computed when they are first used.
 
     Attributes:
         values: Parameters, those of the extra columns last, shape (b + e,).
         sigma: RMS residual of each joint, shape (n,) [N·m or N].
         rows: The rows.
-        tables: Columns of each joint with the extra ones and torque, zero where a row does not count.
-        factor: Triangular factors of all joints' columns, one below the other, shape (r, b + e).
+        tables: Columns, extra columns and torque of each joint, zero in rows that are not used.
+        factor: Triangular factors of the columns of all joints, one below the other, shape (r, b + e).
         joint: Joint of each row of the factor, shape (r,).
     """
 
@@ -98,14 +98,14 @@ class QuickFit:
 
     @cached_property
     def residual(self) -> Array:
-        """Residuals, shape (M, n), zero where a row does not count."""
+        """Residuals, shape (M, n), zero in rows that are not used."""
         x, rows = self.values, self.rows
         each = zip(self.tables, rows.parameters, strict=True)
         return np.column_stack([_residual(table, parameters, x, rows.count) for table, parameters in each])
 
     @cached_property
     def autocorrelation(self) -> Array:
-        """Autocorrelation time of each joint's residual, shape (n,) [rows]."""
+        """Autocorrelation time of the residual of each joint, shape (n,) [rows]."""
         return np.array([_autocorrelation_time(each, self.rows.rate) for each in self.residual.T])
 
     @cached_property
@@ -118,7 +118,7 @@ class QuickFit:
 
     @property
     def cost(self) -> float:
-        """Mean over the joints of the log RMS residual: a fall by 0.1 is ten percent less on average."""
+        """Mean over the joints of the logarithm of the RMS residual; a decrease by 0.1 is ten percent on average."""
         return float(np.mean(np.log(self.sigma)))
 
     @property
@@ -153,11 +153,11 @@ def make_rows(source: ColumnSource, log: DownsampledLog) -> QuickRows:
 
 
 def solve(rows: QuickRows, extra: Array | None = None) -> QuickFit:
-    """Solves weighted least squares, each joint weighted by its residual.
+    """Solves weighted least squares, in which each joint is weighted by its residual.
 
     Args:
         rows: Columns and torque.
-        extra: Further columns, shape (e, M, n): torque of each joint for a unit of each.
+        extra: Further columns, shape (e, M, n): torque of each joint if the further parameter is one.
     """
     extras = 0 if extra is None else len(extra)
     total = rows.count + extras
@@ -193,13 +193,13 @@ def solve(rows: QuickRows, extra: Array | None = None) -> QuickFit:
 
 
 def _lengths(A: Array) -> Array:
-    """Lengths of columns; 1 where one is zero."""
+    """Lengths of columns; 1 for columns that are zero."""
     scale = np.linalg.norm(A, axis=0)
     return np.where(scale > 0.0, scale, 1.0)
 
 
 def _least_squares(A: Array) -> Array:
-    """Least-squares solution for the last column by the others, the smallest one where these are dependent."""
+    """Least-squares solution for the last column by the others; the smallest solution if these are dependent."""
     R: Array = np.asarray(np.linalg.qr(A, mode="r"))
     k = A.shape[1] - 1
     diagonal = np.abs(R.diagonal()[:k])
@@ -209,12 +209,12 @@ def _least_squares(A: Array) -> Array:
 
 
 def products(rows: QuickRows, extra: Array | None = None) -> tuple[Array, ...]:
-    """Product matrix of each joint's columns, extra columns (e, M, n) and torque, (k + e + 1, k + e + 1)."""
+    """Product matrix of columns, extra columns (e, M, n) and torque for each joint, (k + e + 1, k + e + 1)."""
     return tuple(table @ table.T for table in tables(rows, extra))
 
 
 def tables(rows: QuickRows, extra: Array | None = None, mask: NDArray[np.bool_] | None = None) -> Iterator[Array]:
-    """Columns of each joint, extra columns (e, M, n) and torque, (k + e + 1, M), zero where rows do not count."""
+    """Columns, extra columns (e, M, n) and torque of each joint, (k + e + 1, M), zero in rows that are not used."""
     extras = np.zeros((0, *rows.torque.shape)) if extra is None else extra
     counts = rows.mask if mask is None else mask
     for j, columns in enumerate(rows.columns):
@@ -226,7 +226,7 @@ def cost_of(rows: QuickRows, pairs: Sequence[Array], sign: Array | None = None) 
 
     Args:
         rows: The rows, of which only the parameters are used.
-        pairs: Their `products`.
+        pairs: Products of these rows, from `products`.
         sign: Factor of each joint's torque, shape (n,).
     """
     return float(np.mean(np.log(solve_products(rows, pairs, np.maximum(rows.mask.sum(axis=0), 1), sign)[1])))
@@ -246,7 +246,7 @@ def solve_products(
         pairs: Products of all rows or of some of them.
         counted: Number of rows of each joint in these products, shape (n,).
         sign: Factor of each joint's torque, shape (n,).
-        ridge: Added to products of unit columns.
+        ridge: Number that is added to the diagonal of the products of unit columns.
     """
     n, b = rows.n, rows.count
     # Products of all parameters and torque, zero for parameters that a joint's torque does not depend on.
@@ -276,11 +276,11 @@ def solve_products(
 
 @lru_cache(maxsize=32)
 def _places(count: int, parameters: tuple[bytes, ...]) -> NDArray[np.intp]:
-    """Places of the entries of all joints' products among those of all parameters and torque.
+    """Indices of the entries of the products of all joints in the product matrix of all parameters and torque.
 
     Args:
         count: Number b of parameters.
-        parameters: Those of each joint.
+        parameters: Indices of the parameters of each joint, as bytes.
     """
     result: list[NDArray[np.intp]] = []
     for j, own in enumerate(parameters):

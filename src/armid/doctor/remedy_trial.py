@@ -1,7 +1,7 @@
 """Test of a remedy on held-out motion before it is offered.
 
-A model is fitted to some blocks of a log and evaluated on the others, with the remedy and without it. A remedy that
-makes the held-out error larger is rejected.
+A model is fitted to some blocks of a log and evaluated on the other blocks, with and without the remedy. A remedy
+that increases the held-out error is rejected.
 """
 
 from __future__ import annotations
@@ -17,25 +17,25 @@ from armid.errors import Finding
 from armid.remedy import Remedy
 
 FOLDS = 5
-"""Parts of a log, each left out once."""
+"""Number of parts of a log; each part is left out once."""
 
 BLOCK_ROWS = 24
-"""Rows of a block, a second at the usual rate: longer than residuals are correlated. Every fifth block is left out
-together."""
+"""Number of rows of a block: one second at the usual rate, which is longer than the correlation time of the
+residuals. Every fifth block belongs to the same part."""
 
 RIDGE = 1e-6
-"""Added to products of unit columns, so that parameters that the other blocks hardly determine stay small."""
+"""Number that is added to the products of unit columns, so that hardly determined parameters stay small."""
 
 WORTH = 0.002
-"""Change of the log error below which held-out motion does not decide."""
+"""Change of the logarithm of the error below which held-out motion does not decide."""
 
 WORSE = 0.01
-"""Rise of the log error from which an explanation is rejected, whatever other evidence there is for it."""
+"""Increase of the logarithm of the error from which an explanation is rejected, even if it has other evidence."""
 
 
 @dataclass(frozen=True, slots=True)
 class RemedyTrial:
-    """Relative error on held-out motion with and without a remedy, as the mean over the joints of its logarithm.
+    """Logarithms of the relative error on held-out motion with and without a remedy, as means over the joints.
 
     Attributes:
         before: Error of the log as it is read.
@@ -58,19 +58,20 @@ class RemedyTrial:
     def __str__(self) -> str:
         if abs(self.after - self.before) <= WORTH:
             return (
-                f"On left-out motion the remedy changes nothing: the error is {np.exp(self.after):.2%} of the torque "
-                "either way."
+                f"On left-out motion, the remedy changes nothing: the error is {np.exp(self.after):.2%} of the "
+                "torque "
+                "with and without it."
             )
         return (
-            f"On left-out motion the error is {np.exp(self.before):.2%} of the torque without the remedy, "
+            f"On left-out motion, the error is {np.exp(self.before):.2%} of the torque without the remedy and "
             f"{np.exp(self.after):.2%} with it."
         )
 
 
 def try_remedy(before: QuickRows, after: QuickRows) -> RemedyTrial:
-    """Computes the held-out errors with and without a remedy, on the rows that count in both cases.
+    """Computes the held-out errors with and without a remedy, on the rows that are used in both cases.
 
-    Rows that a remedy leaves out take part in the fit without it; neither error counts them.
+    Rows that the remedy leaves out are used in the fit without the remedy, but neither error includes them.
 
     Args:
         before: Rows of the log as it is read.
@@ -81,11 +82,11 @@ def try_remedy(before: QuickRows, after: QuickRows) -> RemedyTrial:
 
 
 def heldout_error(rows: QuickRows, judged: NDArray[np.bool_] | None = None) -> float:
-    """Relative error on rows that a model was not fitted to: mean over the joints of its logarithm.
+    """Logarithm of the relative error on rows to which the model was not fitted, as a mean over the joints.
 
     Args:
         rows: Columns and torque.
-        judged: Rows that the error is computed on, of those that count, shape (M, n); all if not given.
+        judged: Mask of the rows on which the error is computed, shape (M, n); if not given, all rows in use.
     """
     part = np.arange(len(rows.torque)) // BLOCK_ROWS % FOLDS
     inside = [part == k for k in range(FOLDS)]
@@ -109,14 +110,14 @@ def heldout_error(rows: QuickRows, judged: NDArray[np.bool_] | None = None) -> f
 
 
 def with_reason(finding: Finding, reasons: Mapping[str, str]) -> Finding:
-    """The finding, with the reason where its remedy was not tested though it is no work by hand.
+    """The finding, with the reason why its remedy was not tested, unless the remedy is manual work.
 
     Args:
         finding: The finding.
-        reasons: By code: why the remedy is not tested.
+        reasons: Reasons why a remedy is not tested, by code.
     """
     code, remedy = finding.code, finding.remedy
     if not isinstance(remedy, Remedy) or not remedy.keys or remedy.judged or code not in reasons:
         return finding
-    evidence = f"{finding.evidence} The remedy was not tried on left-out motion: {reasons[code]}."
+    evidence = f"{finding.evidence} The remedy was not tested on left-out motion: {reasons[code]}."
     return replace(finding, evidence=evidence, remedy=remedy.marked())

@@ -1,7 +1,7 @@
-"""Rows of a log away from reversals of its joints, where friction is not that of rest.
+"""Rows of a log away from reversals of its joints, at which static friction has no effect.
 
-Stiction at reversals is much of the residual of a model whose friction reverses with the velocity. It hides small
-effects of inertia, and shifts what depends on time.
+If the friction of a model reverses with the velocity, static friction at reversals causes a large part of the
+residual. It hides small effects of inertia, and it shifts estimates that depend on time, such as delays.
 """
 
 from __future__ import annotations
@@ -14,19 +14,19 @@ from armid.doctor.log_interpretation import LogState
 from armid.measurement.observations import ObservedRun
 
 SLOW = 0.1
-"""Speed over the RMS speed of a joint below which it is near a reversal."""
+"""Share of the RMS speed of a joint below which the joint counts as near a reversal."""
 
 SPREAD = 1.0
-"""Time around slow rows that is left out with them, in units of one over the cut-off: as far as the filter spreads
-the torque of a reversal."""
+"""Time before and after slow rows that is also left out, in periods of the cut-off: the filter spreads the torque of
+a reversal that far."""
 
 
 def away_from_reversals(state: LogState) -> LogState:
-    """The log without each joint's rows near its reversals.
+    """The log without the rows of each joint near its reversals.
 
-    A joint that sticks stands still while its torque passes from one bound of friction to the other, and when it does
-    so depends on the controller. Friction that reverses with the velocity misses this by a lead or lag of many
-    milliseconds, which is no delay of the log. A joint that keeps too few rows for a fit keeps none.
+    While a joint sticks, its torque passes from one bound of static friction to the other, at a time that depends on
+    the controller. In the model, friction reverses with the velocity, many milliseconds earlier or later. This
+    difference is not a delay of the log. A joint with too few remaining rows for a fit keeps no rows.
     """
     runs, rows = state.log.runs, state.rows
     slow = SLOW * np.sqrt(np.mean(np.concatenate([run.motion.dq for run in runs]) ** 2, axis=0))
@@ -37,7 +37,7 @@ def away_from_reversals(state: LogState) -> LogState:
 
 
 def _any_within(flags: NDArray[np.bool_], seconds: float, run: ObservedRun) -> NDArray[np.bool_]:
-    """Flags at the rows of a run, set where any sample within some seconds is flagged."""
+    """Flags at the rows of a run; true if any sample within some seconds is flagged."""
     reach, rows = int(np.ceil(seconds * run.rate)), run.rows
     counts = np.concatenate([np.zeros((1, flags.shape[1]), dtype=np.int64), flags.cumsum(axis=0)])
     return counts[np.minimum(rows + reach + 1, len(flags))] > counts[np.maximum(rows - reach, 0)]

@@ -12,17 +12,17 @@ from armid.measurement.recording import Recording
 from armid.values import Array
 
 STUCK_SECONDS, STUCK_SAMPLES = 0.2, 20
-"""Shortest time at one value, while the arm moves, that counts as stuck."""
+"""Shortest time at one value while the arm moves from which a channel counts as stuck, in seconds and samples."""
 
 USUAL = 6.0
-"""Ratio to the next longest stretch that a stuck one must reach: coarse converters repeat values at every
-reversal."""
+"""Smallest ratio of a stuck stretch to the next longest stretch at one value; coarse converters repeat values at
+every reversal."""
 
 SWING = 0.1
-"""Share of its span by which some joint must have moved while a channel was stuck."""
+"""Share of its span by which at least one joint must move while a channel is stuck."""
 
 JUMP = 5.0
-"""Jump of a position at the end of a stuck stretch, in usual steps."""
+"""Smallest jump of a position at an end of a stuck stretch, in usual steps."""
 
 
 def stuck_stretches(recording: Recording, rate: float) -> tuple[tuple[int, str, int, int], ...]:
@@ -68,7 +68,7 @@ def longest(same: Array) -> tuple[int, int]:
 
 
 def _stuck(values: Array, valid: NDArray[np.bool_], rate: float) -> tuple[int, int] | None:
-    """First and last row of the stretch of one value that is far longer than any other, if there is one."""
+    """First and last row of a stretch at one value that is far longer than any other; `None` if there is none."""
     if np.ptp(values) == 0.0:
         return None
     same = (values[1:] == values[:-1]) & valid[1:] & valid[:-1]
@@ -85,12 +85,12 @@ def _stuck(values: Array, valid: NDArray[np.bool_], rate: float) -> tuple[int, i
 
 
 def _at_extreme(values: Array, row: int) -> bool:
-    """True if a torque stays at its largest or smallest value, which is saturation."""
+    """True if a torque stays at its largest or smallest value, as it does in saturation."""
     return values[row] in (values.max(), values.min())
 
 
 def _breaks(q: Array, a: int, b: int) -> bool:
-    """True if the motion stops or resumes with a jump, which no joint does."""
+    """True if a position jumps at the beginning or the end of the stretch, which is impossible for a joint."""
     step = np.abs(np.diff(q))
     usual = float(np.quantile(step[step > 0.0], 0.5)) if (step > 0.0).any() else 0.0
     if b + 1 < len(q) and step[b] > JUMP * usual:

@@ -1,1 +1,1 @@
-"""From information to estimates."""
+"""Estimates from information: methods, consistency, friction, uncertainty and updates."""

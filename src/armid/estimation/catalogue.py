@@ -12,21 +12,21 @@ if TYPE_CHECKING:
 
 
 class Estimator(Protocol):
-    """A frozen dataclass whose fields are its options.
+    """Method of estimation: a frozen dataclass whose fields are the options of the method.
 
-    An option `weight` is the weight of a prior in independent samples; where friction is selected and the option is
-    `auto`, it is that of the selection.
+    An option `weight` is the weight of a prior in independent samples. If friction is selected and the option is
+    `auto`, the weight of the selection is used.
 
     Attributes:
         name: Name of the method in a study.
-        quick: Whether it takes well under a second, so that it can be repeated with parts of the data left out.
+        quick: True if the method takes well under a second, so that it can be repeated without parts of the data.
     """
 
     name: ClassVar[str]
     quick: ClassVar[bool]
 
     def solve(self, problem: EstimationProblem) -> Fit:
-        """Solve for the base parameters, with deviations under white residuals."""
+        """Estimates the base parameters, with standard deviations for white residuals."""
         ...
 
 
@@ -35,11 +35,11 @@ class EstimatorWithPrior(Protocol):
     """Estimator that finds the weight of a prior from the data."""
 
     def with_prior_of(self, problem: EstimationProblem, fit: Fit) -> Estimator:
-        """The method with the prior fixed to the one that it found.
+        """The method with its prior fixed to the prior of a fit.
 
         Args:
-            problem: All of the data.
-            fit: The method's estimate from them.
+            problem: Estimation problem with all data.
+            fit: Fit of the method to these data.
         """
         ...
 

@@ -171,8 +171,9 @@ def _parts_of_each(information: Information, rows: Array, count: int) -> NDArray
         if all(_trains(information, recording, fold, parts) for recording in recordings):
             return fold
     raise EstimationError(
-        "Parameters of each recording cannot be validated: a recording is too short to leave a part of it out.",
-        remedy="record for longer, estimate friction for all recordings together, or give the prior a weight.",
+        "Cross-validation is not possible: the model has separate parameters for each recording, and one recording "
+        "is too short to leave out a part of it.",
+        remedy="record for longer, estimate one friction for all recordings, or give the key `weight` a number.",
     )
 
 

@@ -1,4 +1,4 @@
-"""The estimate as it is kept: values, intervals and status with what they were made from."""
+"""Estimate in the form that is saved: values, intervals and status, with the inputs from which they were computed."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ from armid.values import Array
 
 @dataclass(frozen=True, slots=True)
 class TermUse:
-    """A torque term as it was used.
+    """Torque term with the joints and shapes with which it was used.
 
     Attributes:
         name: Name of the term.
-        joints: Joints that it acts on.
-        shapes: Its shapes, by name.
+        joints: Names of the joints on which the term acts.
+        shapes: Shapes of the term, by name.
     """
 
     name: str
@@ -57,7 +57,7 @@ class InputDigest(TextValue):
 
     @classmethod
     def read(cls, text: str) -> InputDigest:
-        """The digest of this text."""
+        """Makes the digest from its text."""
         role, _, sha256 = text.rpartition(" ")
         return cls(role, sha256)
 
@@ -72,12 +72,12 @@ class Estimate(Displayed):
         terms: Torque terms with their shapes.
         base: The base parameters and their regrouping.
         fit: Values, deviations, covariance and residuals.
-        findings: What was noticed on the way.
+        findings: Findings made during the identification.
         made_from: Digests of the inputs: robot description, recordings and options.
-        made_by: Kernel and method that made the information.
+        made_by: Kernel and method with which the information was computed.
         seconds: Time from recordings to result [s].
-        speeds: Highest speed of each joint in the rows that trained it, shape (n,) [rad/s or m/s]; `None` where it is
-            not known.
+        speeds: Highest speed of each joint in the training rows, shape (n,) [rad/s or m/s]; `None` if it is not
+            known.
     """
 
     robot: str
@@ -106,7 +106,7 @@ class Estimate(Displayed):
 
     @property
     def recording_digests(self) -> tuple[str, ...]:
-        """Digests (sha256) of the recordings of training and validation, in the study's order."""
+        """Digests (sha256) of the recordings for training and validation, in the order of the study."""
         return tuple(each.sha256 for each in self.made_from if each.role in ("train", "validate"))
 
     @property
@@ -116,10 +116,10 @@ class Estimate(Displayed):
 
 
 def torque_parameters(base: BaseParameters, fit: Fit) -> Array:
-    """Standard parameters (p,) that give the estimate's torque: base values on kept columns, zero elsewhere.
+    """Standard parameters (p,) with the torque of the estimate: base values on kept columns, zero elsewhere.
 
-    They are no body's parameters, but Y θ = Y_base π holds. Where friction was estimated once for each recording,
-    its mean is taken. Where the method estimates standard parameters, these are a body's.
+    The torque is the same (Y θ = Y_base π), but no real body has these parameters. If friction was estimated for each
+    recording, its mean is used. If the method estimates standard parameters, these are returned.
     """
     if fit.standard is not None:
         return collapse(base.standard_names, fit.standard)
@@ -129,7 +129,7 @@ def torque_parameters(base: BaseParameters, fit: Fit) -> Array:
 
 
 def collapse(names: Sequence[str], fit: Fit | StandardFit) -> Array:
-    """Values of parameters by name; the mean where there is one for each recording, `FV_1[2]`."""
+    """Values of parameters by name; the mean if a parameter has one value for each recording, as in `FV_1[2]`."""
     groups: dict[str, list[float]] = {}
     for name, value in zip(fit.names, fit.values, strict=True):
         groups.setdefault(name.of_all, []).append(float(value))
@@ -137,7 +137,7 @@ def collapse(names: Sequence[str], fit: Fit | StandardFit) -> Array:
 
 
 def averaged(names: tuple[ParameterName, ...], fit: Fit) -> Fit:
-    """The fit in parameters by name; the mean where it has one for each recording, `FV_1[2]`."""
+    """The fit with parameters by name; the mean if a parameter has one value for each recording, as in `FV_1[2]`."""
     copies = [name.of_all for name in fit.names]
     mean = np.array([[name == copy for copy in copies] for name in names], dtype=np.float64)
     mean /= mean.sum(axis=1, keepdims=True)
@@ -153,10 +153,11 @@ def averaged(names: tuple[ParameterName, ...], fit: Fit) -> Fit:
 
 
 def standard_parameters(estimate: Estimate) -> list[dict[str, Any]]:
-    """Each standard parameter with its value where the data determine it by itself.
+    """Records of all standard parameters, with a value if the data determine the parameter.
 
-    A parameter stands alone where it is kept and no other joins it; one that is grouped has no value of its own,
-    unless the method estimates standard parameters and says of each what the data know of it.
+    The data determine a parameter if its column is kept and no other parameter is regrouped into it. A regrouped
+    parameter has no value, unless the method estimates standard parameters; its status then shows how far the data
+    determine it.
     """
     if estimate.fit.standard is not None:
         return _estimated(estimate.fit.standard)

@@ -16,23 +16,24 @@ from armid.notebook import Displayed, Summary, percent
 from armid.values import Array, array
 
 POORLY_IDENTIFIED = 20.0
-"""Relative deviation above which a parameter counts as poorly identified [%]. The rule of ten times the smallest
-[Khalil2004] condemns nearly all parameters where one is known very well."""
+"""Relative standard deviation above which a parameter counts as poorly identified [%]. By the usual rule, ten times
+the smallest one [Khalil2004], nearly all parameters would be poorly identified if one parameter is known very
+well."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class CovarianceReport:
-    """Reason for the kind of a covariance, and what was seen of the noise on the way.
+    """Reason for the kind of a covariance, and properties of the noise.
 
     Attributes:
-        why: The reason in words.
-        parts: Blocks, periods or frequency bands that the covariance was made from; 0 for none.
-        whiteness: Probability of residuals as far from white as these, if they were white; `None` where not tested.
-        noise: Standard deviation of a joint's torque about the model, in the band, shape (n,) [N·m or N]: what a band
-            for a measured torque adds to the parameters' share. Empty where nothing but the residual is known.
-        moved: What leaving rows next to reversals out would move the estimate by, shape (b,); empty where that was
-            not looked for.
-        reach: Share of the move that counts as a deviation: the covariance has reach² moved movedᵀ in it.
+        why: Text of the reason.
+        parts: Number of blocks, periods or frequency bands from which the covariance was computed; 0 for none.
+        whiteness: p-value of the test of whiteness of the residuals; `None` if it was not made.
+        noise: Standard deviation of the torque of each joint about the model, in the band, shape (n,) [N·m or N]. An
+            interval of a measured torque contains it in addition to the uncertainty of the parameters. Empty if only
+            the residual is known.
+        moved: Change of the estimate if rows next to reversals are left out, shape (b,); empty if not computed.
+        reach: Share of this change that counts as a standard deviation: the covariance contains reach² moved movedᵀ.
     """
 
     why: str = "as the estimator gave it"
@@ -49,31 +50,32 @@ class CovarianceReport:
 
 @dataclass(frozen=True, eq=False, slots=True, repr=False)
 class Fit(Displayed):
-    """An estimate of b parameters from the rows of n joints.
+    """Estimate of b parameters from the rows of n joints.
 
     Attributes:
         names: Names of the parameters.
-        values: Shape (b,).
-        white_deviation: Standard deviations under white residuals, (2.44) to (2.46), shape (b,).
-        covariance: What intervals are made of, shape (b, b).
-        covariance_kind: How it was made: `white` as an estimator solves, from `estimate` also `period`, `spectral`
+        values: Values of the parameters, shape (b,).
+        white_deviation: Standard deviations for white residuals, equations (2.44) to (2.46) of the thesis, shape
+            (b,).
+        covariance: Covariance from which the intervals are computed, shape (b, b).
+        covariance_kind: Kind of the covariance: `white` by the estimator; after `estimate` also `period`, `spectral`
             or `block`.
-        freedom: Degrees of freedom of each parameter's interval, shape (b,); one number stands for all.
-        residual_rms: Root mean square of each joint's residual in the band, shape (n,) [N·m or N].
-        rows: Rows that counted, shape (n,).
-        condition: Condition number of the stacked regressor as it is, (2.51).
-        scaled_condition: The same with columns of unit length, which does not depend on units.
-        weights: Weight of each joint's rows in the estimate, shape (n,); one each where not given.
-        prior_precision: Precision of the Gaussian prior that the estimate was made with, in base parameters and in
-            the units of the weighted normal equations, shape (b, b); `None` for none.
-        report: Why the covariance is of its kind.
-        dropped: Names of parameters that the estimator holds at zero.
-        findings: What the estimator noticed on the way.
-        information: The factors that the estimate was really made from, where an estimator changed their rows, as by
-            weights of its own for each; `None` where they are those it was given.
-        standard: Standard parameters, where the estimator estimates them.
-        prior_correlation: Rows that count as one independent sample of the prior's weight: it errs by its precision's
-            inverse times so much, as the data do.
+        freedom: Degrees of freedom of the interval of each parameter, shape (b,), or one number for all.
+        residual_rms: Root mean square of the residual of each joint in the band, shape (n,) [N·m or N].
+        rows: Number of rows used for each joint, shape (n,).
+        condition: Condition number of the stacked regressor without scaling, equation (2.51) of the thesis.
+        scaled_condition: Condition number with columns of unit length, which does not depend on units.
+        weights: Weight of the rows of each joint in the estimate, shape (n,); if not given, all are one.
+        prior_precision: Precision of the Gaussian prior of the estimate, in base parameters and in the units of the
+            weighted normal equations, shape (b, b); `None` if there is no prior.
+        report: Reason for the kind of the covariance.
+        dropped: Names of parameters that the estimator sets to zero.
+        findings: Findings of the estimator.
+        information: Factors from which the estimate was computed, if the estimator changed the given rows, for
+            instance by individual weights; otherwise `None`.
+        standard: Standard parameters, if the method estimates them.
+        prior_correlation: Number of rows that count as one independent sample in the weight of the prior. The
+            covariance of the prior is the inverse of its precision times this number.
     """
 
     names: tuple[ParameterName, ...]
@@ -121,32 +123,32 @@ class Fit(Displayed):
 
     @property
     def intervals(self) -> Array:
-        """Student's 95 % intervals of the parameters, shape (b, 2)."""
+        """95 % intervals of the parameters by Student's t distribution, shape (b, 2)."""
         half = student_quantile(self.freedom) * self.deviation
         return np.stack([self.values - half, self.values + half], axis=1)
 
     @property
     def deviation(self) -> Array:
-        """Standard deviations of the parameters by the covariance, as in the intervals, shape (b,)."""
+        """Standard deviations of the parameters by the covariance of the intervals, shape (b,)."""
         return np.sqrt(np.diag(self.covariance))
 
     @property
     def noise(self) -> Array:
-        """Standard deviation of each joint's torque about the model, in the band, shape (n,) [N·m or N]."""
+        """Standard deviation of the torque of each joint about the model, in the band, shape (n,) [N·m or N]."""
         return self.report.noise if len(self.report.noise) else self.residual_rms
 
     @property
     def relative_deviation(self) -> Array:
-        """Standard deviation over the value's size in percent, (2.47), shape (b,)."""
+        """Standard deviation divided by the absolute value [%], equation (2.47) of the thesis, shape (b,)."""
         with np.errstate(divide="ignore", invalid="ignore"):
             return 100.0 * self.deviation / np.abs(self.values)
 
     @property
     def poorly_identified(self) -> NDArray[np.bool_]:
-        """Parameters whose relative deviation is above `POORLY_IDENTIFIED`, shape (b,)."""
+        """Mask of the parameters whose relative deviation is above `POORLY_IDENTIFIED`, shape (b,)."""
         return self.relative_deviation > POORLY_IDENTIFIED
 
 
 def _for_each(value: ArrayLike, count: int) -> ArrayLike:
-    """One number for each of so many parameters."""
+    """One number for each of `count` parameters."""
     return np.full(count, value) if np.ndim(value) == 0 else value

@@ -102,16 +102,16 @@ def _require_rank(whole: Information) -> None:
     rows = int(whole.rows.sum())
     if rows < whole.count:
         raise EstimationError(
-            f"{rows} rows cannot determine {whole.count} base parameters.",
-            remedy="record longer, trim or mask less, or leave torque terms out.",
+            f"The recordings have {rows} usable rows, which cannot determine {whole.count} base parameters.",
+            remedy="record longer, trim or mask fewer rows, or use fewer torque terms.",
         )
     directions = null_directions(A)
     if not len(directions):
         return
     raise EstimationError(
-        f"The data determine {whole.count - len(directions)} of {whole.count} base parameters; they do not see "
-        f"{'; '.join(_named(directions, whole.names))}.",
-        remedy="record a motion that moves the joints of these parameters, or lock joints or leave terms out.",
+        f"The data determine only {whole.count - len(directions)} of {whole.count} base parameters; they do not "
+        f"determine {'; '.join(_named(directions, whole.names))}.",
+        remedy="record a motion that moves the joints of these parameters, lock these joints, or use fewer terms.",
     )
 
 
@@ -120,7 +120,7 @@ def _named(directions: Array, names: Sequence[str]) -> list[str]:
     touched = sorted(np.flatnonzero(row).tolist() for row in _reduced(directions))
     parts = [[names[k] for k in part] for part in touched]
     alone = [part[0] for part in parts if len(part) == 1]
-    joined = [f"{', '.join(part[:-1])} and {part[-1]} apart" for part in parts if len(part) > 1]
+    joined = [f"{', '.join(part[:-1])} and {part[-1]} separately" for part in parts if len(part) > 1]
     return [", ".join(alone), *joined] if alone else joined
 
 

@@ -1,9 +1,10 @@
-"""Bodies of the links as engineers state them: mass, centre of mass and inertia about it, old and new.
+"""Mass, centre of mass and inertia about it of each link: values of the description and estimated values.
 
-An estimate holds first moments h and inertias I_o about the origins of links, where torques are linear in them. Of
-a body follow c = h / M and I_c = I_o - (|h|² 1 - h hᵀ) / M, and by the slope of these their intervals. An interval is
-given only where the data determine every parameter that enters, else the reason. The torques of most arms leave open
-how links share their mass, so that few bodies have intervals throughout.
+An estimate contains first moments h and inertias I_o about the origins of the link frames, because torques are linear
+in them. From these follow the centre of mass c = h / M and the inertia about it, I_c = I_o - (|h|² 1 - h hᵀ) / M.
+Their intervals are computed with the derivatives of these formulas. An interval is given only if the data determine
+all parameters in its formula; otherwise the reason is given. For most arms, the torques do not determine how the mass
+is distributed among the links, so few links have intervals for all quantities.
 """
 
 from __future__ import annotations
@@ -27,13 +28,13 @@ QUANTITIES = ("mass", "com x", "com y", "com z", "Ixx", "Ixy", "Iyy", "Ixz", "Iy
 UNITS = ("kg", *("m",) * 3, *("kg·m²",) * 6)
 """Units of `QUANTITIES`."""
 
-NO_BODIES = "{method} estimates base parameters, which leave open how links share their mass"
+NO_BODIES = "{method} estimates base parameters, which do not determine how the mass is distributed among the links"
 
-REMEDY = "identify with --method physical to have a body for each link"
+REMEDY = "identify with --method physical to estimate a body for each link"
 
 
 def _entering() -> NDArray[np.bool_]:
-    """Rows: quantities; columns: the parameters M MX MY MZ XX XY YY XZ YZ ZZ that they are made from."""
+    """Mask of the parameters M MX MY MZ XX XY YY XZ YZ ZZ (columns) from which each quantity (row) is computed."""
     result = np.eye(10, dtype=np.bool_)
     result[1:, 0] = True
     for k, (i, j) in enumerate(INERTIA_INDEX):
@@ -44,20 +45,20 @@ def _entering() -> NDArray[np.bool_]:
 
 
 ENTERING: NDArray[np.bool_] = _entering()
-"""Mask of the inertial parameters that enter each of `QUANTITIES`, shape (10, 10)."""
+"""Mask of the inertial parameters from which each of `QUANTITIES` is computed, shape (10, 10)."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class LinkProperties:
-    """A link's body, old and new, each as `QUANTITIES` in the link frame.
+    """`QUANTITIES` of a link in its link frame, described and estimated.
 
     Attributes:
-        link: Name of the link; bodies on fixed and locked joints count to the link that carries them.
-        joint: Name of the joint that moves it.
-        description: What the description says, shape (10,); NaN where it says nothing.
-        estimate: What was estimated, shape (10,); NaN where nothing was.
-        intervals: 95 % intervals of the estimate, shape (10, 2); NaN where the data do not determine it.
-        reasons: Why there is no interval, one each; empty where there is one.
+        link: Name of the link; bodies on fixed and locked joints belong to the link that carries them.
+        joint: Name of the joint that moves the link.
+        description: Values of the description, shape (10,); NaN for missing values.
+        estimate: Estimated values, shape (10,); NaN for quantities that were not estimated.
+        intervals: 95 % intervals of the estimate, shape (10, 2); NaN for values that the data do not determine.
+        reasons: Reason why there is no interval, for each quantity; empty if there is one.
     """
 
     link: str
@@ -75,13 +76,13 @@ class LinkProperties:
 
 @dataclass(frozen=True, eq=False, slots=True, repr=False)
 class LinkTable(Displayed):
-    """Bodies of all links, in the order of the joints that move them.
+    """Properties of all links, in the order of the joints that move them.
 
     Attributes:
         robot: Name of the arm.
         method: Name of the estimator.
-        links: The bodies, n of them; none where the model has no rigid bodies.
-        note: Why there is no estimate of bodies and what gives one; empty where there is one.
+        links: Properties of the n links; empty if the model has no rigid bodies.
+        note: Reason why there are no estimated values, with a remedy; empty if there are estimated values.
     """
 
     robot: str
@@ -90,7 +91,7 @@ class LinkTable(Displayed):
     note: str = ""
 
     def summary(self) -> Summary:
-        """One row a link and quantity."""
+        """Table with one row for each link and quantity."""
         rows = tuple(
             (link.link, name, unit, _number(old), _number(new), _interval(ends) or reason)
             for link in self.links
@@ -103,11 +104,11 @@ class LinkTable(Displayed):
 
 
 def link_table(model: DynamicsModel, estimate: Estimate) -> LinkTable:
-    """The bodies of an arm's links as described and as estimated.
+    """Described and estimated properties of the links of an arm.
 
     Args:
         model: The model that was estimated.
-        estimate: Its parameters.
+        estimate: Estimate of the model.
     """
     robot, fit = model.robot, estimate.fit.standard
     if not model.has_rigid_bodies:
@@ -128,7 +129,7 @@ def link_table(model: DynamicsModel, estimate: Estimate) -> LinkTable:
 
 
 def link_record(table: LinkTable) -> list[dict[str, Any]]:
-    """The bodies as JSON, one object a link: mass, com and inertia about it, as described, estimated and known."""
+    """Records of the links for JSON: described and estimated mass, com and inertia about it, with intervals."""
 
     def parts(values: Array) -> dict[str, Any]:
         return {"mass": values[0], "com": values[1:4], "inertia_about_com": values[4:]}
@@ -147,7 +148,7 @@ def link_record(table: LinkTable) -> list[dict[str, Any]]:
 
 
 def _estimated(fit: StandardFit, index: list[int]) -> tuple[Array, Array, tuple[str, ...]]:
-    """Estimate (10,), intervals (10, 2) and the reasons why there are none, of the link with these parameters."""
+    """Estimate (10,), intervals (10, 2) and reasons for missing intervals of the link with the given parameters."""
     theta = fit.values[index]
     values = about_com(theta)
     intervals = np.full((10, 2), np.nan)

@@ -1,4 +1,4 @@
-"""Fit of base and standard parameters from an estimate that prior and constraints have shaped."""
+"""Fit of base and standard parameters from an estimate with a prior and constraints."""
 
 from __future__ import annotations
 
@@ -36,35 +36,36 @@ from armid.remedy import Remedy, setting
 from armid.values import Array
 
 PRICE = 0.05
-"""Residual cost of consistency from which on something is said: noise alone makes it far less than a hundredth."""
+"""Relative increase of the squared residual by consistency that is reported; noise causes far less than 0.01."""
 
 PUSHED = 2.0
-"""Deviations by which data must push a parameter across its bound to be named."""
+"""Distance between a held parameter and the value that fits the data best, in standard deviations, that is
+reported."""
 
 AT_BOUND = 1e-3
-"""Deviations from its bound at which a parameter stands at it."""
+"""Distance from a bound, in standard deviations, below which a parameter counts as at the bound."""
 
 NAMED = 0.01
-"""Part in an unseen direction, columns of unit length, from which on a parameter is named."""
+"""Component in an undetermined direction, for columns of unit length, from which a parameter is named."""
 
 REMEDY = Remedy("use ", setting("method", "physical"), " for simulation or export.")
 
 PHYSICAL = -1e-9
-"""Smallest eigenvalue of a pseudo-inertia that rounding leaves [kg and kg·m²]."""
+"""Smallest eigenvalue of a pseudo-inertia that counts as zero within rounding [kg and kg·m²]."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class PhysicalEstimate:
-    """Estimate of standard parameters under a prior and constraints, however it was found.
+    """Estimate of standard parameters with a prior and constraints, from any method.
 
     Attributes:
         standard: The standard parameters.
         weighted: The whitened data.
-        prior: The prior for weight 1; that of any arm where the estimate has none.
+        prior: The prior for weight 1; if the estimate has none, the prior that fits any arm.
         use: Kind and weight of the prior in the estimate.
         values: The estimate, shape (p,).
-        gap: Duality gap of the method; NaN where it knows none.
-        basis: Parameters (p,) that each unknown moves, shape (p, x); the identity where not given.
+        gap: Duality gap of the method; NaN if the method has none.
+        basis: Derivatives of the parameters (p,) by each unknown, shape (p, x); the identity if not given.
         requirements: Requirements of the study on the parameters.
     """
 
@@ -88,7 +89,7 @@ class PhysicalEstimate:
 
     @property
     def is_informed(self) -> bool:
-        """Tests whether the prior says where parameters are that the data do not determine."""
+        """Tests whether the prior determines parameters that the data do not determine."""
         return self.use.kind in INFORMED
 
     @property
@@ -99,7 +100,7 @@ class PhysicalEstimate:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Held:
-    """Masks (p,) of parameters that are kept from where the data would have them.
+    """Masks (p,) of parameters that are held away from the values that fit the data best.
 
     Attributes:
         at_zero: Held by the bound at zero.
@@ -164,7 +165,7 @@ def _prior_precision(estimate: PhysicalEstimate) -> Array:
 
 
 def _centre(estimate: PhysicalEstimate, lowest_eigenvalue: float) -> AnalyticCentre | None:
-    """Analytic centre; `None` also for an estimate outside of the cone, which says nothing of the cone."""
+    """Analytic centre; `None` if there is none, or if the estimate is outside of the cone."""
     standard, values = estimate.standard, estimate.values
     if min(lowest_eigenvalue, float(values[standard.nonnegative].min(initial=0.0))) < PHYSICAL:
         return None
@@ -217,7 +218,7 @@ def _standard_fit(
 
 
 def _held(estimate: PhysicalEstimate, white: Array, given: NDArray[np.bool_], resolution: Array) -> _Held:
-    """Masks of the parameters that are held, of those that the study does not give.
+    """Masks of the parameters that are held, among those that the study does not give.
 
     Args:
         estimate: The estimate.
@@ -238,7 +239,7 @@ def _held(estimate: PhysicalEstimate, white: Array, given: NDArray[np.bool_], re
 
 
 def _limited(estimate: PhysicalEstimate, deviation: Array) -> NDArray[np.bool_]:
-    """Mask of parameters (p,) at a limit of the study; what is one with such a mass is held with it."""
+    """Mask of parameters (p,) at a limit of the study, or equal to a mass at such a limit."""
     if estimate.requirements is None:
         return np.zeros(len(estimate.values), dtype=bool)
     near = AT_BOUND * np.maximum(deviation, np.abs(estimate.values))
@@ -247,12 +248,15 @@ def _limited(estimate: PhysicalEstimate, deviation: Array) -> NDArray[np.bool_]:
 
 
 def _findings(estimate: PhysicalEstimate, eigenvalues: Array, price: float, held: _Held) -> list[Finding]:
-    """Findings about the bodies, the prior, the data and what is held."""
+    """Findings about the bodies, the prior, the data and the parameters that are held."""
     standard, data, use = estimate.standard, estimate.weighted, estimate.use
     findings: list[Finding] = []
     for own, smallest in zip(standard.inertial, eigenvalues, strict=True):
         if smallest < PHYSICAL:
-            message = f"No body has the link's values: smallest eigenvalue of its pseudo-inertia {smallest:.2g}."
+            message = (
+                "No real body can have the values of this link: its pseudo-inertia has the eigenvalue "
+                f"{smallest:.2g}."
+            )
             findings.append(Finding("not-physical", "warning", standard.names[own[0]], message, REMEDY))
     if estimate.is_informed:
         findings.append(weight_finding(f"{use.kind} prior", use.weight, use.how))
@@ -260,21 +264,25 @@ def _findings(estimate: PhysicalEstimate, eigenvalues: Array, price: float, held
         length = np.linalg.norm(stack(data.whole)[0], axis=0)
         part = np.abs(data.unseen * np.where(length > 0.0, length, 1.0)).max(axis=0)
         named = _listed(data.whole.names, part > NAMED)
-        message = f"The data leave {len(data.unseen)} directions of the base parameters open, in {named}."
-        remedy = "record a motion that shows them; until then the prior says what they are."
+        message = f"The data do not determine {len(data.unseen)} directions of the base parameters, in {named}."
+        remedy = "record a motion that determines them; with these data, their values follow from the prior."
         findings.append(Finding("prior-dominated", "warning", "", message, remedy))
     if price > PRICE:
-        message = f"Consistency and prior cost {100.0 * price:.3g} % of the squared residual."
+        message = f"Physical consistency and the prior increase the squared residual by {100.0 * price:.3g} %."
         remedy = (
-            "add the torque terms that the residuals show, or trust the description less. A wrong sign or "
-            "gravity would be a finding of its own."
+            "add torque terms that reduce the residuals, or give the prior less weight. A wrong sign or a wrong "
+            "gravity would be reported as a separate finding."
         )
         findings.append(Finding("price-of-consistency", "warning", "", message, remedy))
-    far = f"more than {PUSHED:g} deviations from where the data would have them"
+    far = f"more than {PUSHED:g} standard deviations from the values that fit the data best"
     for code, mask, message in (
-        ("held-at-zero", held.at_zero, "The data would have these negative"),
-        ("held-at-limit", held.at_limit, "Limits of the study hold these where they are"),
-        ("held-inside", held.inside, f"Bodies that can exist, the prior and the study's limits hold these {far}"),
+        ("held-at-zero", held.at_zero, "Without the bound at zero, these parameters would be negative"),
+        ("held-at-limit", held.at_limit, "These parameters are held at limits of the study"),
+        (
+            "held-inside",
+            held.inside,
+            f"Physical consistency, the prior and the limits of the study hold these parameters {far}",
+        ),
     ):
         if mask.any():
             findings.append(Finding(code, "info", "", f"{message}: {_listed(standard.names, mask)}."))

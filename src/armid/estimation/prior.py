@@ -233,7 +233,7 @@ def _nominal(standard: StandardParameters) -> tuple[Array, tuple[Finding, ...]]:
     """Inertial parameters (links, 10) of the description, moved inside the cone where they lie outside or on it."""
     if standard.nominal is None:
         raise EstimationError(
-            "A prior towards the description needs its inertial parameters, and it gives none.",
+            "A prior towards the description needs inertial parameters, but the description contains none.",
             possible='prior = "mass" or "none"',
         )
     result = standard.nominal[standard.inertial].copy()
@@ -244,7 +244,7 @@ def _nominal(standard: StandardParameters) -> tuple[Array, tuple[Finding, ...]]:
         mass = J[3, 3]
         if not mass > 0.0:
             raise EstimationError(
-                f"The description gives the link of {name} the mass {mass:g} kg; no prior follows from that.",
+                f"In the description, the link of {name} has the mass {mass:g} kg, which gives no prior.",
                 possible='prior = "mass" or "none", or known masses of all links',
             )
         com = J[:3, 3] / mass
@@ -254,17 +254,17 @@ def _nominal(standard: StandardParameters) -> tuple[Array, tuple[Finding, ...]]:
             J[:3, :3] = (vectors * np.maximum(about, least)) @ vectors.T + mass * np.outer(com, com)
             result[k] = vector_from_pseudo_inertia(J)
             what = (
-                "no body has its inertia"
+                "no real body can have the inertia of this link"
                 if about[0] < 0.0
-                else "its inertia is that of a body without thickness: a plate, a rod or a point"
+                else "the inertia of this link is that of a body without thickness: a plate, a rod or a point"
             )
             findings.append(
                 Finding(
                     "nominal-projected",
                     "warning" if about[0] < 0.0 else "info",
                     name,
-                    f"In the description {what} (smallest second moment {about[0]:.2g} kg·m²); the prior uses the "
-                    f"nearest with a radius of {1000 * THINNEST:g} mm.",
+                    f"In the description, {what} (smallest second moment {about[0]:.2g} kg·m²); the prior uses the "
+                    f"nearest inertia with a radius of gyration of {1000 * THINNEST:g} mm.",
                 )
             )
     return result, tuple(findings)

@@ -79,7 +79,7 @@ class EstimationProblem:
         """
         if self.standard is None:
             raise EstimationError(
-                f"The method {method} needs the standard parameters behind the base parameters.",
+                f"The method {method} needs standard parameters, but the problem has only base parameters.",
                 remedy="make the problem by build_problem(model, observations).",
             )
         return self.standard
@@ -92,7 +92,7 @@ class EstimationProblem:
         """
         if self.model is None or self.base is None or self.observations is None:
             raise EstimationError(
-                f"The method {method} goes through the samples a second time and has none.",
+                f"The method {method} needs the samples of the recordings, but the problem has none.",
                 remedy="make the problem by build_problem(model, observations).",
             )
         return self.model, self.base, self.observations

@@ -72,7 +72,7 @@ def whiten(information: Information, *, plain: bool = False, resolution: float =
     whole = total(information)
     rows = whole.rows[0]
     if not rows.any():
-        raise EstimationError("No row of the recordings counts.", remedy="trim or mask less.")
+        raise EstimationError("No row of the recordings is used.", remedy="trim or mask fewer rows.")
     torque = np.array([np.linalg.norm(joint.R[0, :, -1]) for joint in whole.joints])
     floor = resolution * torque / np.sqrt(np.maximum(rows, 1))
     floor[torque == 0.0] = 1.0  # a joint of which no row counts, or that never carried torque; any weight will do
@@ -97,8 +97,8 @@ def whiten(information: Information, *, plain: bool = False, resolution: float =
             return WhitenedSystem(whole, 1.0 / deviation, triangle, values, inverse, unseen, left, spent, correlation)
         deviation = updated
     raise EstimationError(
-        f"The weights of the joints did not settle in {ITERATIONS} iterations.",
-        remedy=Remedy("use ", setting("method", "ols"), " and look at the residual of each joint."),
+        f"The weights of the joints did not converge in {ITERATIONS} iterations.",
+        remedy=Remedy("use ", setting("method", "ols"), " and inspect the residual of each joint."),
     )
 
 

@@ -155,7 +155,7 @@ def test_a_reversed_velocity_is_not_a_scaled_one():
         log = to_robot_convention(case.recording, case.reading, case.robot).recording
         (found, *_) = velocity_mismatch.check(LogEvidence(case.robot, case.recording, case.reading, log))
         texts[case.truth["kind"]] = found.evidence
-    assert "against" in texts[0] and "times" in texts[1] and "lag" in texts[3]
+    assert "opposite sign" in texts[0] and "times" in texts[1] and "lag" in texts[3]
 
 
 def test_a_log_with_nan_is_an_error_and_not_a_crash():
@@ -213,7 +213,7 @@ def test_an_arm_of_one_joint_says_between_which_directions_it_cannot_tell():
     assert codes(examined(case), "error") == set()
     lying = replace(case, robot=robot.with_gravity((0.0, 9.81, 0.0)))
     (found,) = (f for f in examined(lying) if f.severity == "error")
-    assert found.code == "gravity-direction" and found.remedy.startswith("find out how the arm stands: ")
+    assert found.code == "gravity-direction" and found.remedy.startswith("find out how the arm is mounted: ")
     assert "gravity = [0.0, 0.0, -9.81]" in found.remedy
 
 
@@ -272,7 +272,7 @@ def test_a_zero_that_only_the_description_asks_for_is_no_error():
 
 
 def test_a_condition_number_that_is_rounding_is_not_told_as_a_number():
-    assert poorly_determined(("FV_1",), np.ones(1), 1e9).endswith("at all, to numerical precision.")
+    assert poorly_determined(("FV_1",), np.ones(1), 1e9).endswith("at all, within numerical precision.")
 
 
 def test_where_orders_tie_nothing_is_called_an_error(tmp_path: Path):

@@ -120,7 +120,7 @@ def test_every_fold_trains_on_each_recording_that_has_parameters_of_its_own(seco
 def test_a_recording_too_short_to_leave_a_part_out_is_refused_where_it_has_parameters_of_its_own():
     information = apart(12.0, 12.0)
     few = np.concatenate([np.flatnonzero(information.recording == 0), np.flatnonzero(information.recording == 1)[:3]])
-    with pytest.raises(EstimationError, match="too short to leave a part of it out"):
+    with pytest.raises(EstimationError, match="too short to leave out a part of it"):
         folds(select(information, few))
 
 

@@ -122,7 +122,7 @@ def test_the_price_is_kept_and_told():
         rise = weighted(fit.residual_rms) / weighted(plain.residual_rms) - 1.0
         assert -SAME <= rise <= price + SAME
         (finding,) = fit.findings
-        said = float(finding.evidence.split("grows by ")[1].split(" %")[0])
+        said = float(finding.evidence.split("weighted residual by ")[1].split(" %")[0])
         assert said == pytest.approx(100 * rise, rel=0.06, abs=1e-6)
         assert all(name in finding.evidence for name in fit.dropped)
 

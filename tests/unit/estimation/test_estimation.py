@@ -164,7 +164,7 @@ def with_still_joint(joint: int) -> Information:
 def test_parameters_that_stand_alone_are_named_each_by_itself(method, joint: int, unseen: str):
     with pytest.raises(EstimationError) as caught:
         method.solve(EstimationProblem(with_still_joint(joint)))
-    assert caught.value.problem.endswith(f"31 of 33 base parameters; they do not see {unseen}.")
+    assert caught.value.problem.endswith(f"31 of 33 base parameters; they do not determine {unseen}.")
     assert "moves the joints" in caught.value.remedy
 
 
@@ -174,14 +174,14 @@ def test_parameters_that_only_show_together_are_named_as_sets():
         OLS.solve(EstimationProblem(with_still_joint(0)))
     problem = caught.value.problem
     assert "26 of 33" in problem and "XXR_1, FV_1, FS_1;" in problem
-    assert "MXR_1 and FO_1 apart" in problem and "MYR_1 and FO_1 apart" in problem
-    assert problem.count(" apart") == 33 - 26 - 3
+    assert "MXR_1 and FO_1 separately" in problem and "MYR_1 and FO_1 separately" in problem
+    assert problem.count(" separately") == 33 - 26 - 3
 
 
 def test_fewer_rows_than_parameters_are_refused():
     motion, torque = recorded(arm(), 1)
     few = accumulate_information(arm()[0], arm()[1], raw(one_run(motion[slice(0, 8)], torque[:8], RATE)))
-    with pytest.raises(EstimationError, match="32 rows cannot determine 33 base parameters"):
+    with pytest.raises(EstimationError, match="32 usable rows, which cannot determine 33 base parameters"):
         OLS.solve(EstimationProblem(few))
 
 

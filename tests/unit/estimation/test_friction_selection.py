@@ -211,4 +211,4 @@ def test_a_prior_without_a_known_unit_is_not_handed_on(monkeypatch: pytest.Monke
     monkeypatch.setattr(module, "whiten", unsettled)
     ladder = choose_friction(arm(), recorded(arm()))
     assert ladder.evidence and ladder.prior_weight is None
-    assert "left to the method" in ladder.why and "do not settle" in ladder.why
+    assert "determined by the method" in ladder.why and "do not settle" in ladder.why

@@ -92,7 +92,7 @@ def test_gains_that_both_have_in_common_do_not_hide_a_change():
 def test_a_tool_that_the_recording_does_not_show_is_refused_by_name():
     rng = np.random.default_rng(5)
     old, new = carrying(1, rng), carrying(2, rng, LOAD, still=(0, 2, 3, 4, 5), seconds=8.0)
-    with pytest.raises(EstimationError, match=r"do not determine what has become of .*_6"):
+    with pytest.raises(EstimationError, match=r"do not determine the new values of .*_6"):
         recalibrate_fit(old.information, known(old.information), new.information, changing(), load_columns())
 
 

@@ -155,7 +155,7 @@ def test_data_that_do_not_determine_parameters_are_enough_with_a_prior():
     (finding,) = [finding for finding in fit.findings if finding.code == "prior-dominated"]
     assert all(name in finding.evidence for name in ("FV_1", "FV_2", "FV_3"))
     assert np.isfinite(estimate_covariance(fit, given).covariance).all()
-    with pytest.raises(EstimationError, match="do not see"):
+    with pytest.raises(EstimationError, match="do not determine"):
         Ridge(weight=0.0).solve(given)
 
 
@@ -173,7 +173,7 @@ def test_intervals_know_the_prior():
 def test_without_a_description_it_shrinks_towards_zero():
     given = replace(problem(), standard=replace(described(), nominal=None))
     assert "towards zero" in Ridge().solve(given).findings[0].evidence
-    with pytest.raises(EstimationError, match="gives none"):
+    with pytest.raises(EstimationError, match="contains none"):
         Ridge("nominal").solve(given)
 
 

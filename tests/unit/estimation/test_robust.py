@@ -170,7 +170,7 @@ def test_friction_of_each_recording_is_robust_too():
 
 
 def test_without_samples_it_says_what_it_lacks():
-    with pytest.raises(EstimationError, match="second time") as caught:
+    with pytest.raises(EstimationError, match="needs the samples") as caught:
         RobustLeastSquares().solve(EstimationProblem(problem(1).information))
     assert "observations" in caught.value.remedy
 

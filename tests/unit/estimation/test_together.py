@@ -113,7 +113,7 @@ def test_factors_alone_say_that_they_are_factors_alone(folder: Path):
     run = load_run(folder / "run")
     beside = load_new_recordings(run, [str(folder / "worn.npz")], {})
     solved = solve_stacked(stack_problems(beside.earlier, run.estimate.fit, beside.new, beside.changing))
-    assert solved.fit.covariance_kind == "block" and "factors and no samples" in solved.fit.report.why
+    assert solved.fit.covariance_kind == "block" and "factors are stored, and no samples" in solved.fit.report.why
 
 
 def test_what_reversals_do_to_both_recordings_is_added_with_its_sign(folder: Path):

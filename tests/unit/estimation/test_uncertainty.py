@@ -99,14 +99,14 @@ def test_without_samples_the_blocks_of_the_factors_have_to_do():
     assert found.covariance_kind == "block" and "no samples" in found.report.why
     assert found.report.whiteness is None
     weighted = estimate_covariance(replace(fit, information=given.information), given)
-    assert weighted.covariance_kind == "block" and "weights of their own" in weighted.report.why
+    assert weighted.covariance_kind == "block" and "individual weights" in weighted.report.why
 
 
 def test_samples_of_other_rows_are_not_used():
     given = once(1)
     some = replace(given, information=select(given.information, np.arange(15)))
     found = covered(some)
-    assert found.covariance_kind == "block" and "not those of the factors" in found.report.why
+    assert found.covariance_kind == "block" and "available samples are not those" in found.report.why
 
 
 def test_friction_of_each_recording_has_a_spectrum_too():

@@ -1,1 +1,1 @@
-"""Checks, one a file."""
+"""Checks of a log for faults; each file contains one check."""

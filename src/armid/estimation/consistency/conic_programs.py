@@ -68,8 +68,8 @@ def nearest(feasible: Feasible, A: Array, y: Array, cost: Array, precision: Arra
     best, trouble = (
         None,
         UnsolvedError(
-            "No consistent parameters were found.",
-            remedy="loosen heaviest, masses, com, known, fixed or equal, or identify with another method.",
+            "The solver found no physically consistent parameters.",
+            remedy="relax the options heaviest, masses, com, known, fixed or equal, or identify with another method.",
         ),
     )
     for near, units in _starts(A, y, precision):

@@ -92,16 +92,16 @@ class ConsistentProgram:
                 raise self._contradiction() from error
             if not feasible.basis.shape[1]:
                 raise EstimationError(
-                    "Every parameter is given; no parameter is left to estimate.",
-                    remedy="leave links out of known, or names out of fixed.",
+                    "All parameters are given by options, so no parameter is left to estimate.",
+                    remedy="remove links from `known`, or names from `fixed`.",
                 )
             found = self._solve(feasible, rows, side, weight, aim)
             found = replace(found, values=self._cleared(found.values))
             if self._holds(found.values, feasible):
                 return found
         raise UnsolvedError(
-            "The solution is not physical after rounding.",
-            remedy="choose a smaller epsilon, or remove constraints that contradict each other.",
+            "The solution is not physically consistent within rounding errors.",
+            remedy="choose a smaller `epsilon`, or remove constraints that contradict each other.",
         )
 
     def _solve(self, feasible: Feasible, rows: Array, side: Array, weight: float, aim: float) -> BodyConstraints:
@@ -144,7 +144,8 @@ class ConsistentProgram:
     ) -> NearestPoint | SmoothSolution:
         """Solution where the conic one is inaccurate: by Newton's method if an aim is given, else the conic one."""
         trouble = UnsolvedError(
-            "The conic solver left too large a gap.", remedy="give a prior, or identify with --method log-cholesky."
+            "The duality gap of the conic solver is too large, so its solution is not accurate.",
+            remedy="give a prior, or identify with --method log-cholesky.",
         )
         if aim is not None:
             try:
@@ -216,8 +217,8 @@ class ConsistentProgram:
 
         together = "; ".join(conflicting(self.asked, empty))
         return ContradictionError(
-            f"No body meets all requirements: {together or 'an epsilon'} contradict each other or physics.",
-            remedy="remove one of these.",
+            f"No body meets all requirements: {together or 'epsilon'} contradict each other or physical consistency.",
+            remedy="remove or relax one of them.",
         )
 
     def _cleared(self, values: Array) -> Array:

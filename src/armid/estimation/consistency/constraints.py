@@ -98,8 +98,9 @@ def feasible_set(standard: StandardParameters, asked: Requirements, margin: floa
             and smallest_eigenvalues(standard, origin)[list(standard.inertial[:, 0]).index(own[0])] < -ROUNDED
         ):
             raise EstimationError(
-                f"The link of {standard.names[own[0]]} is given, but no real body has its values.",
-                remedy="let it be estimated.",
+                f"The link of {standard.names[own[0]]} is given by options, but no real body can have its values.",
+                remedy="correct its values in `fixed`, or remove the link from `fixed` and `known`, so that it is "
+                "estimated.",
             )
     return Feasible(origin, basis, tuple(part for cone in moved if (part := _felt(cone)) is not None))
 
@@ -110,7 +111,7 @@ def _felt(cone: Cone) -> Cone | None:
     if cone.kind == "semidefinite":
         return cone if moves.any() else None
     if (cone.offset[~moves] < -ROUNDED).any():
-        raise ContradictionError("Given parameters contradict a bound.", remedy="correct fixed or known.")
+        raise ContradictionError("Given parameters contradict a bound.", remedy="correct `fixed` or `known`.")
     return Cone(cone.kind, cone.matrix[moves], cone.offset[moves]) if moves.any() else None
 
 
@@ -121,18 +122,21 @@ def _affine(standard: StandardParameters, asked: Requirements) -> tuple[Array, A
     for number in asked.known:
         own = standard.inertial[_link(standard, str(number), "known")]
         if standard.nominal is None:
-            raise EstimationError("known needs a description with inertial parameters.", remedy="use fixed instead.")
+            raise EstimationError(
+                "The option `known` needs a description with inertial parameters.", remedy="use `fixed` instead."
+            )
         origin[own], given[own] = standard.nominal[own], True
     for name, value in (asked.fixed or {}).items():
         k = _position(position, name, "fixed")
         if given[k]:
             raise EstimationError(
-                f"{name} is given twice: fixed says {value!r}, and its link is known with {origin[k]:g}.",
-                remedy="leave it out of fixed, or the link out of known.",
+                f"{name} is given twice: {value!r} by `fixed`, and {origin[k]:g} because its link is in `known`.",
+                remedy="remove the parameter from `fixed`, or the link from `known`.",
             )
         if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
             raise EstimationError(
-                f"fixed gives {name} = {value!r}, which is not a number.", remedy="give a number in SI units."
+                f"The option `fixed` gives {name} = {value!r}, which is not a number.",
+                remedy="give a number in SI units.",
             )
         origin[k], given[k] = value, True
     leader = np.arange(len(origin))
@@ -140,11 +144,14 @@ def _affine(standard: StandardParameters, asked: Requirements) -> tuple[Array, A
         where = [_position(position, name, "equal") for name in group]
         if len(where) < 2 or given[where].any():
             raise EstimationError(
-                f"equal must name two or more parameters without another requirement; found {list(group)}."
+                "Each list in `equal` must contain at least two parameters that no other option sets; found "
+                f"{list(group)}.",
+                remedy="add parameters to the list, or remove those that `fixed` or `known` sets.",
             )
         if len(units := dict.fromkeys(standard.units[k] for k in where)) > 1:
             raise EstimationError(
-                f"equal must name parameters of one unit; found {list(group)} in {', '.join(units)}.",
+                f"Each list in `equal` must contain parameters of one unit; found {list(group)} in "
+                f"{', '.join(units)}.",
                 remedy="give one list for each unit.",
             )
         joined = np.isin(leader, leader[where])
@@ -188,7 +195,7 @@ def _mass_cones(standard: StandardParameters, asked: Requirements) -> list[Cone]
     for where, value, name in bounds:
         good = isinstance(value, list | tuple) and len(value) == 2 and 0.0 <= value[0] < value[1]
         if not good:
-            raise EstimationError(f"{name} must give a lower and an upper bound of the mass [kg]; found {value!r}.")
+            raise EstimationError(f"{name} must be a lower and an upper bound of the mass [kg]; found {value!r}.")
         row = np.zeros(p)
         row[where] = 1.0
         rows += [row, -row]
@@ -222,15 +229,15 @@ def _half_spaces(link: str, points: Any) -> tuple[Array, Array]:
         or not np.isfinite(given).all()
     ):
         raise EstimationError(
-            f"com of link {link} must be two corners of a box or at least four points of a hull, each [x, y, z] [m]; "
-            f"found {points!r:.80}."
+            f"`com` of link {link} must be two corners of a box or at least four points of a hull, each [x, y, z] "
+            f"[m]; found {points!r:.80}."
         )
     if len(given) == 2:
         low, high = given.min(axis=0), given.max(axis=0)
         if (low >= high).any():
             raise EstimationError(
-                f"com of link {link}: the box has no volume.",
-                remedy="give a corner that is larger in x, y and z than the other.",
+                f"`com` of link {link}: the box has no volume.",
+                remedy="give a second corner with larger x, y and z than the first.",
             )
         return np.vstack([np.eye(3), -np.eye(3)]), np.concatenate([high, -low])
     from scipy.spatial import ConvexHull, QhullError  # the import takes 0.2 s
@@ -239,7 +246,7 @@ def _half_spaces(link: str, points: Any) -> tuple[Array, Array]:
         equations = ConvexHull(given).equations
     except QhullError as error:
         raise EstimationError(
-            f"com of link {link}: the points lie in a plane.", remedy="give points that enclose a volume."
+            f"`com` of link {link}: the points lie in a plane.", remedy="give points that enclose a volume."
         ) from error
     return equations[:, :3], -equations[:, 3]
 
@@ -248,11 +255,13 @@ def _link(standard: StandardParameters, key: str, option: str) -> int:
     """Row of a link, given by its number, among the inertial parameters."""
     numbers = [str(standard.names[own[0]].number) for own in standard.inertial]
     if str(key) not in numbers:
-        raise EstimationError(f"{option} names an unknown link {key!r}.", possible=", ".join(numbers))
+        raise EstimationError(f"The option `{option}` contains an unknown link {key!r}.", possible=", ".join(numbers))
     return numbers.index(str(key))
 
 
 def _position(position: Mapping[str, int], name: str, option: str) -> int:
     if name not in position:
-        raise EstimationError(f"{option} names an unknown parameter {name!r}.", possible=", ".join(position))
+        raise EstimationError(
+            f"The option `{option}` contains an unknown parameter {name!r}.", possible=", ".join(position)
+        )
     return position[name]

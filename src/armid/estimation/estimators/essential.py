@@ -61,9 +61,13 @@ class EssentialParameters:
         if self.criterion not in ("pham-gautier", "bic"):
             raise EstimationError(f"Unknown criterion {self.criterion!r}.", possible="pham-gautier, bic")
         if not self.ratio >= 1.0:
-            raise EstimationError(f"ratio must be at least 1; found {self.ratio!r}.", possible="10 to 30")
+            raise EstimationError(
+                f"The option `ratio` must be at least 1; found {self.ratio!r}.", possible="10 to 30"
+            )
         if not self.price >= 0.0:
-            raise EstimationError(f"price must be at least 0; found {self.price!r}.", possible="0.003, inf")
+            raise EstimationError(
+                f"The option `price` must be at least 0; found {self.price!r}.", possible="0.003, inf"
+            )
 
     @one_blas_thread
     def solve(self, problem: EstimationProblem) -> Fit:
@@ -171,6 +175,6 @@ def _finding(dropped: tuple[str, ...], count: int, rise: float, ratio: float) ->
         "parameters-dropped",
         "info",
         "",
-        f"{len(dropped)} of {count} base parameters are held at zero{names}. The weighted residual grows by "
+        f"{len(dropped)} of {count} base parameters are set to zero{names}. This increases the weighted residual by "
         f"{100.0 * rise:.2g} %; the largest relative deviation is {ratio:.3g} times the smallest.",
     )

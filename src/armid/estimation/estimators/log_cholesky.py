@@ -78,10 +78,14 @@ class LogCholesky:
 
     def __post_init__(self) -> None:
         if self.prior not in ("mass", "none"):
-            raise EstimationError(f"prior must be mass or none; found {self.prior!r}.", possible="mass, none")
+            raise EstimationError(
+                f"The option `prior` must be mass or none; found {self.prior!r}.", possible="mass, none"
+            )
         for option in ("starts", "evaluations"):
             if not isinstance(getattr(self, option), int) or getattr(self, option) < 1:
-                raise EstimationError(f"{option} must be a positive number; found {getattr(self, option)!r}.")
+                raise EstimationError(
+                    f"The option `{option}` must be a positive number; found {getattr(self, option)!r}."
+                )
 
     def with_one_start(self) -> LogCholesky:
         """The method with a single start, for a comparison of methods."""
@@ -109,11 +113,16 @@ class LogCholesky:
         prior = PriorUse(self.prior, weight, "that of one sample", weighted.correlation)
         values = search.values(best.point)
         costs = ", ".join(f"{each.cost:.8g}" for each in found)
-        message = f"{self.starts} searches ended at objectives {costs}; the convex estimate has the same objective."
+        message = (
+            f"{self.starts} searches ended with the objective values {costs}; the convex estimate minimises "
+            "the same objective."
+        )
         findings = [Finding("local-search", "info", "", message)]
         if not best.settled:
-            message = f"The best search was stopped after {self.evaluations} evaluations."
-            findings.append(Finding("not-converged", "warning", "", message, "allow more evaluations."))
+            message = f"The best search did not converge within {self.evaluations} evaluations."
+            findings.append(
+                Finding("not-converged", "warning", "", message, "allow more with the option `evaluations`.")
+            )
         return fit_of(PhysicalEstimate(standard, weighted, belief, prior, values), findings)
 
 

@@ -48,13 +48,13 @@ TRIED = 1e-4
 LEAST_ERROR = 1e-4
 """Lower bound of the held-out variance over that of the residual: smaller ratios count as equal."""
 
-REMEDY = "look for a wrong sign of torque or gravity, a wrong unit, or a description of another arm."
+REMEDY = "check the signs of torque and gravity, the units, and that the description belongs to this arm."
 """Remedy for torques that no consistent body explains."""
 
 PRIORS = ("auto", "mass", "log-det", "euclidean", "none")
 
 
-NOT_JUDGED = "that of one sample, since there are too few blocks to leave out"
+NOT_JUDGED = "that of one sample, because there are too few blocks for cross-validation"
 """Origin of a prior weight that could not be chosen on held-out blocks."""
 
 
@@ -93,18 +93,18 @@ class PhysicallyConsistent:
 
     def __post_init__(self) -> None:
         if self.prior not in PRIORS:
-            raise EstimationError(f"prior must be one of these; found {self.prior!r}.", possible=", ".join(PRIORS))
+            raise EstimationError(f"Unknown prior {self.prior!r}.", possible=", ".join(PRIORS))
         if self.weight != "auto" and not (_number(self.weight) and 0.0 < self.weight < math.inf):
-            raise EstimationError(f"weight must be auto or a positive number; found {self.weight!r}.")
+            raise EstimationError(f"The option `weight` must be auto or a positive number; found {self.weight!r}.")
         if not (_number(self.epsilon) and 0.0 < self.epsilon < 1.0):
-            raise EstimationError(f"epsilon must be a small positive number; found {self.epsilon!r}.")
+            raise EstimationError(f"The option `epsilon` must be a small positive number; found {self.epsilon!r}.")
         if self.heaviest is not None and not (_number(self.heaviest) and self.heaviest > 0.0):
-            raise EstimationError(f"heaviest must be a positive mass [kg]; found {self.heaviest!r}.")
+            raise EstimationError(f"The option `heaviest` must be a positive mass [kg]; found {self.heaviest!r}.")
         for option in ("masses", "com", "fixed"):
             if not isinstance(getattr(self, option), Mapping):
-                raise EstimationError(f"{option} must be a table; found {getattr(self, option)!r}.")
+                raise EstimationError(f"The option `{option}` must be a table; found {getattr(self, option)!r}.")
         if not all(isinstance(group, list | tuple) for group in self.equal):
-            raise EstimationError(f"equal must be a list of lists of names; found {self.equal!r}.")
+            raise EstimationError(f"The option `equal` must be a list of lists of names; found {self.equal!r}.")
         object.__setattr__(self, "equal", tuple(tuple(group) for group in self.equal))
 
     @one_blas_thread
@@ -116,8 +116,8 @@ class PhysicallyConsistent:
             UnsolvedError: No solution passed its checks.
         """
         trouble = UnsolvedError(
-            "No consistent parameters were found.",
-            remedy="loosen heaviest, masses, com, known, fixed or equal, or identify with another method.",
+            "The solver found no physically consistent parameters.",
+            remedy="relax the options heaviest, masses, com, known, fixed or equal, or identify with another method.",
         )
         first = whiten(problem.information, resolution=RESOLUTIONS[0])
         for resolution in RESOLUTIONS:
@@ -133,7 +133,7 @@ class PhysicallyConsistent:
                 fit = replace(fit, findings=(_raised(resolution, far), *fit.findings))
             return fit
         raise UnsolvedError(
-            f"{trouble.problem} Larger noise levels, up to {RESOLUTIONS[-1]:g} of the torque, did not help.",
+            f"{trouble.problem} Larger assumed noise, up to {RESOLUTIONS[-1]:g} of the torque, did not help.",
             remedy=trouble.remedy or REMEDY,
         )
 
@@ -203,10 +203,10 @@ def _raised(resolution: float, far: Array) -> Finding:
     counted = f"residuals up to {resolution:g} of the torque were counted as noise"
     joint = int(np.argmax(far))
     if far[joint] <= FAR:
-        message = f"The noise of these torques is too small for the solver's accuracy: {counted}."
+        message = f"The noise of these torques is below the accuracy of the solver: {counted}."
         return Finding("noise-raised", "info", "", message)
     message = (
-        "No body explains these torques to within their noise, and the misfit exceeds the solver's accuracy. "
+        "No physically consistent arm explains these torques within their noise. "
         f"The residual of joint {joint + 1} is {far[joint]:.2g} standard deviations of its noise; {counted}."
     )
     return Finding("noise-raised", "warning", "", message, REMEDY)

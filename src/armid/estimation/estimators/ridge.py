@@ -56,9 +56,13 @@ class Ridge:
 
     def __post_init__(self) -> None:
         if self.towards not in ("auto", "nominal", "zero"):
-            raise EstimationError(f"Unknown prior towards {self.towards!r}.", possible="auto, nominal, zero")
+            raise EstimationError(
+                f"The option `towards` has the unknown value {self.towards!r}.", possible="auto, nominal, zero"
+            )
         if self.weight != "auto" and not 0.0 <= self.weight < np.inf:
-            raise EstimationError(f"weight must be at least 0; found {self.weight!r}.", possible="auto, a number")
+            raise EstimationError(
+                f"The option `weight` must be at least 0; found {self.weight!r}.", possible="auto, a number"
+            )
 
     @one_blas_thread
     def solve(self, problem: EstimationProblem) -> Fit:
@@ -146,7 +150,7 @@ def _chosen(information: Information, weighted: WhitenedSystem, prior: _Prior) -
     candidates = STRENGTHS[:-1] if len(weighted.unseen) else STRENGTHS
     parts = split(information, folds(information))
     if not parts:
-        return 1.0, "of one sample, since there are too few blocks to validate on"
+        return 1.0, "of one sample, because there are too few blocks for cross-validation"
     errors = np.full((len(candidates), len(parts)), np.inf)
     for f, part in enumerate(parts):
         path = _Path(*rows_of(part.training, weighted.weights), prior)
@@ -190,7 +194,7 @@ def _findings(names: tuple[str, ...], towards: str, weight: float, how: str, sha
     findings = [weight_finding(f"prior towards {mean}", weight, how)]
     dominated = [name for name, part in zip(names, share, strict=True) if part > DOMINATED]
     if dominated:
-        message = f"The prior determines these parameters more than the data do: {', '.join(dominated)}."
+        message = f"These parameters are determined more by the prior than by the data: {', '.join(dominated)}."
         findings.append(
             Finding("prior-dominated", "warning", "", message, "record a motion that excites these parameters.")
         )

@@ -86,7 +86,9 @@ class RobustLeastSquares:
         if self.loss not in ("huber", "tukey"):
             raise EstimationError(f"Unknown loss {self.loss!r}.", possible="huber, tukey")
         if self.constant is not None and not 0.0 < self.constant < np.inf:
-            raise EstimationError(f"constant must be above 0; found {self.constant!r}.", possible="1.345, 4.685")
+            raise EstimationError(
+                f"The option `constant` must be above 0; found {self.constant!r}.", possible="1.345, 4.685"
+            )
 
     @one_blas_thread
     def solve(self, problem: EstimationProblem) -> Fit:
@@ -266,4 +268,4 @@ def _finding(slight: NDArray[np.int64], rows: NDArray[np.int64], joints: tuple[s
     shares = ", ".join(
         f"{name} {count} of {of}" for name, count, of in zip(joints, slight.tolist(), rows.tolist(), strict=True)
     )
-    return Finding("rows-down-weighted", "info", "", f"Rows with a weight below one half: {shares}.")
+    return Finding("rows-down-weighted", "info", "", f"Number of rows with a weight below one half: {shares}.")

@@ -81,12 +81,14 @@ class ThesisNLP:
         for option in ("mass", "moment"):
             bounds = getattr(self, option)
             if len(bounds) != 2 or not 0.0 < bounds[0] < bounds[1]:
-                raise EstimationError(f"{option} must be a lower and a larger upper bound; found {bounds!r}.")
+                raise EstimationError(
+                    f"The option `{option}` must be a lower and a larger upper bound; found {bounds!r}."
+                )
         for option in ("com", "product", "friction", "starts", "iterations"):
             if not getattr(self, option) > 0:
-                raise EstimationError(f"{option} must be positive; found {getattr(self, option)!r}.")
+                raise EstimationError(f"The option `{option}` must be positive; found {getattr(self, option)!r}.")
         if len(self.long) != 2:
-            raise EstimationError(f"long must be two lists of links; found {self.long!r}.")
+            raise EstimationError(f"The option `long` must be two lists of links; found {self.long!r}.")
         object.__setattr__(self, "long", tuple(tuple(links) for links in self.long))
 
     def with_one_start(self) -> ThesisNLP:
@@ -115,7 +117,9 @@ class ThesisNLP:
             )
         values = min(good, key=lambda each: each[0])[1]
         costs = ", ".join(f"{each[0]:.8g}" if each[2] in SOLVED else each[2] for each in ends)
-        findings = [Finding("local-search", "info", "", f"{self.starts} searches ended at objectives {costs}.")]
+        findings = [
+            Finding("local-search", "info", "", f"{self.starts} searches ended with the objective values {costs}.")
+        ]
         belief = make_prior("none", standard, weighted)
         prior = PriorUse("none", 0.0, "bounds and inequalities only", weighted.correlation)
         return fit_of(PhysicalEstimate(standard, weighted, belief, prior, values), findings)

@@ -43,7 +43,9 @@ def with_load(model: DynamicsModel, observations: Observations, *, threads: int 
     if not reads_load(model) or model.load_parameters is not None:
         return model
     if not model.has_rigid_bodies:
-        raise ModelError("A term depends on the load, and the model has no rigid bodies.", remedy="add rigid-body.")
+        raise ModelError(
+            "A term depends on the load torque, but the model has no rigid bodies.", remedy="add the term rigid-body."
+        )
     plain = tuple(
         term for term in model.terms if not any("load" in symbols(law.expression) for law in term.laws(model.robot))
     )

@@ -202,8 +202,8 @@ def _weight_in_samples(rows: float, information: Information) -> tuple[float | N
         return rows / whiten(information).correlation, ""
     except EstimationError as error:  # the weights do not converge where rows hardly outnumber the parameters
         return None, (
-            "The prior's weight is left to the method: how many rows of the chosen model count as one independent "
-            f"sample is not known. {error.problem}"
+            "The weight of the prior is determined by the method, because the number of rows of the selected model "
+            f"that count as one independent sample is not known. {error.problem}"
         )
 
 

@@ -97,8 +97,9 @@ def resume(
     extra = np.zeros(0) if further is None else further
     if earlier.names != block.names[: block.count - len(extra)]:
         raise EstimationError(
-            "The earlier estimate has other parameters than the blocks.",
-            remedy="use the model of the earlier run; merge friction for each recording into one first.",
+            "The parameters of the earlier estimate are not those of the blocks.",
+            remedy="use the model of the earlier run; if it has friction for each recording, merge it into one "
+            "first.",
         )
     textbook = earlier.white_deviation**2
     known = textbook > 0.0
@@ -179,8 +180,8 @@ def fit(state: RecursiveState) -> Fit:
     if covariance is None:
         unseen = minimum_norm_solution(state.whole[:, :-1], state.whole[:, -1])[2]
         raise EstimationError(
-            f"The rows so far determine {len(state.names) - len(unseen)} of {len(state.names)} parameters.",
-            remedy="add more blocks, move more joints, or begin with an earlier run.",
+            f"The rows so far determine only {len(state.names) - len(unseen)} of {len(state.names)} parameters.",
+            remedy="add blocks, move more joints, or begin with the estimate of an earlier run.",
         )
     data = state.information
     weights = state.weights if state.fixed else _settled(state, data)
@@ -292,7 +293,7 @@ def _settled(state: RecursiveState, data: Information) -> Array:
         state = replace(state, weights=weights)
     raise EstimationError(
         f"The weights of the joints did not converge in {ITERATIONS} iterations.",
-        remedy="give weights, or begin with an earlier run.",
+        remedy="give weights, or begin with the estimate of an earlier run.",
     )
 
 

@@ -90,7 +90,8 @@ def choose_covariance_kind(white: float, free: int | None, repeated: float) -> t
     if repeated > MAX_REPEATED:
         return (
             "spectral",
-            f"{correlated}; the part that repeats with the motion has {repeated:.1f} times the variance of chance",
+            f"{correlated}; their part that repeats with the motion has {repeated:.1f} times the variance expected "
+            "by chance",
         )
     return "period", f"{correlated}, and the motion repeats"
 
@@ -250,21 +251,21 @@ class Uncertainty:
         """Noise spectrum of the samples; `None` and the reason where it cannot be estimated."""
         observations, rows = self.problem.observations, self.whole.rows[0]
         if self.fit.information is not None:
-            return None, "rows have weights of their own"
+            return None, "rows have individual weights"
         if observations is None or self.problem.model is None or self.problem.base is None:
-            return None, "there are factors and no samples"
+            return None, "only factors are stored, and no samples"
         if not all(run.consecutive for run in observations.runs):
-            return None, "rows do not follow each other in time"
+            return None, "rows are not consecutive in time"
         if not _samples_match(self.problem, rows):
-            return None, "the samples at hand are not those of the factors"
+            return None, "the available samples are not those from which the factors were computed"
         rates = np.array([run.rate / run.step for run in observations.runs])
         if np.ptp(rates) > RATE_TOLERANCE * rates.max():
-            return None, "recordings have rows at different rates"
+            return None, "the recordings have different row rates"
         if rows.sum() < FEWEST_ROWS * self.whole.count:
             return None, f"there are only {rows.sum()} rows for {self.whole.count} parameters"
         bands = band_products(self.problem, self.joint_values())
         if NoiseModel.size(bands, self.whole.count) > MAX_SIZE:
-            return None, "the arm has too many joints for a spectrum between all of them"
+            return None, "the arm has too many joints for the cross spectra of all of them"
         model = NoiseModel(bands, self.fit.weights, self.inverse, self.column_maps())
         scatter = model.scatter(bands.moments, bands.squares, rows)
         white = whiteness(model, bands.moments, bands.squares, bands.parts, rows)

@@ -127,7 +127,7 @@ class JointCovariance(Uncertainty):
     def with_covariance(self) -> Fit:
         """Fit with its covariance, of the kind that samples and motion allow."""
         fit = super().with_covariance()
-        why = f"{fit.report.why}; the earlier recordings enter with the covariance of their run"
+        why = f"{fit.report.why}; the earlier recordings are included with the covariance of their run"
         report = replace(fit.report, why=why)
         if not len(report.moved):  # only the kind `spectral` computes the shifts of both
             report = replace(report, moved=self.remaining.moved, reach=self.remaining.reach)

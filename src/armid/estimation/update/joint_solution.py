@@ -235,8 +235,9 @@ def _iterate_weights(
         if settled:
             return weights, values, scale
     raise EstimationError(
-        f"Weights of the joints and scales of their torques did not settle in {ITERATIONS} iterations.",
-        remedy="record a longer motion, or give drive_gain_deviation so that the gains stay near what is given.",
+        f"The weights of the joints and the scales of their torques did not converge in {ITERATIONS} iterations.",
+        remedy="record a longer motion, or give `drive_gain_deviation`, so that the gains stay near the given "
+        "values.",
     )
 
 

@@ -124,7 +124,7 @@ def estimate_payload(stacked: StackedProblem) -> PayloadEstimate:
             "The recording determines none of the load's parameters: "
             + ", ".join(f"{name} ({status})" for name, status in zip(LOAD_NAMES, load.status, strict=True))
             + ".",
-            remedy="move the joints next to the load through wide angles, so that its weight turns, and faster.",
+            remedy="move the joints near the load faster and through wide angles, so that the load is rotated.",
         )
     return load
 
@@ -144,8 +144,8 @@ def estimate_gains(stacked: StackedProblem, known: Array, deviation: Array) -> t
     solution = solve_stacked(stacked, scale_deviation=deviation, fixed=known)
     if solution.undetermined_scale.all():
         raise EstimationError(
-            "The recordings determine none of the drive gains: the known load makes no torque in them.",
-            remedy="give --mass of a load that the arm feels, and turn it through wide angles.",
+            "The recordings determine none of the drive gains: the known load causes no torque in them.",
+            remedy="attach a heavier load, give its mass with --mass, and rotate it through wide angles.",
         )
     correction = 1.0 / solution.scale - 1.0
     freedom = solution.freedom[len(solution.values) :]

@@ -109,8 +109,8 @@ def recalibrate_fit(
     if undetermined.any():
         names = ", ".join(name for name, each in zip(new.names, undetermined, strict=True) if each)
         raise EstimationError(
-            f"The recordings do not determine what has become of {names}.",
-            remedy="move every joint through wide angles, or let less change (without --tool or --all).",
+            f"The recordings do not determine the new values of {names}.",
+            remedy="move every joint through wide angles, or let fewer parameters change (without --tool or --all).",
         )
     estimate = _fit(new, to_new, solved)
     difference = to_new - stacked.before

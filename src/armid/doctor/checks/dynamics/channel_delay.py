@@ -27,42 +27,44 @@ from armid.values import Array
 CODE = "channel-delay"
 
 GAIN = 0.1
-"""Fall of the log residual that a delay must bring: on recorded arms friction that resembles a delay gives up to
-0.04, a true delay of 10 ms and more gives 0.3 and more."""
+"""Smallest decrease of the mean log residual for which a delay is accepted. On recorded arms, friction that
+resembles a delay gives up to 0.04; a true delay of 10 ms or more gives 0.3 or more."""
 
 HINT = 0.04
-"""Fall that the torque's slope as an extra column must bring for a delay to be searched: it gives at least half of
-the fall that the delay gives."""
+"""Smallest decrease of the mean log residual, with the time derivative of the torque as an extra column, for which a
+delay is searched. It is at least half of the decrease that the delay itself gives."""
 
 SHARE = 0.98
-"""Smallest ratio of the fall by one common delay to the fall by lags of each joint's friction alone. Where friction
-only resembles a delay it is below 0.97 (recorded arms: two thirds; a light arm with presliding: 0.96); for a true
-delay of 10 ms it is 1, even in slow motion where friction dominates."""
+"""Smallest ratio of two decreases of the log residual: with one delay for all joints, and with a separate lag of
+the friction of each joint. If friction only resembles a delay, the ratio is below 0.97 (recorded arms: two thirds; a
+light arm with presliding: 0.96). For a true delay of 10 ms it is 1, even in slow motion where friction dominates."""
 
 SURE = 6.0
-"""Standard deviations by which a delay must differ from zero."""
+"""Number of standard deviations by which a delay must differ from zero."""
 
 STEPS, SETTLED = 8, 0.1
-"""Largest number of Gauss-Newton steps, and step in standard deviations that ends them."""
+"""Largest number of Gauss-Newton steps, and step, in standard deviations, below which the iteration ends."""
 
 SHARP = 15.0
-"""Cut-off with which a detected delay is measured on all rows [Hz]: where friction reverses with the velocity,
-reversals determine it better in a wider band, up to where noise of the positions dominates."""
+"""Cut-off with which a detected delay is measured on all rows [Hz]. If friction reverses with the velocity,
+reversals determine the delay better in a wider band, up to frequencies where noise of the positions dominates."""
 
 SAME = 0.5
-"""Relative difference of the delay that is allowed between the two bands: true delays differ by some percent, effects
-of friction by a factor of three to five (closed loop, light arms)."""
+"""Largest relative difference of the delays measured in the two bands. True delays differ by some percent, effects of
+friction by a factor of three to five (closed loop, light arms)."""
 
 RISE = 0.1
-"""Stribeck velocity of the model in the wider band [rad/s]: without that term, the rise of friction near rest could
-look like a delay."""
+"""Stribeck velocity of the model in the wider band [rad/s]. Without a Stribeck term, the increase of friction near
+rest could look like a delay."""
 
 LEAST = 1e-3
-"""Shortest delay that is a fault [s]: torque that a 1 kHz controller holds over its period leads by half of it."""
+"""Shortest delay that is a fault [s]. A 1 kHz controller holds its torque for 1 ms, which looks like 0.5 ms of
+lead."""
 
 AGREE, CONTRADICT = 2.0, 3.0
-"""Difference from the delay away from reversals, in the deviations of that one, up to which a delay is measured on
-all rows, and from which one that only all rows show is rejected."""
+"""Two limits for the difference between the delay from all rows and the delay from rows away from reversals, in
+standard deviations of the latter. Up to the first, the delay is measured on all rows; from the second, a delay that
+is significant only on all rows is rejected."""
 
 DIGITS = 5
 """Decimals of a reported delay in seconds: a twentieth of a sample at 5 kHz."""
@@ -72,7 +74,7 @@ PADDING = 0.25
 
 
 def check(evidence: LogEvidence) -> list[Finding]:
-    """Reports a delay if it explains the log; it is measured more sharply if it is the strongest fault."""
+    """Reports a delay if it explains the log; if it is the strongest fault, it is measured again in a wider band."""
     found = evidence.explained(CODE)
     sharp = _in_wider_band(evidence) if found and evidence.explanations[0].code == CODE else None
     if sharp is None or evidence.state is None:
@@ -88,7 +90,7 @@ def check(evidence: LogEvidence) -> list[Finding]:
 
 
 def _in_wider_band(evidence: LogEvidence) -> LogState | None:
-    """The log in a wider band with a Stribeck term in the model; `None` where it is too short."""
+    """The log in a wider band with a Stribeck term in the model; `None` if the log is too short."""
     state, recording = evidence.state, evidence.recording
     assert state is not None and recording is not None  # it was compared with a model
     log = downsample(without_stuck(recording, evidence.stuck), SHARP)
@@ -108,7 +110,7 @@ def explain(state: LogState) -> Explanation | None:
 
 
 def _explained_by(state: LogState, judged: LogState) -> Explanation | None:
-    """Explanation by a delay that shows in all rows of a log or in those away from reversals."""
+    """Explanation by a delay that is significant in all rows of a log or in the rows away from reversals."""
     cost, whole = judged.fit.cost, judged is state
     if cost - solve(judged.rows, extra=judged.torque_slope()[None]).cost < HINT:
         return None
@@ -136,18 +138,18 @@ def _explained_by(state: LogState, judged: LogState) -> Explanation | None:
 
 
 def _away_from_reversals_alone(state: LogState) -> tuple[float, float]:
-    """Delay away from reversals and its standard deviation [s], infinite where no joint keeps enough rows."""
+    """Delay away from reversals and its standard deviation [s]; infinite if no joint has enough such rows."""
     moving = away_from_reversals(state)
     return delay_of(moving)[:2] if moving.rows.mask.any() else (0.0, np.inf)
 
 
 def _with_difference(deviation: float, difference: float, spread: float) -> float:
-    """Deviation of a delay from all rows, with what friction at reversals may have changed in it [s]."""
+    """Standard deviation of a delay from all rows, including a possible error by friction at reversals [s]."""
     return float(np.hypot(deviation, difference)) if np.isfinite(spread) else deviation
 
 
 def _is_in_every_band(evidence: LogEvidence, delay: float, whole: bool) -> bool:
-    """True if the delay is the same in a wider band; that of presliding friction is not."""
+    """True if the delay is the same in a wider band; an apparent delay by presliding friction is not."""
     sharp = _in_wider_band(evidence)
     if sharp is None:
         return True
@@ -159,12 +161,12 @@ def _delay_text(delay: float, deviation: float, gain: float, rate: float) -> str
     word = "lags behind" if delay > 0 else "runs ahead of"
     return (
         f"Torque {word} the positions by {1e3 * abs(delay):.2f} ± {1e3 * deviation:.2f} ms "
-        f"({abs(delay) * rate:.1f} samples); without the delay the residual is {1 - np.exp(-gain):.0%} smaller."
+        f"({abs(delay) * rate:.1f} samples); with the delay removed, the residual is {1 - np.exp(-gain):.0%} smaller."
     )
 
 
 def _total_delay(evidence: LogEvidence, delay: float) -> float | list[float]:
-    """Value of the key `delay`: the delay added to those of the log format, one number where all are equal [s]."""
+    """Value of the key `delay` [s]: the delay plus those of the log format; one number if they are all equal."""
     whole = [round(float(d) + delay, DIGITS) for d in np.asarray(evidence.reading.delay)]
     return whole[0] if len(set(whole)) == 1 else whole
 
@@ -172,9 +174,9 @@ def _total_delay(evidence: LogEvidence, delay: float) -> float | list[float]:
 def delay_of(state: LogState) -> tuple[float, float, LogState]:
     """Estimates the delay of the torque against the positions [s], its standard deviation, and the corrected log.
 
-    The derivative is that of the model's torque: noise in the derivative of the measured torque would bias each step
-    towards zero. The deviation is larger where the joints disagree on the delay by more than their own deviations, as
-    noisy positions and friction that the model lacks make them.
+    The derivative of the model's torque is used, because noise in the derivative of the measured torque would bias
+    each step towards zero. If the delays of single joints differ by more than their standard deviations, for instance
+    because of noisy positions or unmodelled friction, the standard deviation is enlarged.
     """
     delay, deviation = 0.0, np.inf
     for _ in range(STEPS):
@@ -194,7 +196,7 @@ def _with_torque_advanced(state: LogState, seconds: float) -> LogState:
 
 
 def _disagreement(state: LogState) -> float:
-    """Scatter of the delays of single joints over the one that their deviations give, at least 1 (Birge's ratio)."""
+    """Birge ratio: scatter of the delays of single joints divided by the expected scatter; at least 1."""
     rows = state.rows
     slopes = _slopes(rows, rows.torque - state.fit.residual)
     extra = np.zeros((rows.n, *slopes.shape))
@@ -220,7 +222,7 @@ def _slopes(rows: QuickRows, values: Array) -> Array:
 
 
 def _friction_alone(state: LogState) -> float:
-    """Mean log residual when the dry friction of each joint may lag by itself.
+    """Mean log residual with a separate lag of the dry friction of each joint.
 
     Stiction and backlash make friction lag without a delay of the log; gravity and inertial torques do not lag then.
     """
@@ -253,7 +255,7 @@ CHECK = LogCheck(
     look=check,
     scope="recording",
     effects={
-        "channel-delay": "Torque and motion belong to different times, so inertia and viscous friction are mixed up.",
+        "channel-delay": "Torque and motion belong to different times, so inertia is confused with viscous friction.",
     },
     explain=explain,
 )

@@ -1,6 +1,6 @@
-"""Contact of the arm with something, seen as bursts of the residual.
+"""Contact of the arm with its surroundings, detected by bursts of the residual.
 
-A push also biases the fit, which hides a part of it. The strongest bursts are therefore left out one by one, and a
+A push also biases the fit, which makes the burst smaller. The strongest bursts are therefore left out one by one. A
 burst is reported if it exceeds the residual of a model that was fitted to the other rows.
 """
 
@@ -19,15 +19,15 @@ from armid.values import Array
 CODE = "contact"
 
 WINDOW = 0.5
-"""Seconds over which the squared residual is averaged, about as long as a push lasts."""
+"""Time over which the squared residual is averaged [s]; it is about the duration of a push."""
 
 BURST = 15.0
-"""Residual of two joints over its usual size from which it is a burst: recorded arms without contact reach 8, with a
-push of a tenth of the joints' limits 40."""
+"""Ratio of the residual to its usual size, on two joints at the same time, from which it is a burst. Recorded arms
+reach 8 without contact, and 40 with a push of a tenth of the effort limits."""
 
 USUAL = 85.0
-"""Percentile of the local residual that defines its usual size. It is high, so that an arm that rests half of the
-time is not reported as in contact during the other half."""
+"""Percentile of the local residual that defines its usual size. It is high because of arms that rest half of the
+time: the other half must not be reported as contact."""
 
 MOST = 4
 """Largest number of bursts."""
@@ -36,10 +36,10 @@ JOINTS = 2
 """Smallest number of joints with a burst at the same time."""
 
 SLOW = 0.06
-"""Velocity below which smoothed Coulomb friction differs from dry friction [rad/s or m/s]: three of its widths."""
+"""Velocity below which smoothed Coulomb friction differs from dry friction [rad/s or m/s]: three smoothing widths."""
 
 LONGEST = 0.25
-"""Share of a log above which large residuals are unmodelled effects of the arm and not bursts."""
+"""Share of a log above which large residuals count as unmodelled effects of the arm and not as bursts."""
 
 
 def check(evidence: LogEvidence) -> list[Finding]:
@@ -48,7 +48,7 @@ def check(evidence: LogEvidence) -> list[Finding]:
 
 
 def explain(state: LogState) -> Explanation | None:
-    """Explanation by contact: bursts found one after the other, the strongest first, and the log without them."""
+    """Explanation by contact: the bursts, found one after the other from the strongest, and the log without them."""
     if state.log.band.is_open:
         return None
     time, run = state.rows.motion.time, state.rows.run
@@ -78,14 +78,14 @@ def explain(state: LogState) -> Explanation | None:
         "warning",
         ", ".join(names[j] for j in felt),
         f"At t = {time[peak]:.2f} s the residual is {size[peak].max():.0f} times its usual size, on "
-        f"{len(felt)} joints together.",
+        f"{len(felt)} joints at the same time, as if the arm touched something.",
         lambda evidence: excluding(evidence.reading, _stretches(near_burst, time, run)),
         after,
     )
 
 
 def _around(hit: NDArray[np.bool_], time: Array, run: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Flags of rows within a window of a burst, shape (M,)."""
+    """Flags of the rows that lie within a window of a burst, shape (M,)."""
     near = (np.abs(time[:, None] - time[None, hit]) <= WINDOW) & (run[:, None] == run[None, hit])
     return near.any(axis=1)
 
@@ -98,7 +98,7 @@ def _stretches(rows: NDArray[np.bool_], time: Array, run: NDArray[np.int64]) -> 
 
 
 def _residual(state: LogState, values: Array) -> Array:
-    """Residual of given parameters, zero in rows that do not count, shape (M, n)."""
+    """Residual with given parameters, zero in rows that are not used, shape (M, n)."""
     rows = state.rows
     predicted = [x.T @ values[parameters] for x, parameters in zip(rows.columns, rows.parameters, strict=True)]
     return (rows.torque - np.column_stack(predicted)) * rows.mask
@@ -107,7 +107,7 @@ def _residual(state: LogState, values: Array) -> Array:
 def _extrapolation(state: LogState) -> Array:
     """Variance of the predicted torque that follows from the parameters' covariance, shape (M, n).
 
-    It keeps rows that excite parameters as no others do from being taken for bursts.
+    Rows that alone determine a parameter have a large variance and are therefore not taken for bursts.
     """
     rows, covariance = state.rows, state.fit.covariance
     return np.column_stack(
@@ -119,7 +119,7 @@ def _extrapolation(state: LogState) -> Array:
 
 
 def _static_friction(state: LogState) -> Array:
-    """Square of the torque that static friction may hold while a joint hardly moves, shape (M, n)."""
+    """Square of the largest torque by static friction while a joint hardly moves, shape (M, n)."""
     rows = state.rows
     wide = np.ones(max(1, round(WINDOW * rows.rate)))
     slow = np.abs(rows.motion.dq) < SLOW
@@ -134,7 +134,7 @@ def _static_friction(state: LogState) -> Array:
 
 
 def _level(size: Array) -> Array:
-    """Relative residual of the joint with the second largest one, shape (M,)."""
+    """Second largest relative residual of the joints, shape (M,)."""
     return np.sort(size, axis=1)[:, -min(JOINTS, size.shape[1])]
 
 

@@ -18,23 +18,22 @@ from armid.robot import Robot
 from armid.values import Array
 
 WEAK_CONDITION = 100.0
-"""Condition number with columns of unit length above which an estimate may fail on other motion: well recorded arms
-have 8 to 42, those whose estimates fail elsewhere 200 and more."""
+"""Condition number, with columns of unit length, above which an estimate may fail on other motion. Good recordings
+have 8 to 42; recordings whose estimates fail on other motion have 200 or more."""
 
 POOR_CONDITION = 500.0
-"""Condition number from which the finding is a warning: random motions of all joints have up to 400."""
+"""Condition number from which the finding is a warning; random motions of all joints have up to 400."""
 
 COMPUTED = 1e7
-"""Condition number above which its value is rounding error: products of columns square it."""
+"""Condition number above which its value is dominated by rounding errors, because products of columns square it."""
 
 TIMID = 0.25
-"""Share of the velocity limits; a motion in which no joint reaches it is too slow to separate inertia from
-friction."""
+"""Share of the velocity limits. If no joint reaches it, the motion is too slow to separate inertia from friction."""
 
 NAMED = 4
 
 LITTLE = 0.35
-"""Share of a joint's range or speed below which it should move more."""
+"""Share of the position range or of the velocity limit of a joint below which the joint should move more."""
 
 
 def check(evidence: LogEvidence) -> list[Finding]:
@@ -74,7 +73,7 @@ def poorly_determined(names: tuple[str, ...], direction: Array, condition: float
     """Sentence on a condition number, with the parameters that dominate its weakest direction (b,)."""
     worst = ", ".join(names[k] for k in np.argsort(-np.abs(direction))[:NAMED])
     if condition > COMPUTED:
-        return f"The motion does not separate {worst} at all, to numerical precision."
+        return f"The motion does not separate {worst} at all, within numerical precision."
     return (
         f"The motion hardly separates {worst} (condition number {condition:.0f} with columns of unit length; above "
         f"{WEAK_CONDITION:.0f} an estimate may fail on other motion)."
@@ -91,15 +90,15 @@ def _too_short(evidence: LogEvidence) -> list[Finding]:
             "excitation-weak",
             "warning",
             "",
-            f"{recording.samples} samples, {recording.samples / evidence.rate:.3g} s, are too little to fit a "
-            "model; signs, order, zeros, gravity and delays were not checked.",
-            "record longer, at 20 Hz or more",
+            f"The log of {recording.samples} samples, {recording.samples / evidence.rate:.3g} s, is too short to fit "
+            "a model; signs, order, zeros, gravity and delays were not checked.",
+            "record a longer motion, at a sample rate of 20 Hz or more",
         )
     ]
 
 
 def excitation_severity(condition: float, robot: Robot, fastest: Array) -> Literal["warning", "info"]:
-    """Severity of a weak excitation: a warning above `POOR_CONDITION` or where all joints are slow.
+    """Severity of a weak excitation: a warning above `POOR_CONDITION` or if all joints are slow.
 
     Args:
         condition: Condition number with columns of unit length.
@@ -129,7 +128,7 @@ def _advice(state: LogState) -> str:
                 f"{span if narrow else speed:.2g} {joint.unit}{'' if narrow else '/s'}"
             )
     moves = "; ".join(parts) if parts else "all joints together, fast and wide"
-    return f"record another motion, as armid excite designs it; move {moves}"
+    return f"record another motion, for instance one designed by armid excite; move {moves}"
 
 
 CHECK = LogCheck(

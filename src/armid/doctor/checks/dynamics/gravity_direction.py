@@ -1,4 +1,4 @@
-"""Gravity in another direction than the study says: a hanging, wall-mounted or tilted arm."""
+"""Gravity in a direction that differs from the study: a hanging, wall-mounted or tilted arm."""
 
 from __future__ import annotations
 
@@ -24,40 +24,40 @@ from armid.values import Array
 CODE = "gravity-direction"
 
 ASKEW = (1.0, 2.0, -9.0)
-"""Gravity in general position: its base parameters include those of every other gravity [m/s²]."""
+"""Gravity along no axis [m/s²]; the base parameters under it include those under every other gravity."""
 
 CONFLICT = 0.15
-"""Conflict between the joints from which other directions than the opposite one are searched."""
+"""Conflict between the joints from which all directions are searched, and not only the opposite one."""
 
 UNEXPLAINED = 0.5
-"""Relative residual of a joint's separate fit from which directions are searched, too: with parallel axes no joint
-contradicts another."""
+"""Relative residual of the separate fit of a joint from which all directions are searched, too. If the axes are
+parallel, the joints cannot contradict each other."""
 
 FEW = 3
-"""Joints up to which directions are always searched, since it takes little time."""
+"""Number of joints up to which all directions are always searched, because this takes little time."""
 
 BRAKES = 2.0
-"""Standard deviations from which friction is positive, so that the sign of the torque is right."""
+"""Number of standard deviations from which friction counts as positive; the sign of the torque is then right."""
 
 UNLIKE, ALIKENESS = 0.6, 0.9
-"""Correlation with the description's torque below which another gravity is considered, and above which one is
-accepted."""
+"""Correlation of the torque with the torque of the description below which another gravity is considered, and above
+which another gravity is accepted."""
 
 GAIN = 0.15
-"""Fall of the log residual that another direction must bring; on recorded arms and clean logs it rises for each."""
+"""Smallest decrease of the mean log residual for another direction; in logs without fault, every one increases it."""
 
 OPPOSITE = 0.01
-"""The same for the opposite direction, which first moments of the opposite sign nearly compensate; on clean logs the
-residual rises by 0.03 and more."""
+"""The same limit for the opposite direction. First moments of the opposite sign nearly compensate this fault, so the
+limit is lower; in logs without fault, the residual increases by 0.03 or more."""
 
 ANGLE = np.radians(8.0)
-"""Smallest tilt that is reported: unmodelled parts such as cables look like some degrees."""
+"""Smallest tilt that is reported [rad]; unmodelled parts such as cables have the effect of some degrees."""
 
 ALIKE = 0.02
 """Difference of the log residuals of two directions below which they cannot be distinguished."""
 
 STEPS = 8
-"""Gauss-Newton steps from the best axis; four are usual."""
+"""Largest number of Gauss-Newton steps from the best axis; usually four are enough."""
 
 
 def check(evidence: LogEvidence) -> list[Finding]:
@@ -71,7 +71,7 @@ def check(evidence: LogEvidence) -> list[Finding]:
 
 
 def explain(state: LogState) -> Explanation | None:
-    """Explanation by another gravity; `None` if the study's is right."""
+    """Explanation by another gravity; `None` if the gravity of the study is right."""
     g0 = np.asarray(state.model.robot.gravity)
     strength = float(np.linalg.norm(g0))
     if strength == 0.0:
@@ -91,17 +91,17 @@ def explain(state: LogState) -> Explanation | None:
         gain,
         "error",
         "",
-        f"Gravity along ({numbers}) m/s², {np.degrees(angle):.0f}° from the study's, leaves "
-        f"{1 - np.exp(-gain):.0%} less of the torque" + ("." if not rivals else "; other directions as much."),
+        f"If gravity is ({numbers}) m/s², {np.degrees(angle):.0f}° from the gravity of the study, the residual is "
+        f"{1 - np.exp(-gain):.0%} smaller" + ("." if not rivals else "; other directions fit as well."),
         lambda _: _remedy((g, *rivals)),
         LogState(model, find_base_parameters(model), state.log),
     )
 
 
 def _by_description(state: LogState, strength: float) -> Explanation | None:
-    """Explanation by an axis of gravity under which the torque agrees with the description's.
+    """Explanation by gravity along an axis with which the torque agrees with the torque of the description.
 
-    A single joint can fit its moments to any gravity across its axis; only the description decides.
+    The first moments of a single joint can be fitted to any gravity across its axis, so only the description decides.
     """
     if state.nominal is None or state.rows.n > FEW:
         return None
@@ -125,9 +125,10 @@ def _by_description(state: LogState, strength: float) -> Explanation | None:
         OPPOSITE,
         "error",
         "",
-        f"The torque has correlation {now:.2f} with the description's, and under gravity along "
-        f"({', '.join(f'{x + 0.0:.4g}' for x in g)}) m/s² {best:.2f}; "
-        "joint zeros turned by the same angle would have the same effect.",
+        f"The correlation of the torque with the torque of the description is {now:.2f}, but {best:.2f} if gravity "
+        "is "
+        f"({', '.join(f'{x + 0.0:.4g}' for x in g)}) m/s²; "
+        "joint zeros that are rotated by the same angle would have the same effect.",
         lambda _: _remedy((np.array(g), *rivals)),
         LogState(model, find_base_parameters(model), state.log),
     )
@@ -139,11 +140,11 @@ def _remedy(directions: Sequence[Array]) -> Remedy:
     if len(options) == 1:
         return Remedy(options[0], table="robot")
     alternatives = [part for each in options for part in (" or ", each)]
-    return Remedy("find out how the arm stands: ", *alternatives[1:])
+    return Remedy("find out how the arm is mounted: ", *alternatives[1:])
 
 
 def _unexplained(state: LogState) -> float:
-    """Largest relative residual of the joints' separate fits."""
+    """Largest relative residual of the separate fits of the joints."""
     size = [np.sqrt(np.mean(state.rows.torque[state.rows.mask[:, j], j] ** 2)) for j in range(state.rows.n)]
     residual = [fit.sigma[0] for fit in state.joint_fits]
     return max((a / b for a, b in zip(residual, size, strict=True) if b > 0.0), default=0.0)
@@ -155,7 +156,7 @@ def _turned(state: LogState, g: Array) -> DynamicsModel:
 
 
 def _opposite_cost(state: LogState, g: Array) -> float:
-    """Mean log residual under a gravity parallel to the study's, which has the same base parameters."""
+    """Mean log residual under a gravity parallel to the gravity of the study; the base parameters are the same."""
     rows = make_rows(column_source(_turned(state, g), state.base), state.log)
     return cost_of(rows, products(rows))
 
@@ -165,9 +166,9 @@ def _searched(state: LogState, g0: Array, strength: float, begin: float) -> tupl
 
     Args:
         state: The log.
-        g0: The study's gravity, shape (3,) [m/s²].
-        strength: Its norm.
-        begin: Its cost.
+        g0: Gravity of the study, shape (3,) [m/s²].
+        strength: Norm of `g0` [m/s²].
+        begin: Cost of `g0`.
     """
     wide = _GravityRows(state)
     axes = np.vstack([np.eye(3), -np.eye(3)]) * strength
@@ -182,7 +183,7 @@ def _searched(state: LogState, g0: Array, strength: float, begin: float) -> tupl
 
 
 def _rounded(wide: _GravityRows, g: Array, cost: float, axes: Array) -> tuple[Array, float]:
-    """Replaces a gravity by the nearest axis where that explains the log as well."""
+    """Replaces a gravity by the nearest axis if this axis explains the log as well."""
     nearest = axes[int(np.argmax(axes @ g))]
     straight = wide.cost(nearest)
     return (nearest, straight) if straight < cost + ALIKE else (g, cost)
@@ -190,12 +191,12 @@ def _rounded(wide: _GravityRows, g: Array, cost: float, axes: Array) -> tuple[Ar
 
 @lru_cache(maxsize=4)
 def _askew(robot: Robot) -> Robot:
-    """The arm under a gravity along no axis, the same for all logs of an arm."""
+    """The arm under the gravity `ASKEW`, the same for all logs of an arm."""
     return robot.with_gravity(ASKEW)
 
 
 class _GravityRows:
-    """Rows for any gravity, by linearity of the columns in it."""
+    """Rows for any gravity; they are linear in gravity."""
 
     def __init__(self, state: LogState) -> None:
         robot, terms = state.model.robot, state.model.terms
@@ -241,7 +242,7 @@ class _GravityRows:
         return g, cost
 
     def _slope(self, rows: QuickRows, values: Array, axis: int) -> Array:
-        """Derivative of the torque (M, n) by gravity along an axis."""
+        """Derivative of the torque (M, n) by the component of gravity along an axis."""
         joints = zip(rows.parameters, self.units, strict=True)
         return np.column_stack([values[own] @ units[axis] for own, units in joints])
 
@@ -250,7 +251,8 @@ CHECK = LogCheck(
     look=check,
     scope="format",
     effects={
-        "gravity-direction": "First moments and inertias take wrong signs or directions to compensate for it.",
+        "gravity-direction": "First moments and inertias get wrong signs or directions that compensate for the "
+        "fault.",
     },
     explain=explain,
 )

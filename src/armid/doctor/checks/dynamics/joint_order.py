@@ -25,22 +25,23 @@ from armid.values import Array
 CODE = "joint-order"
 
 GAIN = 0.03
-"""Fall of the log residual that another order must bring where the joints agree. In logs of right order each exchange
-raises the residual by 0.02 and more. Two orders that differ by less cannot be distinguished."""
+"""Smallest decrease of the mean log residual for another order if the joints agree. In logs of the right order, each
+exchange increases the residual by 0.02 or more. Two orders whose residuals differ by less than the limit cannot be
+distinguished."""
 
 SURE = 0.3
-"""Fall that is always enough."""
+"""Decrease of the mean log residual from which another order is always accepted."""
 
 SHARE = 0.7
-"""Fall as a share of the conflict between the joints that is enough between `GAIN` and `SURE`. On an arm with
-unmodelled wrist friction, exchanging two wrist joints brings half of the conflict."""
+"""Smallest decrease between `GAIN` and `SURE`, as a share of the conflict between the joints. On an arm with
+unmodelled wrist friction, an exchange of two wrist joints decreases the residual by half of the conflict."""
 
 CALM = 0.15
-"""Conflict up to which the joints agree."""
+"""Conflict up to which the joints count as in agreement."""
 
 EXCHANGES = 3
-"""Largest number of pairs that are exchanged one after the other; of a log with more exchanges, the order that is
-reported is only an improvement."""
+"""Largest number of pairs that are exchanged one after the other. If more pairs are wrong in a log, the reported
+order is better, but not yet right."""
 
 LOOKED_AT, NEAR = 4, 0.05
 """Number of exchanges that are fitted to all rows, chosen by a quick fit, and margin by which the residual of that
@@ -50,7 +51,8 @@ FEW = 7
 """Joints up to which all orders are tried, which takes some milliseconds."""
 
 BEYOND = 0.1
-"""Share of the range of a joint by which positions may exceed it: limits of descriptions are approximate."""
+"""Share of the range of a joint by which its positions may exceed the range, because limits of descriptions are
+approximate."""
 
 
 Flags = NDArray[np.bool_]
@@ -100,8 +102,8 @@ def explain(state: LogState) -> Explanation | None:
         gain,
         "info" if doubt else "error",
         ", ".join(names[j] for j in moved),
-        f"With {_order_text(best)} the error of one model for all joints is {1 - np.exp(-gain):.0%} smaller"
-        + (f"; with {' or '.join(doubt)} it is as small, and the log does not say which." if doubt else "."),
+        f"With {_order_text(best)}, the error of one model for all joints is {1 - np.exp(-gain):.0%} smaller"
+        + (f"; with {' or '.join(doubt)} it is equally small, so the log cannot decide." if doubt else "."),
         lambda evidence: _remedy(evidence, best),
         state.on(state.log.reordered(best.motion, best.torque)),
         by_error_alone=True,
@@ -109,7 +111,7 @@ def explain(state: LogState) -> Explanation | None:
 
 
 def _order_text(order: _Order) -> str:
-    """The order as text, channels counted from 1."""
+    """Text of an order, with channels counted from 1."""
     same = np.arange(len(order.motion))
     if (order.motion == order.torque).all():
         return f"the position and torque channels in the order {_listed(order.motion)}"
@@ -178,9 +180,9 @@ def _distinct(orders: Iterable[_Order]) -> list[_Order]:
 def _with_torques(
     rows: QuickRows, log: DownsampledLog, motion: NDArray[np.intp], torques: Sequence[NDArray[np.intp]]
 ) -> Iterator[_Order]:
-    """Orders of motion and torque with their costs, from columns that are computed already.
+    """Orders of motion and torque with their costs, from columns that are already computed.
 
-    Products of columns are computed once for all orders of the torque where the rows of all joints count alike.
+    If the same rows are used for all joints, products of columns are computed once for all orders of the torque.
     """
     alike = len(torques) > 1 and bool((log.mask == log.mask[:, :1]).all())
     shared = [table @ table.T for table in tables(rows, np.tile(rows.torque.T[:, :, None], rows.n))] if alike else []
@@ -192,13 +194,13 @@ def _with_torques(
 
 
 def _picked(P: Array, n: int, k: int) -> Array:
-    """Products of a joint's columns and torque k, from those of its columns, all n torques and its own."""
+    """Products of the columns of a joint and torque k, taken from the products of its columns and all torques."""
     at = np.append(np.arange(len(P) - n - 1), len(P) - n - 1 + k)
     return P[at[:, None], at]
 
 
 def _exchanged(state: LogState, log: DownsampledLog, order: _Order, takes: tuple[Flags, Flags]) -> Iterator[_Order]:
-    """Orders with two more channels exchanged: of the positions alone, of all quantities, of the torque alone."""
+    """Orders in which two more channels are exchanged: only positions, all quantities, or only torques."""
     same = np.arange(len(order.motion))
     pairs = [same.copy() for _ in combinations(same, 2)]
     for exchange, (i, j) in zip(pairs, combinations(same, 2), strict=True):
@@ -216,8 +218,8 @@ def _exchanged(state: LogState, log: DownsampledLog, order: _Order, takes: tuple
 def _allowed(state: LogState) -> tuple[Flags, Flags]:
     """Flags of the channels whose positions and whose torque each joint may have, (n, n) each.
 
-    Prismatic and revolute joints do not exchange channels. A joint gets no positions far beyond its limits unless its
-    logged ones are as far beyond.
+    Channels of prismatic and revolute joints are not exchanged. A joint does not get positions far beyond its limits,
+    unless its logged positions are equally far beyond.
     """
     joints = state.model.robot.joints
     slides = np.array([joint.is_prismatic for joint in joints])
@@ -230,7 +232,7 @@ def _allowed(state: LogState) -> tuple[Flags, Flags]:
 
 
 def _possible(takes: tuple[Flags, Flags], motion: NDArray[np.intp], torque: NDArray[np.intp]) -> bool:
-    """True if every joint may have its channels of an order."""
+    """True if every joint may have the channels that an order assigns to it."""
     joints = np.arange(len(motion))
     return bool(takes[0][joints, motion].all() and takes[1][joints, torque].all())
 
@@ -256,7 +258,7 @@ CHECK = LogCheck(
     look=check,
     scope="format",
     effects={
-        "joint-order": "Parameters of one joint are fitted to the torque of another; the estimate is useless.",
+        "joint-order": "Parameters of one joint are fitted to the torque of another joint; the estimate is useless.",
     },
     explain=explain,
     hides=(

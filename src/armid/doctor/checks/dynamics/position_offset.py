@@ -1,8 +1,8 @@
-"""Offset of positions against the description's zeros.
+"""Offsets between the logged positions and the zeros of the description.
 
-A wrong zero changes the geometry and so the torque. It shows more clearly with the description's inertias as a prior:
-the gravity torque of a forearm has a known phase whatever its mass. The torque does not depend on the zero of a
-vertical first joint, and hardly on those of light wrists.
+A wrong zero changes the geometry and thus the torque. With the inertias of the description as a prior, it is detected
+more clearly: the gravity torque of a forearm has a known phase for any mass. The torque does not depend on the zero
+of a vertical first joint, and it hardly depends on the zeros of light wrists.
 """
 
 from __future__ import annotations
@@ -27,45 +27,45 @@ LONGEST = 0.4
 """Largest change of an offset in one Gauss-Newton step [rad]."""
 
 KNOWN = 0.15
-"""Standard deviation from which a joint's offset is undetermined [rad] and not changed."""
+"""Standard deviation from which the offset of a joint counts as undetermined and is not changed [rad]."""
 
 STEPS = 4
-"""Largest number of Gauss-Newton steps; three suffice where the description has masses."""
+"""Largest number of Gauss-Newton steps; three are enough if the description has masses."""
 
 LEAST = 0.08
 """Smallest offset that is reported [rad]. On recorded arms with right zeros the fit gives up to 0.06."""
 
 SURE = 4.5
-"""Standard deviations by which an offset must differ from zero."""
+"""Number of standard deviations by which an offset must differ from zero."""
 
 SURER, SUREST = 5.5, 8.0
-"""The same where the residual hardly falls, so that the offset rests on the description's masses, which may be wrong;
-a log without offset reached 4.9. Below the second the finding is a warning."""
+"""The same if the residual hardly decreases. The offset then depends on the masses of the description, which may be
+wrong; a log without offset reached 4.9. Below the second number, the finding is only a warning."""
 
 ALONE = 0.015
-"""Fall of the log residual from which the torque alone is enough evidence."""
+"""Decrease of the mean log residual from which the torque alone is enough evidence."""
 
 LOSS = 0.005
-"""Largest rise of the log residual for offsets that agree better with the description's masses."""
+"""Largest increase of the mean log residual for offsets that agree better with the masses of the description."""
 
 USUAL = 0.1
-"""Conflict between the joints that noise causes; standard deviations are enlarged in proportion to what exceeds it,
-since that is model error."""
+"""Conflict between the joints that noise can cause. A larger conflict is model error; standard deviations are
+then enlarged in proportion."""
 
 MASS, SPREAD, INERTIA = 0.3, 0.03, 0.5
-"""Standard deviations of the description's values: share of mass and first moment, centre of mass [m], share of
-inertia."""
+"""Standard deviations of the values of the description: relative for mass and first moment, centre of mass [m],
+relative for inertia."""
 
 UNSEEN = 1e-10
-"""Added to the precision of unit columns, so that undetermined values, such as the last joint's zero without a
-description, get a huge standard deviation."""
+"""Number that is added to the precision of unit columns. Undetermined values, such as the zero of the last joint
+without a prior, then get a huge but finite standard deviation."""
 
 FREE = 1e3
 """Standard deviation of parameters that the description does not have, in SI units."""
 
 
 def check(evidence: LogEvidence) -> list[Finding]:
-    """Reports offsets of the positions if they explain the log."""
+    """Reports offsets of the positions if they explain the misfit of the model."""
     return evidence.explained(CODE)
 
 
@@ -89,8 +89,8 @@ def explain(state: LogState) -> Explanation | None:
         max(gain, LOSS),
         "error" if gain >= ALONE or least > SUREST else "warning",
         ", ".join(names[j] for j in np.flatnonzero(sure)),
-        f"Positions that are off by {listed} rad would leave {1 - np.exp(-max(gain, 0.0)):.0%} less of the torque"
-        + (", and masses are nearer to the description's." if known else "."),
+        f"With offsets of {listed} rad added to the positions, the residual is {1 - np.exp(-max(gain, 0.0)):.0%} "
+        "smaller" + (", and the masses agree better with the description." if known else "."),
         lambda evidence: lines(joint_offset=np.round(_given(evidence, state.rows.n) + only, 3) + 0.0),
         after,
     )
@@ -132,7 +132,7 @@ def offsets_of(state: LogState) -> tuple[Array, Array, LogState]:
 
 
 def _prior(state: LogState) -> tuple[Array, Array]:
-    """Prior from the description: precision (b, b) and base parameters (b,); zeros where it has no inertias."""
+    """Prior from the description: precision (b, b) and base parameters (b,); zeros if it contains no inertias."""
     b, model = state.base.count, state.model
     theta = model.nominal_parameters()
     if theta is None:
@@ -172,7 +172,7 @@ CHECK = LogCheck(
     look=check,
     scope="format",
     effects={
-        "position-offset": "Gravity torques are fitted at wrong poses; first moments and inertias are biased.",
+        "position-offset": "Gravity torques are fitted at wrong poses, so first moments and inertias are biased.",
     },
     explain=explain,
 )

@@ -1,4 +1,4 @@
-"""Positions with the opposite sign of the description's joints, on some joints or one."""
+"""Positions of one or some joints whose sign is opposite to the description."""
 
 from __future__ import annotations
 
@@ -17,16 +17,17 @@ from armid.values import Array
 CODE = "position-sign"
 
 GAIN = 0.15
-"""Fall of the log residual that another sign must bring: a wrong sign of a joint that carries others gives 0.2 to 3;
-on recorded arms with unmodelled wrist friction, a right sign of the wrist gave 0.06 and 0.11."""
+"""Smallest decrease of the mean log residual for another sign. Correcting a wrong sign of a joint that carries others
+gives 0.2 to 3; on recorded arms with unmodelled wrist friction, changing a right sign of the wrist gave 0.06 and
+0.11."""
 
 HINT, DRIVEN = 0.02, -2.0
-"""The same where friction of the joint as logged is negative while that of most others is positive, and standard
-deviations from which it is negative; right signs give up to 0.01."""
+"""Smallest decrease if the friction of the joint, as logged, is negative while the friction of most other joints is
+positive, and multiple of the standard deviation below which it counts as negative. Right signs give up to 0.01."""
 
 BEYOND = 0.015
-"""Fall of the log residual beyond that by other signs of the torque. Those are more common and have nearly the same
-effect where a joint carries little."""
+"""Smallest difference to the decrease by other signs of the torque. Wrong signs of the torque are more common, and
+they have nearly the same effect if a joint carries little mass."""
 
 LOOKED_AT, NEAR = 2, 0.05
 """Number of joints that are fitted to all rows, chosen by a quick fit, and margin by which the residual of that fit
@@ -72,8 +73,8 @@ def explain(state: LogState) -> Explanation | None:
         gain - by_torque + max(by_torque, FLIP),  # comparable with the gain of the torque's signs
         "error",
         names,
-        f"With positions of {names} counted the other way one set of parameters leaves {1 - np.exp(-gain):.0%} "
-        "less of the torque.",
+        f"With the opposite sign of the positions of {names}, the residual of one model for all joints is "
+        f"{1 - np.exp(-gain):.0%} smaller.",
         lambda evidence: lines(position_sign=signs_value(np.asarray(evidence.reading.position_sign) * sign)),
         after,
         by_error_alone=True,
@@ -90,8 +91,8 @@ CHECK = LogCheck(
     look=check,
     scope="format",
     effects={
-        "position-sign": "Gravity and coupling torques of the joint and of what it carries are fitted at "
-        "mirrored poses.",
+        "position-sign": "Gravity and coupling torques of the joint and of the links that it carries are "
+        "fitted at mirrored poses.",
     },
     explain=explain,
 )

@@ -1,4 +1,4 @@
-"""Rotor inertia that the torque shows and the study's model lacks."""
+"""Rotor inertia that affects the torque but is missing in the model of the study."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ from armid.model.terms import DEFAULT_TERMS
 CODE = "rotor-inertia-missing"
 
 GAIN = 0.04
-"""Fall of the log residual that rotor inertia must bring."""
+"""Smallest decrease of the mean log residual by rotor inertia for which it is reported."""
 
 SURE = 8.0
-"""Standard deviations by which a rotor inertia must be positive."""
+"""Number of standard deviations by which a rotor inertia must be positive."""
 
 
 def check(evidence: LogEvidence) -> list[Finding]:
@@ -63,7 +63,7 @@ def _rotors(state: LogState) -> tuple[list[str], str] | None:
 
 
 def _term_names(evidence: LogEvidence) -> list[str]:
-    """Names of the study's terms; `default` for the default ones, whose shapes it keeps."""
+    """Names of the terms of the study; `default` for the default terms, which keeps their shapes."""
     terms = DEFAULT_TERMS if evidence.model is None else evidence.model.terms
     return ["default"] if terms == DEFAULT_TERMS else [term.name for term in terms]
 

@@ -1,4 +1,4 @@
-"""Friction that changes over a log, as it does while gears warm up."""
+"""Friction that changes during a log, for instance because gears warm up."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from armid.errors import Finding
 from armid.maths.median import median
 
 CHANGE = 0.15
-"""Smallest relative change of friction over the log that is reported."""
+"""Smallest relative change of friction during the log that is reported."""
 
 SURE = 8.0
-"""Standard deviations by which the change must differ from zero."""
+"""Number of standard deviations by which the change must differ from zero."""
 
 GAIN = 0.02
-"""Fall of the log residual that the change must bring."""
+"""Smallest decrease of the mean log residual by the change for which it is reported."""
 
 JOINTS = 0.4
-"""Share of the joints whose friction must change in the same direction: gears warm up together."""
+"""Share of the joints whose friction must change in the same direction, because gears warm up together."""
 
 
 def check(evidence: LogEvidence) -> list[Finding]:
@@ -57,7 +57,8 @@ def check(evidence: LogEvidence) -> list[Finding]:
             ", ".join(names[j] for j in np.flatnonzero(together)),
             f"Friction changes over {np.ptp(time):.0f} s: {listed}; with this change the residual is "
             f"{1 - np.exp(-gain):.0%} smaller.",
-            "record again with warm gears, or a log for each state of warmth with friction_per_recording = true",
+            "record again with warm gears, or record one log for each temperature and set friction_per_recording = "
+            "true",
         )
     ]
 
@@ -66,7 +67,7 @@ CHECK = LogCheck(
     look=check,
     scope="recording",
     effects={
-        "temperature-drift": "The estimated friction is a mean over the log; intervals are too narrow for "
-        "another day.",
+        "temperature-drift": "The estimated friction is a mean over the log, so its intervals are too narrow "
+        "for another day.",
     },
 )

@@ -1,4 +1,4 @@
-"""Torque with the opposite sign of the description's convention, on all or some joints."""
+"""Torque of all or some joints whose sign is opposite to the convention of the description."""
 
 from __future__ import annotations
 
@@ -17,29 +17,29 @@ from armid.measurement.log_format_remedies import lines
 from armid.values import Array
 
 FLIP = 0.05
-"""Fall of the log residual from which another sign of one joint is accepted. Clean logs show none; a wrong sign of a
-joint that carries others costs several times as much."""
+"""Decrease of the mean log residual from which another sign of one joint is accepted. In logs without fault there is
+no decrease; a wrong sign of a joint that carries others gives several times as much."""
 
 CLEAR = 0.2
-"""Fall from which signs are accepted without support by friction and inertia. Wrong signs give 0.4 and more; on a
-recorded arm with unmodelled wrist friction another sign gave 0.06."""
+"""Decrease from which signs are accepted without support by friction and inertia. Wrong signs give 0.4 or more; on a
+recorded arm with unmodelled wrist friction, changing a right sign gave 0.06."""
 
 CALM, MOST_TOGETHER = 0.15, 8
-"""Conflict from which all combinations of signs are tried, and largest number of joints for it. Where joints agree,
-no two signs are wrong relative to each other."""
+"""Conflict from which all combinations of signs are tried, and largest number of joints for which this is done. If
+the joints agree, either all signs are right or all are wrong."""
 
 SURE = 8.0
-"""Standard deviations from which negative friction is significant on real logs, whose friction differs from the
-model's; under controllers that compensate friction it reaches 6."""
+"""Number of standard deviations from which negative friction is significant. In real logs, friction differs from the
+model; with controllers that compensate friction, the number reaches 6 although the sign is right."""
 
 ALSO = 0.03
-"""Difference of the log residuals of two signs below which the log does not say which of them is wrong."""
+"""Difference of the log residuals for two signs below which the log does not show which of them is wrong."""
 
 MOST = 10.0
-"""Largest number of standard deviations with which the friction of one joint counts."""
+"""Largest number of standard deviations that the friction of one joint may contribute."""
 
 ALIKE = 0.8
-"""Correlation with the description's torque from which the description counts as evidence."""
+"""Correlation with the torque of the description from which the description counts as evidence."""
 
 
 def check(evidence: LogEvidence) -> list[Finding]:
@@ -79,7 +79,7 @@ def explain(state: LogState) -> Explanation | None:
 
 
 def signs_value(sign: Array) -> int | list[int]:
-    """Value of a study's key for signs (n,): a single number where all are equal."""
+    """Value of the key of a study for signs (n,): a single number if all signs are equal."""
     whole = [int(s) for s in sign]
     return whole[0] if len(set(whole)) == 1 else whole
 
@@ -87,22 +87,24 @@ def signs_value(sign: Array) -> int | list[int]:
 def _evidence(state: LogState, wrong: NDArray[np.intp], gain: float) -> str:
     z = state.dissipation[wrong]
     worst = int(wrong[np.argmin(z)])
-    text = f"As logged, friction drives {state.model.robot.joint_names[worst]} ({z.min():.0f} standard deviations)"
+    names = state.model.robot.joint_names
+    text = f"With the logged signs, the friction of {names[worst]} is negative ({z.min():.0f} standard deviations)"
     if gain >= FLIP:
-        text += f"; with other signs the residual of all joints falls by {1 - np.exp(-gain):.0%}"
+        text += f"; with other signs, the residual of all joints is {1 - np.exp(-gain):.0%} smaller"
     if state.nominal is not None:
         j = int(np.argmax(np.where(np.isin(np.arange(state.rows.n), wrong), state.nominal.size, -1.0)))
         text += (
-            f"; torque of {state.model.robot.joint_names[j]} against the description's has correlation "
+            f"; the correlation of the torque of {names[j]} with the torque of the description is "
             f"{state.nominal.correlation[j]:.2f}"
         )
     return f"{text}."
 
 
 def relative_signs(state: LogState) -> tuple[Array, float, NDArray[np.bool_]]:
-    """Relative signs with which one set of parameters fits all joints best, and the fall of the log residual.
+    """Relative signs with which one model fits all joints best, and the decrease of the log residual.
 
-    The common sign is open. The third value flags the joints whose sign the others do not determine, shape (n,).
+    The common sign remains unknown. The third value, shape (n,), flags the joints whose sign relative to the others
+    cannot be determined.
     """
     rows = state.rows
     pairs = products(rows)
@@ -123,7 +125,7 @@ def relative_signs(state: LogState) -> tuple[Array, float, NDArray[np.bool_]]:
 def _best_of_all(rows: QuickRows, pairs: Sequence[Array], first: float) -> tuple[Array, float]:
     """Signs with the smallest residual and that residual; the first joint's sign is fixed.
 
-    All combinations are tried: where several signs are wrong, changing one alone may not lower the residual.
+    All combinations are tried, because if several signs are wrong, changing only one may not lower the residual.
     """
     best = np.ones(rows.n), first
     for others in product((1.0, -1.0), repeat=rows.n - 1):
@@ -141,10 +143,12 @@ def cost_with_signs(state: LogState, sign: Array) -> float:
 
 
 def _doubt(state: LogState, sign: Array) -> str:
-    """Sentence that other signs of the positions explain the log as well; empty where they do not."""
+    """Sentence that other signs of the positions explain the log equally well; empty if they do not."""
     if (sign < 0.0).all() or cost_with_signs(state, sign) > cost_of(state.rows, products(state.rows), sign) + ALSO:
         return ""
-    return f" Positions of the other sign, position_sign = {signs_value(sign)}, would explain as much."
+    return (
+        f" The opposite sign of positions, position_sign = {signs_value(sign)}, would explain the log equally well."
+    )
 
 
 def _flipped(sign: Array, j: int) -> Array:
@@ -154,7 +158,7 @@ def _flipped(sign: Array, j: int) -> Array:
 
 
 def _votes(state: LogState) -> Array:
-    """Support for each joint's sign by friction, inertia and the description; beyond ±1 it is sure."""
+    """Evidence for the sign of each joint from friction, inertia and the description; beyond ±1 it is conclusive."""
     votes = (np.clip(state.dissipation, -MOST, MOST) + np.clip(state.inertia, -MOST, MOST) / 2) / SURE
     if state.nominal is not None:
         r = state.nominal.correlation

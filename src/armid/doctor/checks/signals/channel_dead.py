@@ -1,4 +1,4 @@
-"""Channels that are stuck for a while, and standstill of the arm."""
+"""Channels that are stuck at one value for some time, and standstill of the arm."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def check(evidence: LogEvidence) -> list[Finding]:
                 "error",
                 names[j],
                 f"{quantity} stays at {value:.6g} for {(b - a) / rate:.2f} s, rows {a} to {b}, while the arm moves. "
-                "Look first at its sensor, cable and logger.",
+                "Check the sensor, the cable and the logger of this channel first.",
                 excluding(evidence.reading, [_times(evidence, a, b)], "or record it again"),
             )
         )
@@ -55,7 +55,7 @@ def check(evidence: LogEvidence) -> list[Finding]:
 
 
 def _times(evidence: LogEvidence, first: int, last: int) -> tuple[float, float]:
-    """Times of a first and a last row on the recording's clock [s]."""
+    """Times of a first and a last row on the clock of the recording [s]."""
     recording = evidence.recording
     assert recording is not None
     time = np.arange(recording.samples) / evidence.rate if recording.time is None else recording.time
@@ -69,7 +69,7 @@ CHECK = LogCheck(
         "channel-dead": "The joint's parameters are fitted to values that were not measured.",
     },
     untested={
-        "channel-dead": "the rows that it leaves out hold no measurement",
+        "channel-dead": "the rows that it leaves out contain no measurement",
     },
     hides=(
         "contact",

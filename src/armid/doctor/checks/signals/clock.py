@@ -19,11 +19,11 @@ from armid.measurement.recording import Recording
 from armid.remedy import Remedy
 
 CUTOFF = 5.0
-"""Cut-off by which a step counts as a gap [Hz]: the one that most studies use."""
+"""Cut-off that defines which steps count as gaps [Hz]; most studies use this value."""
 
 NEAR_WHOLE = 0.15
-"""Largest mean deviation of long steps from whole multiples of the median, in steps, at which they are missing rows.
-Steps of any length deviate by a quarter."""
+"""Largest mean deviation of long steps from whole multiples of the median step, in steps, for which rows count as
+missing. Steps of random length deviate by a quarter."""
 
 
 def check(evidence: LogEvidence) -> list[Finding]:
@@ -33,33 +33,34 @@ def check(evidence: LogEvidence) -> list[Finding]:
         return []
     # Use the clock as logged: leaving out repeated rows must not create gaps.
     pieces, gaps = stretches(_as_logged(evidence.raw) or _clock_alone(recording), CUTOFF)
-    remedy = "record it again, if the rows beside the gap are needed; the log is cut in two there"
+    remedy = "record it again if the rows near the gap are needed; armid cuts the log into two parts at the gap"
     findings = [replace(gap, channel="time", remedy=remedy) for gap in gaps]
     uneven = [piece for piece in pieces if not is_even(piece.time, piece.number)]
     if uneven:
         steps = np.concatenate([np.diff(piece.time) for piece in uneven])
         offset = max(jitter(piece.time, piece.number) for piece in uneven)
         lost = _missing(uneven)
-        missing = f"; about {lost} rows are missing, where a step is a multiple of the median" if lost else ""
+        missing = f"; about {lost} rows are missing, because steps are multiples of the median" if lost else ""
         steps_text = (
-            f"Steps from {1e3 * steps.min():.3g} to {1e3 * steps.max():.3g} ms, median "
-            f"{1e3 * median(steps):.3g} ms{missing}; the stamps deviate from an even clock by {offset:.2g} steps "
+            f"The steps of the clock are {1e3 * steps.min():.3g} to {1e3 * steps.max():.3g} ms, median "
+            f"{1e3 * median(steps):.3g} ms{missing}; the time stamps deviate from a uniform clock by {offset:.2g} "
+            "steps "
             "(standard deviation)."
         )
         rate = _round_rate(pieces[0], offset)
         trial = None if gaps else _trial(evidence, rate)
         if trial is not None and trial.helps:
-            note = "Hz; where the robot samples evenly and only the stamps jitter"
+            note = "Hz; if the robot samples uniformly and only the time stamps jitter"
             remedy = Remedy(*naming(evidence.reading, {"time": ""}).parts, *lines(rate=rate).parts, note=note)
             findings.append(Finding("clock-jitter", "warning", "time", f"{steps_text} {trial}", remedy))
         else:
-            used = "The samples are resampled on an even grid by these stamps; there is nothing to do."
+            used = "The samples are resampled on a uniform grid with these time stamps; there is nothing to do."
             findings.append(Finding("clock-jitter", "info", "time", f"{steps_text} {used}"))
     return findings
 
 
 def _missing(pieces: Sequence[Stretch]) -> int:
-    """Number of rows that are missing between stamps a whole number of steps apart; 0 where long steps are none."""
+    """Number of missing rows, if long steps are whole multiples of the median step; otherwise 0."""
     lost = 0
     for piece in pieces:
         steps = np.diff(piece.time) / (1 if piece.number is None else np.diff(piece.number))
@@ -72,27 +73,27 @@ def _missing(pieces: Sequence[Stretch]) -> int:
 
 
 def _as_logged(raw: Recording) -> Recording | None:
-    """The clock of a file alone; `None` where its times are missing or do not increase."""
+    """Recording that contains only the clock of a file; `None` if times are missing or do not increase."""
     if raw.time is None or not np.isfinite(raw.time).all() or not (np.diff(raw.time) > 0.0).all():
         return None
     return _clock_alone(raw)
 
 
 def _clock_alone(recording: Recording) -> Recording:
-    """The recording with its clock, and zeros in the place of everything else."""
+    """The recording with its clock, and with zeros for all other values."""
     still = np.zeros_like(recording.q)
     return replace(recording, q=still, dq=None, ddq=None, effort=still)
 
 
 def _round_rate(piece: Stretch, off: float) -> float:
-    """Rate with the fewest digits that agrees with stamps `off` steps away from an even clock [Hz]."""
+    """Rate with the fewest digits that agrees with time stamps `off` steps away from a uniform clock [Hz]."""
     doubt = 2.0 * off / piece.samples
     rounded = (float(f"{piece.rate:.{digits}g}") for digits in range(2, 10))
     return next((rate for rate in rounded if abs(rate / piece.rate - 1.0) < doubt), piece.rate)
 
 
 def _trial(evidence: LogEvidence, rate: float) -> RemedyTrial | None:
-    """Held-out errors with the log's stamps and with an even clock; `None` where there is no model."""
+    """Held-out errors with the time stamps of the log and with a uniform clock; `None` if there is no model."""
     state, recording = evidence.state, evidence.recording
     if state is None or recording is None:
         return None
@@ -105,8 +106,9 @@ CHECK = LogCheck(
     look=check,
     scope="command",
     effects={
-        "clock-jitter": "Differentiated positions turn the clock's jitter into noise of velocity and acceleration.",
-        "clock-gap": "Nothing is filtered or differentiated across it, and rows next to it are lost.",
+        "clock-jitter": "Differentiation of positions turns jitter of the clock into noise of velocity and "
+        "acceleration.",
+        "clock-gap": "Signals are not filtered or differentiated across the gap, so rows next to it are lost.",
     },
     needs_torque=False,
 )

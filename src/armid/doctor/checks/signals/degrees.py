@@ -1,4 +1,4 @@
-"""Angles in another unit than the study says, on all or some joints, where no joint limit shows it."""
+"""Angles of all or some joints in another unit than the study states, if no joint limit shows it."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ WIDEST, NARROWEST = 7.0, 0.1
 """Largest plausible angle of a joint, about one turn, and smallest plausible range of a motion [rad]."""
 
 GAIN = 0.3
-"""Fall of the log residual that the other unit must bring. The unit changes the course of gravity torques, and
-inertias by a factor of 57."""
+"""Smallest decrease of the mean log residual for the other unit. A wrong unit changes the shape of gravity torques,
+and it changes inertias by a factor of 57."""
 
 
 def check(evidence: LogEvidence) -> list[Finding]:
@@ -31,7 +31,7 @@ def check(evidence: LogEvidence) -> list[Finding]:
 
 
 def explain(state: LogState) -> Explanation | None:
-    """Explanation by other units; `None` if the log is explained by those that it is read with."""
+    """Explanation by other units; `None` if the units with which the log is read explain it."""
     best: tuple[float, LogState, NDArray[np.bool_], str] | None = None
     for which, factor, unit in _suspects(state):
         after = state.on(state.log.scaled(np.where(which, factor, 1.0)))
@@ -50,8 +50,9 @@ def explain(state: LogState) -> Explanation | None:
         gain,
         "error",
         "q" if everywhere else names,
-        f"Read as {unit}, {'no joint' if everywhere else names} turns beyond {largest:.3g} rad; in the other unit "
-        f"{1 - np.exp(-gain):.0%} less of the torque is left.",
+        f"Read as {unit}, the largest angle of {'all joints' if everywhere else names} is {largest:.3g} rad; with "
+        "the "
+        f"other unit, the residual is {1 - np.exp(-gain):.0%} smaller.",
         lambda evidence: lines(units=_units(evidence.reading, turned, everywhere=everywhere)),
         after,
         by_error_alone=True,
@@ -59,7 +60,7 @@ def explain(state: LogState) -> Explanation | None:
 
 
 def _suspects(state: LogState) -> list[tuple[NDArray[np.bool_], float, str]]:
-    """Joints that may be in the other unit, factor of their angles, and unit that they are read in.
+    """Joints that may have the other unit, factor on their angles, and unit in which they are read.
 
     Candidates are all revolute joints, or only those that leave their limits or hardly move.
     """
@@ -97,10 +98,10 @@ CHECK = LogCheck(
     look=check,
     scope="format",
     effects={
-        "degrees": "The motion is wrong by a factor of 57, and inertias and friction with it.",
+        "degrees": "The motion, and with it inertias and friction, are wrong by a factor of 57.",
     },
     explain=explain,
     untested={
-        "degrees": "as it stands the log lies outside all limits",
+        "degrees": "without the remedy, the positions are outside all limits",
     },
 )

@@ -1,4 +1,4 @@
-"""Torque that was low-pass filtered before logging, seen by a missing noise floor."""
+"""Torque that was low-pass filtered before logging, detected by a missing noise floor."""
 
 from __future__ import annotations
 
@@ -13,21 +13,22 @@ from armid.measurement.processing.resampling import resample_uniform, stretches
 from armid.values import Array
 
 SEGMENT = 512
-"""Samples of a segment: a resolution of 0.2 Hz at 100 Hz, and enough segments in a log to average."""
+"""Number of samples of a segment. It gives a resolution of 0.2 Hz at 100 Hz and enough segments for an average."""
 
 DECADE = 10.0
-"""Ratio of powers within which a spectrum counts as flat; that of filtered noise falls by far more."""
+"""Largest ratio of powers for which a spectrum counts as flat; the spectrum of filtered noise falls by far more."""
 
 FLAT = 0.7
-"""Share of the frequencies above the motion that a noise floor must cover: it is 0.92 and more in logs with white
-noise, 0.5 and less in those filtered at a tenth of the rate."""
+"""Share of the frequencies above the motion that a noise floor must cover. It is at least 0.92 in logs with white
+noise, and at most 0.5 in logs that were filtered at a tenth of the sample rate."""
 
 ENDS = 0.9
-"""Share of the Nyquist frequency by which a filtered spectrum has fallen to a thousandth. The spectrum of dry
-friction's steps falls, too, but not below the noise."""
+"""Share of the Nyquist frequency below which a filtered spectrum falls to a thousandth. The spectrum of the steps of
+dry friction falls, too, but not below the noise."""
 
 MOTION = 8.0
-"""Frequency up to which motion and friction dominate the spectrum of any arm [Hz]; a fifth of the rate if less."""
+"""Frequency up to which motion and friction dominate the spectrum [Hz]; a fifth of the sample rate if this is
+less."""
 
 
 def check(evidence: LogEvidence) -> list[Finding]:
@@ -60,7 +61,7 @@ def check(evidence: LogEvidence) -> list[Finding]:
             "effort",
             f"The torque of {len(ends)} joints has no noise floor: its spectrum keeps falling, and from "
             f"{median(ends):.3g} Hz on it is a thousandth of its value just above the motion.",
-            'log the unfiltered torque; where positions have passed the same filter, family = "none" will do',
+            'log the unfiltered torque; if the positions have passed the same filter, family = "none" is sufficient',
         )
     ]
 
@@ -68,8 +69,8 @@ def check(evidence: LogEvidence) -> list[Finding]:
 def _spectrum(x: Array, rate: float) -> tuple[Array, Array]:
     """Frequencies (F,) above zero [Hz] and power (F, n).
 
-    The spectrum is that of second differences, divided by their transfer function: the motion is a million times
-    stronger than a sensor's noise and would otherwise leak into all frequencies.
+    The spectrum of second differences is computed and divided by their transfer function. Otherwise the power of the
+    motion, a million times that of the sensor noise, would leak into all frequencies.
     """
     frequency, power = power_spectrum(np.diff(x, n=2, axis=0), rate, SEGMENT)
     weight = (2.0 * np.sin(np.pi * frequency[1:] / rate)) ** 4

@@ -1,4 +1,4 @@
-"""Torque of the motors, a motor current, or a torque in another unit, in the place of joint torque."""
+"""Motor torque, motor current, or torque in another unit that is logged instead of joint torque."""
 
 from __future__ import annotations
 
@@ -14,46 +14,48 @@ from armid.measurement.log_format_remedies import lines
 MOTOR, CURRENT, UNIT = "motor-side", "current-without-gain", "torque-unit"
 
 SMALL = 0.3
-"""Share of the described torque below which a torque is not that of the joints: descriptions and arms differ by up to
-a factor of 2."""
+"""Share of the described torque below which the effort is not the torque of the joints. Descriptions differ from the
+arms by up to a factor of 2."""
 
 MOTOR_SCALE = 0.04
-"""Share below which the effort is a motor torque: then the gear ratio is 25 or more. Drives of arms give 5 to 20 N·m
-at the joint for an ampere."""
+"""Share below which the effort is a motor torque, with a gear ratio of 25 or more. A motor current does not have so
+small a share: drives of arms give 5 to 20 N·m at the joint per ampere."""
 
 LARGE = 4.0
-"""Multiple of the described torque from which a torque is in another unit. On eight recorded arms the joints that
-count have 0.7 to 2.3 times the described torque, and their median 0.8 to 1.5 times."""
+"""Multiple of the described torque from which the effort is in another unit. On eight recorded arms, the loaded
+joints have 0.7 to 2.3 times the described torque; the median over the joints is 0.8 to 1.5 times."""
 
 UNITS = ((10.197, "kgf·cm"), (100.0, "N·cm"), (1000.0, "mN·m"), (1e4, "0.1 mN·m"))
-"""Torque units by their number in a newton metre."""
+"""Units of torque, each with the number of units in one newton metre."""
 
 NEAR_UNIT = 1.6
-"""Factor of a description's torque from that of the arm within which a unit is named, as on recorded arms."""
+"""Largest factor between the effort and the described torque in a unit for which this unit is named."""
 
 AFTER_DEGREES = 1.0
-"""Fall of the log residual that stands for the correction of a large torque: other numbers depend on it, but angles
-in a wrong unit make a described torque too small, and cost more than this."""
+"""Decrease of the log residual that is assumed for the correction of a torque that is too large. The correction is
+made early, because other results depend on it; but it comes after angles in a wrong unit, which make the described
+torque too small and give a larger decrease."""
 
 SAME_MASS = 0.5
-"""Share of the links with one and the same mass above which the masses stand for others, as 1 kg each does."""
+"""Share of links with the same mass above which masses count as placeholders, for instance 1 kg for each link."""
 
 ALIKE = 0.85
-"""Correlation of a joint with the description from which its scale is known."""
+"""Correlation of the torque of a joint with the description from which the scale of the joint is known."""
 
 MOST_OF = 0.5
-"""Share of the loaded joints whose scale must be known: with channels in a wrong order one may correlate by
-chance."""
+"""Share of the loaded joints whose scale must be known. If channels are in a wrong order, a single joint may
+correlate by chance."""
 
 HEAVY = 0.05
-"""Described torque, over that of the most loaded joint, below which a joint does not count."""
+"""Share of the described torque of the most loaded joint below which a joint counts as not loaded."""
 
 
 MOTOR_NOTE = (
-    "gear ratios that fit the description's gravity torque; positions are the joints'; use the maker's values"
+    "gear ratios estimated from the gravity torque of the description; positions are joint positions; use the "
+    "maker's values"
 )
-CURRENT_NOTE = "N·m/A that fit the description's gravity torque; use the maker's values"
-UNIT_NOTE = "N·m for one of the log's units"
+CURRENT_NOTE = "N·m/A, estimated from the gravity torque of the description; use the maker's values"
+UNIT_NOTE = "N·m per unit of the log"
 
 
 def check(evidence: LogEvidence) -> list[Finding]:
@@ -62,7 +64,7 @@ def check(evidence: LogEvidence) -> list[Finding]:
 
 
 def explain(state: LogState) -> Explanation | None:
-    """Explanation by another scale; `None` if the scale is that of the description."""
+    """Explanation by another scale of the effort; `None` if the scale agrees with the description."""
     nominal = state.nominal
     if nominal is None:
         return None
@@ -86,35 +88,36 @@ def explain(state: LogState) -> Explanation | None:
         10.0,  # corrected first, since all other numbers depend on the unit
         "error",
         "effort",
-        f"The effort has the shape of the description's torque, but is only a small share of it: {listed}.",
+        f"The effort has the shape of the torque of the description, but is only a small share of it: {listed}.",
         lambda evidence: _gains(evidence, gains, MOTOR_NOTE if motor else CURRENT_NOTE),
         after,
     )
 
 
 def _too_large(state: LogState, typical: float) -> Explanation:
-    """Explanation of a torque that is a multiple of the described one by its unit.
+    """Explanation by a unit, for a torque that is a multiple of the described torque.
 
-    All joints get one factor: it corrects the unit and leaves the description's errors to the estimate.
+    The same factor is used for all joints. It corrects the unit, but not the errors of the description.
     """
     assert state.nominal is not None
     unit = next((u for u in UNITS if 1.0 / NEAR_UNIT < typical / u[0] < NEAR_UNIT), None)
     factor = float(f"{typical:.2g}") if unit is None else unit[0]
     what = (
-        "That is no usual unit of torque; it may be raw units of the drive, a motor current or a wrong gain, "
-        "unless the description's masses are too small"
+        "The factor fits no usual unit of torque: the effort may be in raw units of the drive, a motor current, or "
+        "scaled by a wrong gain, or the masses of the description are too small"
         if unit is None
-        else f"It is probably in {unit[1]}, unless the description's masses are too small"
+        else f"It is probably in {unit[1]}, unless the masses of the description are too small"
     )
     names = state.model.robot.joint_names
     loaded = int(np.argmax(state.nominal.size))
-    note = UNIT_NOTE if unit is not None else f"{UNIT_NOTE}, as fits the description; use the maker's value"
+    note = UNIT_NOTE if unit is not None else f"{UNIT_NOTE}, estimated from the description; use the maker's value"
     return Explanation(
         UNIT,
         AFTER_DEGREES,
         "error",
         "effort",
-        f"The effort has the shape of the description's torque, but is {typical:.3g} times as large (median of the "
+        f"The effort has the shape of the torque of the description, but is {typical:.3g} times as large (median of "
+        "the "
         f"joints; {names[loaded]}: {state.nominal.scale[loaded]:.3g}). {what}.",
         lambda evidence: _gains(evidence, [1.0 / factor] * state.rows.n, note),
         state.with_torque(np.full(state.rows.n, 1.0 / factor)),
@@ -122,7 +125,7 @@ def _too_large(state: LogState, typical: float) -> Explanation:
 
 
 def _placeholders(state: LogState) -> bool:
-    """True if the described masses stand for others, so that the torque has no scale."""
+    """True if the masses of the description are placeholders, so that its torque has no known scale."""
     theta = state.model.nominal_parameters()
     if theta is None:
         return True
@@ -134,7 +137,7 @@ def _placeholders(state: LogState) -> bool:
 
 
 def _gains(evidence: LogEvidence, gains: list[float], note: str) -> str:
-    """Drive gains that correct the log format: joint torque over logged effort, times the gains that it has."""
+    """Drive gains that correct the log format: joint torque divided by logged effort, times its present gains."""
     given = evidence.reading.drive_gain
     total = np.asarray(gains) * (1.0 if given is None else np.asarray(given))
     return lines(note, drive_gain=[float(f"{gain:.3g}") for gain in total])
@@ -146,7 +149,8 @@ CHECK = LogCheck(
     effects={
         "motor-side": "All parameters are too small by the gear ratio.",
         "current-without-gain": "All parameters are in units of the drive's current.",
-        "torque-unit": "All parameters are too large by one factor; a validation in the same unit does not show it.",
+        "torque-unit": "All parameters are too large by one factor; a validation in the same unit does not detect "
+        "it.",
     },
     explain=explain,
     hides=("saturation",),

@@ -13,11 +13,11 @@ from armid.measurement.processing.resampling import resample_uniform, stretches
 from armid.values import Array
 
 LATE_SAMPLES, LATE_SECONDS = 1.5, 0.005
-"""Smallest shift of a repetition that is reported: above the one sample of rounding, and above the time in which a
-fast joint moves by half a degree."""
+"""Smallest shift of a repetition that is reported. Rounding causes shifts of up to one sample, and a fast joint moves
+by half a degree within the given time."""
 
 STEPS = 25
-"""Gauss-Newton steps of aligning one repetition with another."""
+"""Number of Gauss-Newton steps for the alignment of one repetition with another."""
 
 
 def check(evidence: LogEvidence) -> list[Finding]:
@@ -41,22 +41,23 @@ def check(evidence: LogEvidence) -> list[Finding]:
     remedy = (
         lines(period=float(f"{period + np.diff(late).mean() / even.rate:.6g}"))
         if even_steps
-        else "record it again, or cut the log into one recording a repetition and leave the period out"
+        else "record it again, or cut the log into one recording for each repetition and leave out the key `period`"
     )
     return [
         Finding(
             "period-misaligned",
             "warning",
             "q",
-            f"Repetition {worst + 1} of {len(begins)} lies {seconds:+.4g} s ({late[worst]:+.1f} samples) off the "
-            f"period of {period:g} s; all: {', '.join(f'{x:+.1f}' for x in late)} samples.",
+            f"Repetition {worst + 1} of {len(begins)} is shifted by {seconds:+.4g} s ({late[worst]:+.1f} samples) "
+            "against "
+            f"the period of {period:g} s; shifts of all: {', '.join(f'{x:+.1f}' for x in late)} samples.",
             remedy,
         )
     ]
 
 
 def _lag(q: Array, first: int, begin: int, samples: int) -> float:
-    """Lag of the repetition from `begin` behind that from `first` [samples]."""
+    """Lag of the repetition that begins at `begin` behind the one that begins at `first` [samples]."""
     margin = samples // 8
     inside = np.arange(margin, samples - margin)
     reference = q[first + inside]
@@ -85,7 +86,7 @@ CHECK = LogCheck(
         "period-misaligned": "The mean over repetitions smooths the motion and makes its torque smaller.",
     },
     untested={
-        "period-misaligned": "the comparison averages no repetitions",
+        "period-misaligned": "the test does not average repetitions",
     },
     hides=(
         "contact",

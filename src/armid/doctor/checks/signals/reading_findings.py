@@ -1,4 +1,4 @@
-"""Findings that the readers of recording and description have made already."""
+"""Findings that were made while the recording and the description were read."""
 
 from __future__ import annotations
 
@@ -7,27 +7,32 @@ from armid.doctor.log_check import LogCheck
 from armid.errors import Finding
 
 EFFECTS = {
-    "position-wrapped": "Differences across the jumps would be velocities of hundreds of rad/s; they are unwrapped.",
+    "position-wrapped": "Differences across the jumps would give velocities of hundreds of rad/s, so the positions "
+    "are unwrapped.",
     "clock-missing": "Velocities and accelerations, and all parameters that depend on them, have no scale.",
-    "columns-guessed": "With wrong columns the estimate is useless: check the names.",
+    "columns-guessed": "If the columns are wrong, the estimate is useless; check their names.",
     "units-of-header": "No effect if the names are right. In a study, these lines state the same units.",
-    "clock-received": "Jitter of network and recorder becomes noise of velocity and acceleration.",
+    "clock-received": "Jitter of the network and the recorder becomes noise of velocity and acceleration.",
     "joints-extra": "None: channels of joints that the model does not have are not used.",
-    "joints-merged": "Interpolated values are smoother than measured ones, and shifted by a fraction of a step.",
-    "locked-joint": "Gravity torques and inertias of all links that it carries are computed at a wrong pose.",
+    "joints-merged": "Interpolated values are smoother than measured values, and they are shifted by a fraction of a "
+    "step.",
+    "locked-joint": "Gravity torques and inertias of all links that the joint carries are computed at a wrong pose.",
     "clock-unit": "Velocities and accelerations are too small by powers of a thousand.",
     "clock-rate": "Velocities and accelerations are too large or too small by the ratio of the two rates.",
     "rows-repeated": "Velocity would be zero at every repeated row; these rows are excluded.",
     "rows-not-consecutive": "Nothing can be filtered or differentiated, and terms with hysteresis cannot be used.",
-    "effort-missing": "Without torque or current there is nothing to identify.",
+    "effort-missing": "Without torque or current, no parameters can be identified.",
     "value-missing": "Nothing can be computed from it.",
-    "description-rounded": "Without the rounding to multiples of 15° there would be spurious base parameters.",
-    "topic-chosen": "None: the others have no joints of the arm, or are commands.",
-    "rests-left-out": "None: friction at rest is any torque up to its bound, and the rows beside the rest remain.",
-    "sticking": "No law of the velocity describes dry friction at rest, which is any torque up to its bound.",
-    "standstill": "At standstill, static friction and gravity cannot be separated, yet such rows have full weight.",
+    "description-rounded": "Without rounding to multiples of 15°, there would be base parameters that the real arm "
+    "does not have.",
+    "topic-chosen": "None: the other topics contain no joints of the arm, or they are commands.",
+    "rests-left-out": "None: the rows at rest, where static friction is unknown, are left out, and all other rows "
+    "remain.",
+    "sticking": "At rest, static friction can have any value up to its bound, so no function of the velocity "
+    "describes it.",
+    "standstill": "At standstill, static friction and gravity cannot be separated, but such rows have full weight.",
 }
-"""By code of findings that readers alone make: effect of the fault on an estimate."""
+"""Effects on an estimate, by code, of the faults that only readers find."""
 
 OF_OTHERS = (
     "clock-gap",
@@ -39,7 +44,8 @@ OF_OTHERS = (
     "motor-side",
     "position-offset",
 )
-"""Codes of readers that other checks have, too; further ones are about processing, which the doctor checks itself."""
+"""Codes of findings of the readers that belong to other checks. Findings about processing are not listed, because
+the doctor checks processing itself."""
 
 
 def check(evidence: LogEvidence) -> list[Finding]:
@@ -52,11 +58,11 @@ CHECK = LogCheck(
     scope="command",
     effects=EFFECTS,
     untested={
-        "clock-missing": "without it the log cannot be read",
-        "clock-unit": "without it the log cannot be read",
-        "clock-rate": "without it the log cannot be read",
-        "rows-not-consecutive": "rows that do not follow each other leave no motion out",
-        "value-missing": "without it the log cannot be read",
-        "standstill": "rows at rest are little of any error",
+        "clock-missing": "without the remedy, the log cannot be read",
+        "clock-unit": "without the remedy, the log cannot be read",
+        "clock-rate": "without the remedy, the log cannot be read",
+        "rows-not-consecutive": "no motion can be left out if rows are not consecutive",
+        "value-missing": "without the remedy, the log cannot be read",
+        "standstill": "rows at rest contribute little to the error",
     },
 )

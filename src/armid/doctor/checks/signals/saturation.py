@@ -1,4 +1,4 @@
-"""Saturated torque: at a plateau, or at the description's limit."""
+"""Saturated torque: a plateau, or torque at the limit of the description."""
 
 from __future__ import annotations
 
@@ -12,18 +12,19 @@ from armid.measurement.log_format_remedies import excluding, lines
 from armid.values import Array
 
 FEWEST, SHARE = 10, 0.002
-"""Smallest number of samples at the same extreme value that make a plateau, and their smallest share of all."""
+"""Smallest number of samples at the same extreme value that form a plateau, and their smallest share of all
+samples."""
 
 DENSER = 5.0
-"""Ratio by which the extreme value must be more frequent than its neighbours; coarse converters repeat all values."""
+"""Ratio by which the extreme value must be more frequent than similar values; coarse converters repeat all values."""
 
 NEIGHBOURS = 12
 
 APART = 0.25
-"""Shortest time between two saturated stretches [s]: noise cuts one stretch into many."""
+"""Shortest time between two saturated stretches [s]; nearer ones are merged, because noise cuts one into many."""
 
 LIMIT = 0.98
-"""Share of the description's limit that counts as reaching it."""
+"""Share of the limit of the description from which the limit counts as reached."""
 
 
 def check(evidence: LogEvidence) -> list[Finding]:
@@ -42,12 +43,12 @@ def check(evidence: LogEvidence) -> list[Finding]:
         count, level = max((_plateau(tau), _plateau(-tau)), key=lambda found: found[0])
         at_limit = int((np.abs(tau) >= LIMIT * joint.effort_limit).sum()) if joint.effort_limit > 0.0 else 0
         if count:
-            text = f"{count} of {len(tau)} samples stand at the same extreme value, {level:.4g} {joint.effort_unit}."
+            text = f"{count} of {len(tau)} samples have the same extreme value, {level:.4g} {joint.effort_unit}."
             flat = counted & (np.abs(np.abs(recording.effort[:, j]) - level) <= 1e-9 * max(level, float(np.ptp(tau))))
             remedy = excluding(evidence.reading, _stretches(flat, evidence))
         elif at_limit >= max(FEWEST, SHARE * len(tau)):
             text = (
-                f"{at_limit} of {len(tau)} samples reach {LIMIT:g} of the description's limit, "
+                f"{at_limit} of {len(tau)} samples reach {LIMIT:.0%} of the effort limit of the description, "
                 f"{joint.effort_limit:.4g} {joint.effort_unit}."
             )
             remedy = lines(table="processing", saturation=LIMIT)
@@ -88,7 +89,7 @@ CHECK = LogCheck(
         "saturation": "The largest torques are too small, and inertias and friction with them.",
     },
     untested={
-        "saturation": "the rows that it leaves out hold no measurement",
+        "saturation": "the rows that it leaves out contain no measurement",
     },
     hides=(
         "contact",

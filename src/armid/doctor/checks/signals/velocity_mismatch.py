@@ -1,4 +1,4 @@
-"""Velocities that are not the derivatives of the positions: wrong scale, sign, delay or joint."""
+"""Velocities that differ from the derivatives of the positions: wrong scale, sign, delay or joint."""
 
 from __future__ import annotations
 
@@ -18,26 +18,26 @@ from armid.measurement.recording import Recording
 from armid.values import Array
 
 CUTOFF = 4.0
-"""Cut-off of the low-pass before both are compared [Hz]."""
+"""Cut-off of the low-pass filter that is applied to both before they are compared [Hz]."""
 
 SCALE = 0.05
-"""Smallest relative error of a scale that is reported; a derivative at ten samples a period has less."""
+"""Smallest relative error of a scale that is reported; a derivative with ten samples per period has less."""
 
 LATE = 0.008
-"""Smallest delay that is reported [s]: a controller's velocity filter delays by some milliseconds."""
+"""Smallest delay that is reported [s]; the velocity filter of a controller has a delay of some milliseconds."""
 
 SAMPLES = 1.2
-"""The same in samples; backward differences are late by half a sample."""
+"""The same in samples; backward differences have a delay of half a sample."""
 
 ALIKE, UNLIKE = 0.97, 0.9
-"""Correlation from which two signals are taken as the same, and below which as different."""
+"""Correlation from which two signals count as the same, and correlation below which they count as different."""
 
 MOVING = 0.02
 """RMS speed below which a joint is not checked [rad/s]."""
 
 
 def check(evidence: LogEvidence) -> list[Finding]:
-    """Reports each joint whose velocity does not match, or else a common delay."""
+    """Reports each joint whose velocity does not match; if all match, a common delay."""
     recording = evidence.recording
     if recording is None or recording.dq is None or recording.effort is None or recording.consecutive is False:
         return []
@@ -65,7 +65,9 @@ def check(evidence: LogEvidence) -> list[Finding]:
 
 
 def _remedy(evidence: LogEvidence) -> str:
-    return naming(evidence.reading, {"dq": ""}, "or the right columns; positions are differentiated then")
+    return naming(
+        evidence.reading, {"dq": ""}, "or give the right columns; without velocities, positions are differentiated"
+    )
 
 
 def _severity(late: float) -> Literal["warning", "info"]:
@@ -75,21 +77,22 @@ def _severity(late: float) -> Literal["warning", "info"]:
 def _of_joint(
     evidence: LogEvidence, logged: Array, derived: Array, j: int, scale: float, correlation: float
 ) -> Finding:
-    """Finding that says what the logged velocity of one joint is instead."""
+    """Finding about the logged velocity of one joint, with its relation to the positions."""
     names = evidence.robot.joint_names
     others = [abs(_correlation(logged[:, j], derived[:, k])) if k != j else 0.0 for k in range(len(names))]
     best = int(np.argmax(others))
     remedy = _remedy(evidence)
     if correlation < UNLIKE and others[best] > ALIKE:
-        text = f"It is the derivative of {names[best]}'s position (correlation {others[best]:.3f})."
+        text = f"The logged velocity is the derivative of the position of {names[best]} "
+        text += f"(correlation {others[best]:.3f})."
     elif correlation >= UNLIKE and scale < 0.0:
-        text = f"Its sign is against that of the position's derivative (factor {scale:.3f})."
+        text = f"The logged velocity has the opposite sign of the derivative of the position (factor {scale:.3f})."
     elif correlation >= UNLIKE:
-        text = f"It is {scale:.3f} times the derivative of the position."
+        text = f"The logged velocity is {scale:.3f} times the derivative of the position."
         if abs(np.degrees(1.0) / scale - 1.0) < SCALE:
             text += " It is in degrees per second."
     else:
-        text = f"It is not the derivative of the position (correlation {correlation:.2f})."
+        text = f"The logged velocity is not the derivative of the position (correlation {correlation:.2f})."
     return Finding("velocity-mismatch", "error", names[j], text, remedy)
 
 
@@ -133,7 +136,7 @@ CHECK = LogCheck(
         "meaningless.",
     },
     untested={
-        "velocity-mismatch": "the comparison derives velocities from positions",
+        "velocity-mismatch": "the test computes velocities from positions",
     },
     needs_torque=False,
 )
