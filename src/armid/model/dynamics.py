@@ -26,6 +26,7 @@ from armid.model.parameter_name import ParameterName
 from armid.model.terms import DEFAULT_TERMS, Law, RigidBody, Term
 from armid.model.terms.rigid_body import RIGID_BODY_SYMBOLS, rigid_body_units
 from armid.notebook import Displayed, Summary, plural
+from armid.robot.missing_inertia import links_without_inertia
 from armid.robot.robot import Robot
 from armid.values import Array, array
 
@@ -335,10 +336,11 @@ class DynamicsModel(Displayed):
     def nominal_parameters(self) -> Array | None:
         """Standard parameters (p,) with the inertial parameters of the description; all others are zero.
 
-        `None` if the description has no inertial parameters.
+        `None` if the description has no inertial parameters, or lacks those of a link with geometry: the others alone
+        give no torque to compare with.
         """
         inertial = self.robot.inertial_vector
-        if inertial is None or not self.has_rigid_bodies:
+        if inertial is None or not self.has_rigid_bodies or links_without_inertia(self.robot):
             return None
         theta = np.zeros(len(self.parameters))
         theta[self.inertial_columns] = inertial.ravel()

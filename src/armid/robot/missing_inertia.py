@@ -1,4 +1,4 @@
-"""Joints that move no mass according to the description, and the key for the missing inertia in its format."""
+"""Inertias that a description lacks: joints that move no mass, links with geometry but without mass."""
 
 from __future__ import annotations
 
@@ -12,6 +12,30 @@ def massless_joints(robot: Robot) -> tuple[str, ...]:
         if robot.joints[i].parent >= 0:
             carried[robot.joints[i].parent] += carried[i]
     return tuple(joint.name for joint, mass in zip(robot.joints, carried, strict=True) if mass == 0.0)
+
+
+def links_without_inertia(robot: Robot) -> tuple[int, ...]:
+    """Indices of links with geometry but without mass, in a description that gives other links a mass.
+
+    Such links have a mass that the description does not know, for instance because it follows from meshes. A link
+    without geometry and mass is a frame.
+    """
+    if robot.inertial_vector is None:
+        return ()
+    solid = {shape.link for shape in (*robot.shapes, *robot.visuals)}
+    return tuple(
+        i for i, link in enumerate(robot.links) if i in solid and (link.inertial is None or not link.inertial.mass)
+    )
+
+
+def joints_with_unknown_load(robot: Robot) -> tuple[str, ...]:
+    """Names of the joints that move a link of unknown mass (`links_without_inertia`)."""
+    moved: set[int] = set()
+    for i in links_without_inertia(robot):
+        while i >= 0:
+            moved.add(i)
+            i = robot.joints[i].parent
+    return tuple(robot.joint_names[i] for i in sorted(moved))
 
 
 def inertial_key(robot: Robot) -> str:

@@ -54,5 +54,5 @@ def test_what_is_no_such_file(name, content):
 def test_arms_that_a_controller_does_not_know():
     assert "7 revolute joints" in FORMATS["fri"].problem(track("ur5e"))
     assert "6 revolute joints" in FORMATS["urscript"].problem(track("iiwa14-r820"))
-    with pytest.raises(ArmidError, match="rate above zero"):
+    with pytest.raises(ArmidError, match="rate of a motion must be above zero"):
         track_of(None, None, 0.0)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -15,7 +16,8 @@ from armid.excitation.limits.joint_limits import (
 )
 from armid.excitation.limits.torque_limits import Torque
 from armid.excitation.start_pose import Holds, TorqueHolds, any_pose
-from armid.robot.missing_inertia import inertial_key, massless_joints
+from armid.model.dynamics import DynamicsModel
+from armid.robot.missing_inertia import inertial_key, joints_with_unknown_load, links_without_inertia, massless_joints
 from armid.robot.robot import Robot
 from armid.study.plans.goals import DesignConstraints
 from armid.values import Array
@@ -35,11 +37,17 @@ def judged_torque(
     if len(unlimited) == len(limits.joints):
         return None, findings
     if values is None:
-        nominal = goal.model.nominal_parameters()
+        robot = goal.model.robot
+        if unknown := [name for name in joints_with_unknown_load(robot) if name in limits.joints]:
+            findings = (*findings, _unknown_load(unknown, robot))
+            known = ~np.isin(limits.joints, unknown)
+            limits = replace(limits, effort=np.where(known, limits.effort, np.inf))
+            if not np.isfinite(limits.effort).any():
+                return None, findings
+        nominal = _described(goal.model)
         values = None if nominal is None or not nominal.any() else goal.base.values_of(nominal)
         evidence = "torque is computed from the masses and inertias of the description, without friction"
         findings = (*findings, Finding("torque-nominal", "info", "", evidence))
-        robot = goal.model.robot
         limited = [name for name, limit in zip(limits.joints, limits.effort, strict=True) if np.isfinite(limit)]
         if values is not None and (empty := [name for name in massless_joints(robot) if name in limited]):
             evidence = (
@@ -58,6 +66,27 @@ def judged_torque(
         remedy = "give the folder of an identification run with --after."
         return None, (Finding("torque-unknown", "warning", "", evidence, remedy), *findings[: bool(unlimited)])
     return torque_channel(limits, values, constraints.torque_margin), findings
+
+
+def _described(model: DynamicsModel) -> Array | None:
+    """Standard parameters (p,) with the inertial parameters that the description gives; `None` if it gives none."""
+    inertial = model.robot.inertial_vector
+    if inertial is None or not model.has_rigid_bodies:
+        return None
+    theta = np.zeros(len(model.parameters))
+    theta[model.inertial_columns] = inertial.ravel()
+    return theta
+
+
+def _unknown_load(joints: Sequence[str], robot: Robot) -> Finding:
+    """Finding that the torque of joints is not checked because they move links of unknown mass."""
+    links = ", ".join(robot.links[i].name for i in links_without_inertia(robot))
+    evidence = (
+        f"the torque of {', '.join(joints)} is not checked, because these joints move links whose mass is unknown: "
+        f"{links}"
+    )
+    remedy = f"add {inertial_key(robot)} to these links, or give the folder of an identification run with --after."
+    return Finding("torque-unknown", "warning", ", ".join(joints), evidence, remedy)
 
 
 def _unjudged(joints: Sequence[str], robot: Robot) -> Finding:
