@@ -17,12 +17,12 @@ import typer
 from armid.cli.command_list import COMMANDS
 from armid.cli.folder_overview import next_step
 from armid.cli.help_format import Command
+from armid.cli.motion.excite import INTERRUPTED
 from armid.cli.remedy_options import hint
 from armid.errors import ArmidError
 from armid.threads import keep_freed_memory, prefer_one_thread
 
 BAD_INPUT = 2
-INTERRUPTED = 130
 
 
 class _StoppedError(Exception):

@@ -397,3 +397,15 @@ def test_meshes_that_are_missing_are_what_is_missing(tmp_path):
     robot = load_robot(tmp_path / "arm.urdf")
     with pytest.raises(ArmidError, match=r"(?s)mesh package://arm/a.stl is missing.*--package NAME=DIR"):
         make_collision_model(robot, limits_of(robot))
+
+
+def test_bounds_of_approach_do_not_depend_on_how_many_poses_are_computed_together(monkeypatch):
+    robot = load_robot("ur10e")
+    bodies = make_collision_model(robot, limits_of(robot)).bodies
+    rng = np.random.default_rng(3)
+    poses = forward_kinematics(robot, rng.uniform(-1.0, 1.0, (7, robot.n)))
+    for speed in (rng.uniform(0.0, 1.0, robot.n), rng.uniform(0.0, 1.0, (7, robot.n))):
+        whole = bodies.approach(poses, robot.tree, speed)
+        monkeypatch.setattr("armid.excitation.collision.distances.TILE", 2 * len(bodies.groups))
+        np.testing.assert_allclose(bodies.approach(poses, robot.tree, speed), whole, rtol=1e-14)  # order of sums
+        monkeypatch.undo()

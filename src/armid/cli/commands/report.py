@@ -100,7 +100,20 @@ def write_page(
 
 
 def attempt(page: str, write: Callable[[], object]) -> bool:
-    """Write a page that is not needed for the results; if this fails, print the reason and return false."""
+    """Write a page that is not needed for the results; if that fails or is stopped, print why and return false."""
+    try:
+        return try_page(page, write)
+    except KeyboardInterrupt:
+        sys.stderr.write(f"no {page}: interrupted\n")
+    return False
+
+
+def try_page(page: str, write: Callable[[], object]) -> bool:
+    """Write a page that is not needed for the results; if this fails, print the reason and return false.
+
+    Raises:
+        KeyboardInterrupt: The user has stopped it.
+    """
     from armid.errors import ArmidError
 
     sys.stdout.flush()
@@ -108,8 +121,5 @@ def attempt(page: str, write: Callable[[], object]) -> bool:
         write()
     except ArmidError as error:
         sys.stderr.write(f"no {page}: {error.problem} {error.remedy}".rstrip() + "\n")
-    except KeyboardInterrupt:
-        sys.stderr.write(f"no {page}: interrupted\n")
-    else:
-        return True
-    return False
+        return False
+    return True

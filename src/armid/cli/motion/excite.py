@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from armid.cli.commands.report import attempt
+from armid.cli.commands.report import try_page
 from armid.cli.motion.preview import PAGE as PREVIEW
 from armid.cli.options import (
     BASE_TERMS,
@@ -36,6 +36,7 @@ if TYPE_CHECKING:
 
     from armid.excitation.design.multistart import Progress, SearchCandidate
     from armid.study.plans.design import Stage
+    from armid.study.plans.preflight_text import Checked
 
 
 def _option(
@@ -46,6 +47,9 @@ def _option(
 
 
 PREFLIGHT = "preflight.html"
+
+INTERRUPTED = 130
+"""Exit code of a command that the user has stopped."""
 
 POSE, SEVERAL = "Q…", list[str] | None
 
@@ -125,7 +129,7 @@ OPTIONS: dict[str, tuple[Any, Any]] = {
     "repetitions": _option(int, 1, "Number of periods that will be recorded."),
     "after": _option(SEVERAL, None, "Run or plan.json that already gives information; repeatable."),
     "predict": _option(SEVERAL, None, "Plan whose torque the model shall predict well; repeatable."),
-    "budget": _option(float, 30.0, "Wall time of the search, s; Ctrl-C ends it and keeps the best plan so far."),
+    "budget": _option(float, 30.0, "Wall time of the search, s."),
     "seed": _option(int, 1, "Seed of the random starts; the same seed gives the same search."),
     "workers": _option(int, 2, "Number of processes; 0 searches in the main process."),
     "formats": _option(SEVERAL, None, "csv, ros2, fri, urscript, mat; repeatable, all by default.", "--format"),
@@ -207,9 +211,6 @@ def excite(robot: str, **options: Any) -> None:
     """
     from armid.cli.console import output_console, print_findings
     from armid.cli.motion.excite_request import run_experiment, run_request
-    from armid.report.preflight_page import write_preflight
-    from armid.report.preview.page import write_preview
-    from armid.report.preview.sources import preview_of_design
     from armid.study.config import build_model, load_choice
     from armid.study.plans.design_files import choose_formats, plan_record, refuse_plan_folder, save_design
     from armid.study.plans.designed import Designed
@@ -233,20 +234,37 @@ def excite(robot: str, **options: Any) -> None:
         stage("files")
         save_design(designed, folder, formats=formats, rate=rate, rehearsal=rehearsal)
         if not options["no_report"]:
-            attempt(PREFLIGHT, lambda: write_preflight(designed, folder / PREFLIGHT))
-            stage("preview")
-            attempt(PREVIEW, lambda: write_preview(preview_of_design(designed), folder / PREVIEW))
+            _write_pages(designed, folder, stage)
     if options["json"]:
         sys.stdout.write(to_json({**plan_record(designed), "folder": str(folder)}) + "\n")
     else:
         sys.stdout.write(report_text(designed, findings=False))
         output_console().print(f"written to [bold]{folder}[/]")
     print_findings((*arm.findings, *designed.findings), shapes=True)
-    if isinstance(designed, Designed) and designed.search.interrupted:
-        sys.stderr.write("interrupted; this is the best plan so far\n")
     if designed.preflight.verdict == "fail":
         sys.stderr.write(f"verdict: fail. {designed.preflight.sentence}; no motion was written for a controller\n")
         raise typer.Exit(1)
+
+
+def _write_pages(designed: Checked, folder: Path, stage: Stage) -> None:
+    """Write both pages into the folder of a plan, which is whole without them.
+
+    Raises:
+        Exit: The user has stopped it.
+    """
+    from armid.report.preflight_page import write_preflight
+    from armid.report.preview.page import write_preview
+    from armid.report.preview.sources import preview_of_design
+
+    page = PREFLIGHT
+    try:
+        try_page(page, lambda: write_preflight(designed, folder / PREFLIGHT))
+        stage("preview")
+        page = PREVIEW
+        try_page(page, lambda: write_preview(preview_of_design(designed), folder / PREVIEW))
+    except KeyboardInterrupt:
+        sys.stderr.write(f"interrupted; {folder} holds the plan without {page}\n")
+        raise typer.Exit(INTERRUPTED) from None
 
 
 def _signature() -> inspect.Signature:

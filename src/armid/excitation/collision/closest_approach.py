@@ -86,10 +86,11 @@ def closest_approaches(
     bound = collision.every.bodies.distances(poses) if len(collision.pairs) else np.zeros((len(times), 0))
     constant = np.isfinite(constant_distances(collision, poses, bound)).tolist()
     if len(collision.pairs):
+        margins = collision.every.margins
         for k, label in enumerate(collision.every.labels):
             distance, at = _least(collision, collision.pairs[k], bound[:, k], poses)
             meshes = any(collision.shapes[i].kind in ("mesh", "cylinder") for i in collision.pairs[k])
-            by, asked = "hulls" if meshes else "bodies", float(collision.every.margins[k])
+            by, asked = "hulls" if meshes else "bodies", float(margins[k])
             found.append(ClosestApproach(label, distance, float(times[at]), asked, by, constant[k]))
     for k, (pair, kept) in enumerate(zip(collision.measured, collision.kept, strict=True), len(collision.pairs)):
         distance, at = _by_triangles(collision, pair, float(kept), poses)

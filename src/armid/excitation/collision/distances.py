@@ -220,8 +220,13 @@ class CollisionBodies:
         i, j = self.pairs[:, 0], np.where(solid, 0, self.pairs[:, 1])
         # A joint that moves both bodies does not change their distance; no joint moves a solid.
         at = self.groups
-        moved = reach[:, i] * (one * (1.0 - other))[at] + reach[:, j] * (other * (1.0 - one))[at]
-        fastest = (moved @ speed[:, :, None])[:, :, 0] if speed.ndim == 2 else moved @ speed
+        of_one, of_other = (one * (1.0 - other))[at], (other * (1.0 - one))[at]
+        fastest: Array = np.empty((len(reach), len(at)))
+        block = max(1, TILE // max(1, len(at)))
+        for k in range(0, len(reach), block):
+            part = slice(k, k + block)
+            moved = reach[part][:, i] * of_one + reach[part][:, j] * of_other
+            fastest[part] = (moved @ speed[part, :, None])[:, :, 0] if speed.ndim == 2 else moved @ speed
         return np.maximum.reduceat(fastest, self.first, axis=1)
 
     def only(self, which: Sequence[int] | NDArray[np.intp]) -> CollisionBodies:
@@ -255,17 +260,17 @@ class Clearance:
     @property
     def margins(self) -> Array:
         """Smallest allowed distance of each pair, shape (m,) [m]."""
-        return np.broadcast_to(self.margin, len(self.labels))
+        return np.broadcast_to(self.margin, len(self.bodies))
 
     def near(self, states: States) -> Clearance:
         """Channel for motions near the given one: all pairs if they are few, otherwise the pairs that come close."""
-        if len(self.labels) <= FEW:
+        if len(self.bodies) <= FEW:
             return self
         return self.only(np.flatnonzero(self._distances(states).min(axis=0) < self.margin + REACH))
 
     def only(self, which: NDArray[np.intp]) -> Clearance:
         """Selection of some pairs, by indices in ascending order."""
-        spare = np.broadcast_to(self.spare, len(self.labels))[which]
+        spare = np.broadcast_to(self.spare, len(self.bodies))[which]
         return replace(self, bodies=self.bodies.only(which), margin=self.margins[which], spare=spare)
 
     def values(self, states: States) -> Array:
@@ -295,7 +300,7 @@ class Clearance:
         spread = 2.0 * max(float(np.abs(points).max(initial=0.0)) for points in places) * 3.0**0.5
         size = max((float(capsule.size[:2].sum()) for capsule in self.bodies.capsules), default=0.0)
         reach = np.where(states.tree.prismatic.astype(np.bool_), 1.0, spread + size)
-        total = np.full(len(self.labels), step * float(speed @ reach))
+        total = np.full(len(self.bodies), step * float(speed @ reach))
         close = np.flatnonzero(distance.min(axis=0) - total < self.margin + SCALE)
         if len(close):
             nearer = distance[:, close] - self._approach(states, step, self.bodies.only(close), float(speed @ reach))

@@ -72,6 +72,7 @@ def design_plan(
 
     Raises:
         ArmidError: Limits are missing, contradict each other, exclude the start pose, or cannot be kept.
+        KeyboardInterrupt: The user has stopped the search.
     """
     _check_times(goal, budget)
     criterion, robot = goal.goal, goal.goal.model.robot
@@ -98,6 +99,8 @@ def design_plan(
         stage("search")
         seed, seconds, rounds = budget.seed, budget.budget, budget.rounds
         found = search(problem, seed=seed, budget=seconds, rounds=rounds, executor=workers, progress=progress)
+        if found.interrupted:
+            raise KeyboardInterrupt  # whoever stops a design does not wait for its certificate
     whole = replace(problem, channels=(*channels, *every))
     x, report = _finished(whole, found.best.x, collision, placed.unchecked, stage)
     plan = add_leads(basis, x, goal, limits, robot.name)
