@@ -13,6 +13,7 @@ from armid.errors import Finding
 from armid.excitation.certification import Margin, fine_grid, margins
 from armid.excitation.collision.closest_approach import RATE, ClosestApproach, closest_approaches
 from armid.excitation.collision.collision_model import CollisionOptions, IgnoredPair
+from armid.excitation.collision.left_out_contacts import LeftOutContact, left_out_contacts
 from armid.excitation.design.objective import CriterionGoal, Objective
 from armid.excitation.design.regressor_gradients import Columns
 from armid.excitation.design.sqp import DescentProblem
@@ -60,6 +61,7 @@ class Preflight:
         unchecked: Reason why collisions are not checked; empty if they are checked.
         weak: Finding that the motion is too weak to identify the arm; `None` if it is not.
         wider: Finding that limits are wider than those of the description; `None` if they are not.
+        touching: Contacts between bodies of pairs that are not checked.
     """
 
     margins: tuple[Margin, ...]
@@ -69,6 +71,7 @@ class Preflight:
     unchecked: str = ""
     weak: Finding | None = None
     wider: Finding | None = None
+    touching: tuple[LeftOutContact, ...] = ()
 
     @property
     def verdict(self) -> Verdict:
@@ -167,16 +170,19 @@ def preflight(
     goal, basis = problem.goal, problem.basis
     samples = max(round(goal.rate * basis.period), 40 * basis.harmonics)
     approaches: tuple[ClosestApproach, ...] = ()
+    touching: tuple[LeftOutContact, ...] = ()
     if collision is not None:
         times = basis.times(max(100, round(RATE * basis.period)))
-        q = basis.excitation(x).at(times).q
-        approaches = closest_approaches(collision, times, forward_kinematics(goal.model.robot, q))
+        poses = forward_kinematics(goal.model.robot, basis.excitation(x).at(times).q)
+        approaches = closest_approaches(collision, times, poses)
+        touching = left_out_contacts(collision, times, poses)
     return Preflight(
         margins(problem, fine_grid(problem), x) if limits is None else limits,
         approaches,
         () if collision is None else collision.skipped,
         expectation(goal, Objective(goal, basis, samples), x),
         unchecked,
+        touching=touching,
     )
 
 

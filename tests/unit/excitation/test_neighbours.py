@@ -12,11 +12,19 @@ import pytest
 from armid.errors import ArmidError
 from armid.excitation.collision.collision_model import make_collision_model
 from armid.excitation.collision.ignored_pairs import ignored_of_srdf, parse_ignored
+from armid.excitation.collision.left_out_contacts import EVERY, contacts_found, left_out_contacts
 from armid.excitation.collision.required_distances import LEFT_OUT
+from armid.excitation.design.objective import CriterionGoal
 from armid.excitation.limits.joint_limits import limits_of
 from armid.excitation.start_pose import TorqueHolds, choose_start
+from armid.model.base_parameters import find_base_parameters
+from armid.model.dynamics import DynamicsModel
+from armid.model.terms import RigidBody
 from armid.robot import Robot, load_robot
-from armid.study.plans.goals import DesignConstraints
+from armid.robot.kinematics import forward_kinematics
+from armid.study.plans.design import design_plan
+from armid.study.plans.goals import DesignConstraints, DesignGoal, SearchBudget
+from armid.study.plans.poses_and_sweeps import MovesGoal, design_moves
 from armid.study.plans.start_pose import place_motion
 
 
@@ -117,3 +125,39 @@ def test_an_srdf_says_what_is_left_out(tmp_path):
         make_collision_model(robot, limits_of(robot), ignored=[parse_ignored("hub,rin")])
     with pytest.raises(ArmidError, match="these are not two names"):
         parse_ignored("hub")
+
+
+@pytest.mark.parametrize(("given", "share"), [(("hub,rim",), 0.6), ((), 0.82)])
+def test_pairs_that_are_left_out_and_touch_in_the_plan_are_named_with_the_time(tmp_path, given, share):
+    """The wheel turns from one side to the other: its bodies meet where the sum of the angles is small enough."""
+    robot = wheel(tmp_path, share)
+    rules = DesignConstraints(clearance=0.005, ignored=tuple(map(parse_ignored, given)))
+    start = np.zeros(2) - 0.05
+    placed = place_motion(robot, limits_of(robot), rules, start)
+    assert len(placed.collision.skipped) == 1
+    times = np.linspace(0.0, 10.0, 2001)
+    turning = np.column_stack([np.linspace(math.pi, 0.0, len(times)), np.zeros(len(times))])
+    (contact,) = left_out_contacts(placed.collision, times, forward_kinematics(robot, turning))
+    first = (1.0 - share) * 10.0  # bodies overlap below this share of half a turn
+    assert first <= contact.time <= first + 2 * EVERY * times[1] and not contact.throughout
+    assert contact.account.startswith("hub - rim (")
+    finding = contacts_found([contact])
+    assert finding is not None and (finding.code, finding.severity) == ("left-out-pairs-touch", "info")
+    assert f"hub - rim ({'--ignore-pair' if given else '8'}" in finding.evidence
+    assert f"at {contact.time:.2f} s" in finding.evidence
+    apart = np.full((100, 2), 0.5 * math.pi) + 0.1
+    assert left_out_contacts(placed.collision, times[:100], forward_kinematics(robot, apart)) == ()
+    (contact,) = left_out_contacts(placed.collision, times[:100], forward_kinematics(robot, np.zeros((100, 2))))
+    assert contact.throughout and "all the time: hub - rim" in contacts_found([contact]).evidence
+
+
+def test_a_plan_names_left_out_pairs_that_touch_in_it(tmp_path):
+    robot = wheel(tmp_path, 0.6)
+    model = DynamicsModel(robot, (RigidBody(),))
+    rules = DesignConstraints(clearance=0.005, ignored=(parse_ignored("hub,rim"),))
+    goal = DesignGoal(CriterionGoal(model, find_base_parameters(model)), 10.0, 4, np.zeros(2))
+    series = design_plan(goal, rules, SearchBudget(1e-3, 1, 0))
+    moves = design_moves(model, MovesGoal("sweeps", start=np.zeros(2)), rules)
+    for designed in (series, moves):  # they overlap in the start pose
+        assert "left-out-pairs-touch" in {finding.code for finding in designed.findings}
+        assert designed.preflight.touching[0].time == 0.0

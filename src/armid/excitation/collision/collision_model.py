@@ -66,11 +66,13 @@ class IgnoredPair:
             which the arm is mounted: share in which they are closer than the required distance. NaN if it was not
             computed.
         reason: Option or file that excludes the pair; empty if the bodies touch by construction.
+        bodies: Indices of the two bodies among the shapes.
     """
 
     pair: str
     share: float
-    reason: str = ""
+    reason: str
+    bodies: tuple[int, int]
 
     @property
     def account(self) -> str:
@@ -91,6 +93,7 @@ class CollisionOptions:
         own: Number of shapes that belong to the arm.
         measured: Indices into `shapes` of the pairs that are checked with the bodies themselves, shape (r, 2).
         kept: Required distances of the pairs of `measured`, shape (r,) [m].
+        left_out: Bounding volumes of the pairs of `skipped`.
     """
 
     searched: Clearance | None
@@ -101,6 +104,7 @@ class CollisionOptions:
     own: int
     measured: NDArray[np.intp]
     kept: Array
+    left_out: CollisionBodies
 
     @property
     def surroundings(self) -> tuple[Shape, ...]:
@@ -349,18 +353,23 @@ def looked_at(cell: CollisionModel) -> CollisionOptions:
     """Pairs of bodies that must be kept apart, without a start pose; for a search use `kept_apart`."""
     required, labels = cell.required, cell.bodies.labels
     kept, own = np.flatnonzero(required.of(BY_CAPSULES)), required.of(MEASURED)
+    left_out = np.flatnonzero(required.of(LEFT_OUT))
     return CollisionOptions(
         None,
         Clearance("collision", cell.bodies.only(kept), required.margin[kept]),
         tuple(
             IgnoredPair(
-                labels[k], np.nan if k in cell.ignored else float(required.touching[k]), cell.ignored.get(k, "")
+                labels[k],
+                np.nan if k in cell.ignored else float(required.touching[k]),
+                cell.ignored.get(k, ""),
+                (int(cell.pairs[k, 0]), int(cell.pairs[k, 1])),
             )
-            for k in np.flatnonzero(required.of(LEFT_OUT)).tolist()
+            for k in left_out.tolist()
         ),
         cell.shapes,
         cell.pairs[kept],
         len(cell.robot.shapes),
         cell.pairs[own],
         required.margin[own],
+        cell.bodies.only(left_out),
     )

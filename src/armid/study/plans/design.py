@@ -14,7 +14,8 @@ import numpy as np
 from armid.errors import ArmidError, Finding, did_you_mean
 from armid.excitation.certification import certified, fine_grid
 from armid.excitation.collision.collision_model import CollisionOptions
-from armid.excitation.design.multistart import Progress, search, single_threaded_pool
+from armid.excitation.collision.left_out_contacts import contacts_found
+from armid.excitation.design.multistart import Progress, Search, search, single_threaded_pool
 from armid.excitation.design.sqp import DescentProblem, about_start
 from armid.excitation.limits.constraints import ConstraintChannel
 from armid.excitation.limits.joint_limits import (
@@ -94,13 +95,8 @@ def design_plan(
     every = () if collision is None or not len(collision.pairs) else (collision.every,)
     scale = float(np.median(limits.velocity)) / 1.75  # widths were chosen on an arm of that speed
     problem = DescentProblem(criterion, basis, (*channels, *near), scale)
-    pool = nullcontext(executor) if executor or not budget.workers else single_threaded_pool(budget.workers)
-    with pool as workers:
-        stage("search")
-        seed, seconds, rounds = budget.seed, budget.budget, budget.rounds
-        found = search(problem, seed=seed, budget=seconds, rounds=rounds, executor=workers, progress=progress)
-        if found.interrupted:
-            raise KeyboardInterrupt  # whoever stops a design does not wait for its certificate
+    stage("search")
+    found = _searched(problem, budget, executor, progress)
     whole = replace(problem, channels=(*channels, *every))
     x, report = _finished(whole, found.best.x, collision, placed.unchecked, stage)
     plan = add_leads(basis, x, goal, limits, robot.name)
@@ -109,9 +105,33 @@ def design_plan(
     weak = weak_motion(whole, x, limits, collision, settled=unfinished is None)
     wider = limits_wider_than_described(robot, limits)
     report = replace(report, weak=weak, wider=wider)
-    remarks = (wider, weak, unfinished, soft_limits_used(robot, limits), _unlimited(plan, limits, robot))
+    touching = contacts_found(report.touching)
+    remarks = (wider, weak, touching, unfinished, soft_limits_used(robot, limits), _unlimited(plan, limits, robot))
     findings = (*placed.findings, *torque_findings, *filter(None, remarks))
     return Designed(plan, whole, x, limits, found, report, findings, collision)
+
+
+def _searched(
+    problem: DescentProblem, budget: SearchBudget, executor: Executor | None, progress: Progress | None
+) -> Search:
+    """Search in the given processes, or in processes of its own.
+
+    Raises:
+        KeyboardInterrupt: The user has stopped it, and does not wait for a certificate of the best plan so far.
+    """
+    pool = nullcontext(executor) if executor or not budget.workers else single_threaded_pool(budget.workers)
+    with pool as workers:
+        found = search(
+            problem,
+            seed=budget.seed,
+            budget=budget.budget,
+            rounds=budget.rounds,
+            executor=workers,
+            progress=progress,
+        )
+    if found.interrupted:
+        raise KeyboardInterrupt
+    return found
 
 
 def constrained_limits(robot: Robot, constraints: DesignConstraints) -> Limits:

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from armid.errors import ArmidError, Finding
 from armid.excitation.certification import UNITS, Margin
-from armid.excitation.collision.closest_approach import closest_approaches
+from armid.excitation.collision.closest_approach import ClosestApproach, closest_approaches
 from armid.excitation.collision.collision_model import CollisionOptions
+from armid.excitation.collision.left_out_contacts import LeftOutContact, contacts_found, left_out_contacts
 from armid.excitation.design.objective import CriterionGoal
 from armid.excitation.design.regressor_gradients import Columns
 from armid.excitation.limits.joint_limits import Limits, limits_wider_than_described, soft_limits_used
@@ -160,15 +161,17 @@ def design_moves(model: DynamicsModel, goal: MovesGoal, constraints: DesignConst
             remedy="give narrower position limits with --limit JOINT.position=LOW:HIGH, or choose another --start "
             "or --seed.",
         )
-    approaches = (
-        () if collision is None
-        else closest_approaches(collision, motion.time, forward_kinematics(robot, motion.q))
-    )  # fmt: skip
+    approaches: tuple[ClosestApproach, ...] = ()
+    touching: tuple[LeftOutContact, ...] = ()
+    if collision is not None:
+        link_poses = forward_kinematics(robot, motion.q)
+        approaches = closest_approaches(collision, motion.time, link_poses)
+        touching = left_out_contacts(collision, motion.time, link_poses)
     skipped = () if collision is None else collision.skipped
     found = _margins(moves.sample(CHECK_RATE), robot, limits, torque, criterion)
     wider = limits_wider_than_described(robot, limits)
-    report = Preflight(found, approaches, skipped, None, placed.unchecked, wider=wider)
-    remarks = (wider, soft_limits_used(robot, limits))
+    report = Preflight(found, approaches, skipped, None, placed.unchecked, wider=wider, touching=touching)
+    remarks = (wider, contacts_found(touching), soft_limits_used(robot, limits))
     findings = (*placed.findings, *torque_findings, *filter(None, remarks))
     return DesignedMoves(goal.kind, moves, model, limits, torque, report, findings, collision)
 
