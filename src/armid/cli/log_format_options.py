@@ -26,6 +26,9 @@ Data = Annotated[
     Path | None, typer.Option("--data", metavar="FOLDER", help="Folder of the recordings, if they were moved.")
 ]
 Rate = Annotated[float | None, typer.Option(help="Sampling rate of a recording without a clock, Hz.")]
+Period = Annotated[
+    str | None, typer.Option(metavar="S|none", help="Period of the motion, s; by default found from the positions.")
+]
 TimeUnit = Annotated[float | None, typer.Option(help="Unit of the clock in seconds, for instance 0.001.")]
 TorqueSign = Annotated[
     int | None, typer.Option(help="-1 if the sign of the measured torque is opposite to the joint axes of the URDF.")
@@ -44,12 +47,31 @@ def given(
     torque_sign: int | None = None,
     units: str | None = None,
     time_unit: float | None = None,
-    period: float | str | None = None,
+    period: str | None = None,
 ) -> dict[str, Any]:
-    """Arguments of `LogFormat` that the command line gives; options left out are not included."""
-    keys = {"rate": rate, "torque_sign": torque_sign, "units": units, "time_unit": time_unit, "period": period}
+    """Arguments of `LogFormat` that the command line gives; options left out are not included.
+
+    Raises:
+        ArmidError: An option has no value of its kind.
+    """
+    keys: dict[str, Any] = {"rate": rate, "torque_sign": torque_sign, "units": units, "time_unit": time_unit}
+    keys["period"] = _period(period)
     arguments: dict[str, Any] = {key: value for key, value in keys.items() if value is not None}
     return arguments | ({"columns": columns_given(columns)} if columns else {})
+
+
+def _period(text: str | None) -> float | str | None:
+    """Value of --period.
+
+    Raises:
+        ArmidError: The text is no number and not `none`.
+    """
+    if text is None or text == "none":
+        return text
+    try:
+        return float(text)
+    except ValueError:
+        raise ArmidError(f"--period {text} is neither a time nor `none`.", possible="a number [s], none") from None
 
 
 def changed_reading(

@@ -13,7 +13,7 @@ from armid.errors import Finding
 from armid.excitation.certification import Margin, fine_grid, margins
 from armid.excitation.collision.closest_approach import RATE, ClosestApproach, closest_approaches
 from armid.excitation.collision.collision_model import CollisionOptions, IgnoredPair
-from armid.excitation.collision.left_out_contacts import LeftOutContact, left_out_contacts
+from armid.excitation.collision.left_out_contacts import LeftOutContact, contacts_found, left_out_contacts
 from armid.excitation.design.objective import CriterionGoal, Objective
 from armid.excitation.design.regressor_gradients import Columns
 from armid.excitation.design.sqp import DescentProblem
@@ -106,6 +106,11 @@ class Preflight:
         if self.unchecked:
             return f"every limit holds; collisions not checked: {self.unchecked}{wider}{weak}"
         return f"every limit holds, and bodies keep apart{wider}{weak}"
+
+    @property
+    def contacts(self) -> Finding | None:
+        """Finding that names bodies that touch although nothing checks them; `None` if there are none."""
+        return contacts_found(self.touching)
 
     @property
     def _missed(self) -> list[Margin]:

@@ -219,16 +219,17 @@ def _followers(outline: JointOutline, at: Mapping[str, float]) -> tuple[dict[str
     return led, tuple(findings)
 
 
-MANY = 12
-"""Largest number of locked joints that a finding lists. Of more joints it lists the first ones and all that are not
-locked at zero."""
+MANY = 5
+"""Largest number of locked joints that a finding lists. Of more joints it lists those first that are not locked at
+zero."""
 
 
 def _said(
     free: Sequence[SelectedJoint], locked: Sequence[str], led: int, outline: JointOutline, *, by_tip: bool
 ) -> Finding:
     """Finding about joints that are locked because other joints were selected to move."""
-    listed = [joint for k, joint in enumerate(free) if joint.rest or k < MANY]
+    chosen = {joint.name for joint in sorted(free, key=lambda joint: not joint.rest)[:MANY]}
+    listed = [joint for joint in free if joint.name in chosen]
     names = [joint.name + (f" at {joint.rest:.4g}" if joint.rest else "") for joint in listed]
     more = f" and {len(free) - len(listed)} more" if len(listed) < len(free) else ""
     held = len(free) + len(locked) + led
@@ -236,7 +237,9 @@ def _said(
     following = f", {led} of them because {'it mimics' if led == 1 else 'they mimic'} others" if led else ""
     what = f"{total - held} of {total} joints move, so the other {held} are locked{following}; "
     what += "the position is 0 unless another one is given after the name: "
-    as_asked = f"{', '.join(locked)} (by name), " if locked else ""
+    by_name = locked if len(locked) <= MANY else sorted(locked, key=lambda name: " at " not in name)[:MANY]
+    others = f" and {len(locked) - len(by_name)} more" if len(by_name) < len(locked) else ""
+    as_asked = f"{', '.join(by_name)}{others} (by name), " if locked else ""
     remedy = (
         "if joints between base and tip do not move either, lock them with --lock, or leave them out of --only."
         if by_tip

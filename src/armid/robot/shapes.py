@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -12,6 +12,9 @@ from numpy.typing import ArrayLike
 from armid.errors import Finding, RobotError
 from armid.maths.spatial import axis_rotation, homogeneous
 from armid.values import Array, array
+
+NAMED = 5
+"""Largest number of bodies that a finding names."""
 
 Kind = Literal["capsule", "sphere", "cylinder", "box", "mesh", "half-space"]
 
@@ -83,7 +86,7 @@ def meshes_missing(files: Mapping[str, str]) -> tuple[Finding, ...]:
     """
     if not files:
         return ()
-    bodies, (first, file) = ", ".join(files), next(iter(files.items()))
+    bodies, (first, file) = _listed(tuple(files)), next(iter(files.items()))
     what = f"the collision mesh {file} is" if len(files) == 1 else f"{len(files)} collision meshes ({file}, …) are"
     evidence = f"{what} missing; a collision check would ignore {bodies}"
     remedy = (
@@ -101,9 +104,16 @@ def looks_missing(files: Mapping[str, str]) -> tuple[Finding, ...]:
     """
     if not files:
         return ()
-    evidence = f"{len(files)} visual meshes are missing, such as {next(iter(files.values()))}: {', '.join(files)}"
+    evidence = (
+        f"{len(files)} visual meshes are missing, such as {next(iter(files.values()))}: {_listed(tuple(files))}"
+    )
     remedy = "name the folder of the package with --package NAME=DIR, or put the meshes beside the description."
     return (Finding("visual-missing", "info", "", evidence, remedy),)
+
+
+def _listed(bodies: Sequence[str]) -> str:
+    """The first names of bodies, with the number of the others."""
+    return ", ".join(bodies[:NAMED]) + (f" and {len(bodies) - NAMED} more" if len(bodies) > NAMED else "")
 
 
 def rotation_with_z(direction: Array) -> Array:

@@ -453,6 +453,19 @@ def test_a_question_has_the_line_to_paste(tmp_path):
     np.testing.assert_array_equal(read(path, **said).recording.q, Q)
 
 
+@pytest.mark.parametrize("stated", [{}, {"q": each("right_q_{}")}])
+def test_a_question_names_all_quantities_at_once(tmp_path, stated):
+    columns = table("left_q_{}", "left_tau_{}") | table("right_q_{}", "right_tau_{}")
+    path = write_csv(tmp_path / "run.csv", columns)
+    with pytest.raises(RecordingError, match="2 sets of columns may hold effort") as caught:
+        read(path, columns=stated)
+    assert ("2 sets of columns may hold q" in str(caught.value)) == (not stated)
+    side = "right" if stated else "left"
+    said = tomllib.loads(caught.value.remedy)["columns"]
+    assert said == {"q": each(f"{side}_q_{{}}"), "effort": each(f"{side}_tau_{{}}")}
+    read(path, columns=said)
+
+
 def test_what_cannot_be_guessed_is_asked_in_the_form_of_the_arm(tmp_path):
     path = write_csv(tmp_path / "run.csv", {"when": T} | {f"ch{k}": Q[:, k] for k in range(3)})
     with pytest.raises(RecordingError, match="No column holds positions") as caught:

@@ -37,9 +37,9 @@ def read(joints: Sequence[str], log_format: LogFormat | None = None, form: str =
 def test_another_arms_names_are_listed_beside_the_arms(form: str):
     with pytest.raises(RecordingError) as caught:
         read(UR, form=form)
-    assert f"The log names joints {', '.join(UR)}; {IIWA.name} has A1, A2, A3, A4, A5, A6, A7: none match." in str(
-        caught.value
-    )
+    positions = ", ".join(form.format(joint=joint, quantity="position") for joint in UR)
+    expected = f"The log has positions {positions}; {IIWA.name} has A1, A2, A3, A4, A5, A6, A7: none match."
+    assert expected in str(caught.value)
     assert "description of the recorded arm" in caught.value.remedy
 
 
@@ -93,3 +93,12 @@ def test_the_joint_is_what_the_quantity_leaves_of_a_name():
         "elbow": "position.elbow",
         "shoulder": "shoulderPos [deg]",
     }
+
+
+def test_columns_are_shown_as_they_are_called():
+    names = ["hip_roll_angle", "hip_pitch_angle", "knee_angle", "elbow_yaw_angle"]
+    with pytest.raises(RecordingError, match="none match") as caught:
+        select(
+            ["time", *names, *(name.replace("angle", "torque") for name in names)], LogFormat(), Path("log.csv"), IIWA
+        )
+    assert f"The log has positions {', '.join(names)};" in str(caught.value)

@@ -138,3 +138,28 @@ def test_a_stated_period_overrides_and_none_looks_for_nothing():
     for wrong in ("never", -1.0, True):
         with pytest.raises(RecordingError, match="period"):
             LogFormat(period=wrong)  # pyright: ignore[reportArgumentType]
+
+
+@pytest.mark.parametrize(("stated", "told"), [(7.0, True), (12.5, True), (8.0, False), (16.0, False), (4.0, False)])
+def test_a_stated_period_that_is_not_the_motions_is_told_with_the_one_that_is(stated: float, told: bool):
+    t, q = with_ways(8.0, 4, 0.0, 0.0, 200.0, seed=4)
+    q = (
+        np.column_stack([q[:, 0], q[:, 0]])
+        if stated != 4.0
+        else np.column_stack([np.sin(np.pi * t), np.cos(np.pi * t)])
+    )
+    _, findings = process_recording(recording(t, q=q), ProcessingOptions(), period=stated)
+    found = [each for each in findings if each.code == "period-misaligned"]
+    assert [each.severity for each in found] == ["warning"] * told
+    if told:
+        assert f"every 8 s, not every {stated:g} s" in found[0].evidence and found[0].remedy == "period = 8.0"
+
+
+def test_a_motion_that_does_not_repeat_is_told_where_a_period_is_stated():
+    t = np.arange(6000) / 200.0
+    q = np.column_stack([series(30.0, 1, seed, harmonics=9)(t)[:, 0] for seed in (1, 2)])
+    _, findings = process_recording(recording(t, q=q), ProcessingOptions(), period=7.0)
+    (found,) = [each for each in findings if each.code == "period-misaligned"]
+    assert "do not repeat every 7 s" in found.evidence and found.remedy.startswith('period = "none"')
+    _, findings = process_recording(recording(t, q=q), ProcessingOptions(), period=30.0)  # it is run once
+    assert "period-misaligned" not in {each.code for each in findings}

@@ -259,3 +259,15 @@ def test_a_whole_study_says_what_no_option_does():
 )
 def test_at_the_prompt_options_of_the_command_go_before_keys_of_a_study(remedy: str, said: str):
     assert at_the_prompt(Remedy.read(remedy), ("slow", "standstill")) == said
+
+
+def test_saturated_joints_share_one_line_to_leave_out():
+    case = sound(11)
+    assert case.recording.effort is not None
+    effort = case.recording.effort.copy()
+    for j in (1, 3):
+        level = np.quantile(np.abs(effort[:, j]), 0.9)
+        effort[:, j] = np.clip(effort[:, j], -level, level)
+    found = of("saturation", case.logged(effort=effort))
+    assert len(found) == 2 and len({each.remedy for each in found}) == 1
+    assert "saturation" not in told_after(case.logged(effort=effort), found[0])

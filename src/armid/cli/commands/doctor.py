@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from armid.cli.log_format_options import Columns, Rate, TimeUnit, TorqueSign, Units, given
+from armid.cli.log_format_options import Columns, Period, Rate, TimeUnit, TorqueSign, Units, given
 from armid.cli.options import (
     Gravity,
     Json,
@@ -41,7 +41,7 @@ def doctor(
     units: Units = None,
     columns: Columns = None,
     time_unit: TimeUnit = None,
-    period: Annotated[float | None, typer.Option(help="Period of the motion, s.")] = None,
+    period: Period = None,
     gravity: Gravity = None,
     lock: Lock = None,
     only: Only = None,
@@ -135,6 +135,7 @@ def _report(diagnoses: tuple[Diagnosis, ...]) -> None:
             text = "\n".join(part for part in parts if part and not part.startswith("[bold][/]"))
             table.add_row(f"[{colours[f.severity]}]{f.severity}[/]", f.code, escape(f.channel), text)
         console.print(table)
-        for f in below:
-            console.print(f"remedy of {f.code}{f' ({escape(f.channel)})' if f.channel else ''}:")
-            print_to_paste(console, f.remedy)
+        for remedy in dict.fromkeys(f.remedy for f in below):
+            of = [f"{f.code}{f' ({escape(f.channel)})' if f.channel else ''}" for f in below if f.remedy == remedy]
+            console.print(f"remedy of {', '.join(of)}:")
+            print_to_paste(console, remedy)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from armid.cli.commands.report import NoReport, write_page
-from armid.cli.log_format_options import Columns, Rate, TimeUnit, TorqueSign, Units, given
+from armid.cli.log_format_options import Columns, Period, Rate, TimeUnit, TorqueSign, Units, given
 from armid.cli.options import (
     BASE_TERMS,
     Gravity,
@@ -39,8 +39,6 @@ if TYPE_CHECKING:
     from armid.study.config import Study
     from armid.study.identify import Result
     from armid.study.prepare import Prepared
-
-PERIOD_HELP = "Period of the motion, s; by default found from the positions."
 
 
 class LogPreset(StrEnum):
@@ -108,7 +106,7 @@ def identify(
     units: Units = None,
     columns: Columns = None,
     time_unit: TimeUnit = None,
-    period: Annotated[str | None, typer.Option(metavar="S|none", help=PERIOD_HELP)] = None,
+    period: Period = None,
     cutoff: Cutoff = None,
     edges: Edges = None,
     slow: Slow = None,
@@ -138,7 +136,7 @@ def identify(
 
     if out is not None:
         refuse_folder(out)
-    reading = given(columns, rate, torque_sign, units, time_unit, _period(period))
+    reading = given(columns, rate, torque_sign, units, time_unit, period)
     study = _study(inputs, validate or [], reading, (gravity, lock, only, tip, package), terms)
     processing = {"cutoff": _cutoff(cutoff), "edges": edges, "slow": slow, "standstill": standstill}
     study = _overridden(study, preset, processing, method)
@@ -241,18 +239,6 @@ def _study(
     model = model_choice(terms)
     robot = robot_choice(inputs[0], *arm)
     return Study(robot, model, recordings, estimation=default_estimation(model))
-
-
-def _period(text: str | None) -> float | str | None:
-    """Value of --period."""
-    from armid.errors import StudyError
-
-    if text is None or text == "none":
-        return text
-    try:
-        return float(text)
-    except ValueError:
-        raise StudyError(f"--period {text} is neither a time nor `none`.", possible="a number [s], none") from None
 
 
 ARM = ("gravity", "lock", "tip", "only")

@@ -39,10 +39,12 @@ class ClockRequest:
     Attributes:
         quantity: Quantity that the columns may hold.
         sets: Columns of each set.
+        others: Ambiguous guesses of other quantities.
     """
 
     quantity: str
     sets: tuple[tuple[str, ...], ...]
+    others: tuple[ClockRequest, ...] = ()
 
 
 def clock_columns(names: Sequence[str], values: Values | None = None) -> tuple[str, ...] | ClockRequest:

@@ -26,6 +26,9 @@ from armid.robot.robot import Robot
 LISTED = 12
 """Largest number of joints named in a message."""
 
+ANGLES = frozenset(("roll", "pitch", "yaw"))
+"""Words of angles of bodies that names of joints have, too."""
+
 GENERIC = frozenset("joint joints jnt axis axes arm robot motor motors link ch channel dof state states".split())
 """Words that do not identify an arm; words of fewer than three letters are ignored, too."""
 
@@ -42,7 +45,7 @@ def stated_joints(names: Sequence[str], quantity: str) -> dict[str, str]:
     for column in names:
         text = split_unit(column)[0]
         parts = words(text)
-        if quantity_of(parts) != quantity or OTHER & set(parts):
+        if quantity_of(parts) != quantity or (OTHER - ANGLES) & set(parts):
             continue
         spans = [hit.span() for hit in WORDS.finditer(text) if hit[0].lower() not in said]
         if spans:
@@ -85,24 +88,26 @@ def refuse_other_joints(
     columns = {quantity: stated_joints(names, quantity) for quantity in ("q", "dq", "ddq", "effort")}
     if not columns["effort"]:
         columns["effort"] = stated_joints(names, "current")
+    compared = comparison(tuple(stated.values()), labels, robot.name, what="has positions")
     raise RecordingError(
-        f"{path}: {comparison(tuple(stated), labels, robot.name)}",
+        f"{path}: {compared}",
         possible=f"columns of positions: {', '.join(stated.values())}",
         remedy=_remedy(columns, log_format, robot, labels),
     )
 
 
-def comparison(in_log: Sequence[str], labels: Sequence[str], robot: str) -> str:
+def comparison(in_log: Sequence[str], labels: Sequence[str], robot: str, *, what: str = "names joints") -> str:
     """Sentence that compares the joint names of a log with the joints of the description and counts the matches.
 
     Args:
         in_log: Names of the joints in the log.
         labels: Names of the description's joints in the log.
         robot: Name of the arm.
+        what: Whether names are those of joints or of columns.
     """
     matching = sum(any(same_joint(label, name) for name in in_log) for label in labels)
     count = f"{matching} of {len(labels)} match" if matching else "none match"
-    return f"The log names joints {_listed(in_log)}; {robot} has {_listed(labels)}: {count}."
+    return f"The log {what} {_listed(in_log)}; {robot} has {_listed(labels)}: {count}."
 
 
 def same_joint(label: str, name: str) -> bool:

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from armid.errors import Finding, RecordingError
 from armid.measurement.columns.clocks import Values, evenly_growing, unit_of_step
 from armid.measurement.columns.joint_names import other_arm, refuse_other_joints
-from armid.measurement.columns.pattern_matching import ClockRequest, Guess, guess_columns, shortened
+from armid.measurement.columns.pattern_matching import ClockRequest, Guess, guess_columns
 from armid.measurement.columns.units import factors, hold_current, overruled, stated_units, unit_fields
-from armid.measurement.columns.unread import effort_possible, no_such_column, positions_missing
+from armid.measurement.columns.unread import ambiguous_columns, effort_possible, no_such_column, positions_missing
 from armid.measurement.log_format import PRESETS, QUANTITIES, LogFormat
 from armid.measurement.log_format_remedies import lines, naming
 from armid.measurement.recording import Recording
@@ -207,12 +207,7 @@ def _guess(
         values=values,
     )
     if isinstance(guess, ClockRequest):
-        raise RecordingError(
-            f"{path}: {len(guess.sets)} sets of columns may hold {guess.quantity}: "
-            f"{'; '.join(shortened(each) for each in guess.sets)}.",
-            possible="one of them",
-            remedy=naming(log_format, {guess.quantity: guess.sets[0]}),
-        )
+        raise ambiguous_columns(guess, chosen["q"], log_format, path)
     return guess
 
 

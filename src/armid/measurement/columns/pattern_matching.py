@@ -7,7 +7,7 @@ commanded columns. If two sets of columns are equally good, an error asks the us
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from armid.measurement.columns.clocks import ClockRequest, Values, clock_columns
 from armid.measurement.columns.names import ColumnName, clock_of, named, words
@@ -101,20 +101,9 @@ def guess_columns(
         columns["time"] = time
         by_unit = "" if clock_of(time[0]) else ", because it has a unit of time and increases"
         reasons.append(f"time is {' and '.join(time)}{by_unit}")
-    chosen: dict[str, _Group] = {}
-    for quantity in ("q", "dq", "ddq", "effort"):
-        if quantity not in quantities:
-            continue
-        fitting = [
-            group for group in usable if group.quantity == quantity and _goes_with(group, chosen.get("q"), channels)
-        ]
-        best = _best(fitting, len(wanted), len(labels))
-        if len(best) > 1:
-            return ClockRequest(quantity, tuple(group.columns for group in best))
-        if best:
-            chosen[quantity] = best[0]
-        elif quantity == "q":
-            break
+    chosen = _chosen(usable, quantities, len(wanted), len(labels), channels)
+    if isinstance(chosen, ClockRequest):
+        return chosen
     order = _order(chosen, () if in_file_order else labels)
     for quantity, group in chosen.items():
         columns[quantity] = tuple(group.members[channel].column for channel in order)
@@ -122,6 +111,28 @@ def guess_columns(
     of_names = tuple(str(channel) for channel in order) if any(g.by_name for g in chosen.values()) else ()
     asked = tuple(quantity for quantity, group in chosen.items() if group.first.commanded)
     return Guess(columns, of_names, tuple(reasons), asked)
+
+
+def _chosen(
+    usable: Sequence[_Group], quantities: Sequence[str], joints: int, described: int, channels: int
+) -> dict[str, _Group] | ClockRequest:
+    """Best group of columns of each quantity; or the ambiguous choices of all of them."""
+    chosen: dict[str, _Group] = {}
+    requests: list[ClockRequest] = []
+    for quantity in ("q", "dq", "ddq", "effort"):
+        if quantity not in quantities:
+            continue
+        fitting = [
+            group for group in usable if group.quantity == quantity and _goes_with(group, chosen.get("q"), channels)
+        ]
+        best = _best(fitting, joints, described)
+        if len(best) > 1:
+            requests.append(ClockRequest(quantity, tuple(group.columns for group in best)))
+        elif best:
+            chosen[quantity] = best[0]
+        elif quantity == "q":
+            break
+    return replace(requests[0], others=tuple(requests[1:])) if requests else chosen
 
 
 def _groups(names: Sequence[str], labels: Sequence[str], *, matrices: bool) -> list[_Group]:

@@ -8,6 +8,7 @@ from itertools import chain
 from pathlib import Path
 
 from armid.errors import Finding, RecordingError
+from armid.measurement.columns.clocks import ClockRequest
 from armid.measurement.columns.names import split_unit, words
 from armid.measurement.columns.pattern_matching import shortened
 from armid.measurement.log_format import PRESETS, LogFormat
@@ -86,6 +87,28 @@ def positions_missing(
     taken = [f"{name} is {shortened(columns)}" for name, columns in chosen.items() if columns]
     guessed = f" From the names, {'; '.join(taken)}." if taken else ""
     return RecordingError(f"{path}: No column holds positions.{guessed}", possible=_listed(present), remedy=remedy)
+
+
+def ambiguous_columns(request: ClockRequest, q: Sequence[str], log_format: LogFormat, path: Path) -> RecordingError:
+    """Error that asks for the columns of all quantities at once.
+
+    The proposed sets are those whose names have most words in common with the positions, or with the first set.
+
+    Args:
+        request: Sets of columns by quantity.
+        q: Columns of positions where these are known.
+        log_format: Log format of the file.
+        path: The file.
+    """
+    requests = (request, *request.others)
+    first = {*words(q[0] if q else request.sets[0][0])}
+    proposed = {each.quantity: max(each.sets, key=lambda names: len(first & {*words(names[0])})) for each in requests}
+    sets = [
+        f"{len(each.sets)} sets of columns may hold {each.quantity}: {'; '.join(map(shortened, each.sets))}."
+        for each in requests
+    ]
+    possible = "one of them" if len(requests) == 1 else "one of them for each quantity"
+    return RecordingError(f"{path}: {' '.join(sets)}", possible=possible, remedy=naming(log_format, proposed))
 
 
 def no_such_column(problem: str, present: Iterable[str], quantity: str, path: Path) -> RecordingError:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from armid.errors import Finding
 from armid.maths.median import median
+from armid.measurement.log_format_remedies import lines
 from armid.measurement.processing.resampling import Stretch
 from armid.measurement.processing.standstill import position_noise
 from armid.values import Array
@@ -68,6 +69,10 @@ sample K m - 1 or K m - 2."""
 OUTSIDE = 0.05
 """Time before and after the repetitions above which this time is reported [s]."""
 
+OFF = 0.02
+"""Relative difference of a stated period from a whole number of found ones, or the reverse, up to which it is right:
+smaller differences are timing errors, which the doctor measures."""
+
 ROUNDS = 4
 """Number of corrections of a lag; each reduces its error to a tenth or less."""
 
@@ -115,6 +120,48 @@ def find_period(pieces: Sequence[Stretch], source: str, findings: list[Finding])
     )
     findings.append(Finding("period-found", "info", source, evidence, remedy))
     return found.period, found.start
+
+
+def check_period(
+    pieces: Sequence[Stretch], period: float, start: float | None, source: str, findings: list[Finding]
+) -> None:
+    """Adds a finding if the motion of a recording without gaps does not repeat with the stated period.
+
+    Args:
+        pieces: Its stretches between gaps.
+        period: The stated period [s].
+        start: Stated time of the first period [s], if any.
+        source: Of the recording.
+        findings: What was found is added.
+    """
+    if len(pieces) != 1:
+        return
+    piece = pieces[0]
+    begin = 0 if start is None else int(np.searchsorted(piece.time, start))
+    time, q = piece.time[begin:], piece.q[begin:]
+    lag = round(period * piece.rate)
+    if len(time) < 2 * lag or lag < 1:
+        return  # it is not run twice
+    moves = q.std(axis=0) > MOVES
+    apart = ((q[lag:] - q[:-lag])[:, moves] ** 2).mean(axis=0) / (2.0 * q[:, moves].var(axis=0))
+    found = repetition(time, q, piece.rate)
+    if not moves.any() or (float(apart.mean()) <= LIKELY and (found is None or _multiple(period, found.period))):
+        return
+    if found is None:
+        evidence = f"The positions do not repeat every {period:g} s, the stated period."
+        remedy = lines("the motion does not repeat", period="none")
+    elif _multiple(period, found.period):
+        return
+    else:
+        evidence = f"The positions repeat every {found.period:.6g} s, not every {period:g} s, the stated period."
+        remedy = lines(period=float(f"{found.period:.6g}"))
+    findings.append(Finding("period-misaligned", "warning", source, evidence, remedy))
+
+
+def _multiple(stated: float, found: float) -> bool:
+    """Tests whether a stated period is a whole number of found ones, or the reverse."""
+    ratio = stated / found
+    return any(abs(x - round(x)) <= OFF * x and round(x) >= 1 for x in (ratio, 1.0 / ratio))
 
 
 def repetition(time: Array, q: Array, rate: float) -> Repetition | None:

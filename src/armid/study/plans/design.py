@@ -14,7 +14,6 @@ import numpy as np
 from armid.errors import ArmidError, Finding, did_you_mean
 from armid.excitation.certification import certified, fine_grid
 from armid.excitation.collision.collision_model import CollisionOptions
-from armid.excitation.collision.left_out_contacts import contacts_found
 from armid.excitation.design.multistart import Progress, Search, search, single_threaded_pool
 from armid.excitation.design.sqp import DescentProblem, about_start
 from armid.excitation.limits.constraints import ConstraintChannel
@@ -105,10 +104,14 @@ def design_plan(
     weak = weak_motion(whole, x, limits, collision, settled=unfinished is None)
     wider = limits_wider_than_described(robot, limits)
     report = replace(report, weak=weak, wider=wider)
-    touching = contacts_found(report.touching)
-    remarks = (wider, weak, touching, unfinished, soft_limits_used(robot, limits), _unlimited(plan, limits, robot))
+    remarks = (wider, weak, report.contacts, unfinished, *_limits_remarks(plan, limits, robot))
     findings = (*placed.findings, *torque_findings, *filter(None, remarks))
     return Designed(plan, whole, x, limits, found, report, findings, collision)
+
+
+def _limits_remarks(plan: Plan, limits: Limits, robot: Robot) -> tuple[Finding | None, ...]:
+    """Findings on soft limits, and on joints without a limit of acceleration."""
+    return soft_limits_used(robot, limits), _unlimited(plan, limits, robot)
 
 
 def _searched(

@@ -12,7 +12,7 @@ from armid.errors import ArmidError, Finding
 from armid.excitation.certification import UNITS, Margin
 from armid.excitation.collision.closest_approach import ClosestApproach, closest_approaches
 from armid.excitation.collision.collision_model import CollisionOptions
-from armid.excitation.collision.left_out_contacts import LeftOutContact, contacts_found, left_out_contacts
+from armid.excitation.collision.left_out_contacts import LeftOutContact, left_out_contacts
 from armid.excitation.design.objective import CriterionGoal
 from armid.excitation.design.regressor_gradients import Columns
 from armid.excitation.limits.joint_limits import Limits, limits_wider_than_described, soft_limits_used
@@ -171,7 +171,7 @@ def design_moves(model: DynamicsModel, goal: MovesGoal, constraints: DesignConst
     found = _margins(moves.sample(CHECK_RATE), robot, limits, torque, criterion)
     wider = limits_wider_than_described(robot, limits)
     report = Preflight(found, approaches, skipped, None, placed.unchecked, wider=wider, touching=touching)
-    remarks = (wider, contacts_found(touching), soft_limits_used(robot, limits))
+    remarks = (wider, report.contacts, soft_limits_used(robot, limits))
     findings = (*placed.findings, *torque_findings, *filter(None, remarks))
     return DesignedMoves(goal.kind, moves, model, limits, torque, report, findings, collision)
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -33,6 +35,7 @@ def check(evidence: LogEvidence) -> list[Finding]:
     if recording is None or recording.effort is None:
         return []
     findings: list[Finding] = []
+    left_out: list[tuple[float, float]] = []
     for j, joint in enumerate(evidence.robot.joints):
         counted = recording.valid[:, j]
         if evidence.saturation is not None and joint.effort_limit > 0.0:
@@ -45,7 +48,8 @@ def check(evidence: LogEvidence) -> list[Finding]:
         if count:
             text = f"{count} of {len(tau)} samples have the same extreme value, {level:.4g} {joint.effort_unit}."
             flat = counted & (np.abs(np.abs(recording.effort[:, j]) - level) <= 1e-9 * max(level, float(np.ptp(tau))))
-            remedy = excluding(evidence.reading, _stretches(flat, evidence))
+            left_out += _stretches(flat, evidence)
+            remedy = ""
         elif at_limit >= max(FEWEST, SHARE * len(tau)):
             text = (
                 f"{at_limit} of {len(tau)} samples reach {LIMIT:.0%} of the effort limit of the description, "
@@ -55,7 +59,9 @@ def check(evidence: LogEvidence) -> list[Finding]:
         else:
             continue
         findings.append(Finding("saturation", "warning", joint.name, text, remedy))
-    return findings
+    # One line leaves out what stands at an extreme value of any joint: a study has the key once.
+    exclude = excluding(evidence.reading, left_out)
+    return [each if each.remedy else replace(each, remedy=exclude) for each in findings]
 
 
 def _stretches(flat: NDArray[np.bool_], evidence: LogEvidence) -> list[tuple[float, float]]:
