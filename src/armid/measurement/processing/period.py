@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -93,6 +94,29 @@ class Repetition:
     start: float
     count: int
     apart: float
+
+
+def period_of(
+    pieces: Sequence[Stretch],
+    stated: float | Literal["find"] | None,
+    start: float | None,
+    source: str,
+    findings: list[Finding],
+) -> tuple[float | None, float | None]:
+    """Period and start [s] of the motion of a recording, as stated and checked, or found in the positions.
+
+    Args:
+        pieces: Stretches of the recording between its gaps.
+        stated: Stated period [s]; `find` if it is to be found, `None` if the motion does not repeat.
+        start: Stated time of the first period [s], if any.
+        source: Path of the recording.
+        findings: List to which a finding about the repetitions is added.
+    """
+    if stated == "find":
+        return find_period(pieces, source, findings)
+    if stated is not None:
+        check_period(pieces, stated, start, source, findings)
+    return stated, start
 
 
 def find_period(pieces: Sequence[Stretch], source: str, findings: list[Finding]) -> tuple[float | None, float | None]:

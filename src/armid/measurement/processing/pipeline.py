@@ -18,7 +18,7 @@ from armid.maths.resampling import automatic_cutoff
 from armid.measurement.observations import Observations, ObservedRun
 from armid.measurement.processing.differentiation import differentiate
 from armid.measurement.processing.options import ProcessingOptions
-from armid.measurement.processing.period import check_period, find_period
+from armid.measurement.processing.period import period_of
 from armid.measurement.processing.repetitions import average, check_closed, whole_periods, windows
 from armid.measurement.processing.resampling import Stretch, gather, is_even, jitter, resample_uniform, stretches
 from armid.measurement.processing.row_mask import edge_margin, moving, run_of, separate_rows
@@ -110,10 +110,7 @@ def process_recording(
     findings.extend(gaps)
     noise = np.max([position_noise(piece.q, piece.time) for piece in pieces], axis=0)
     found = period == "find"
-    if period == "find":
-        period, start = find_period(pieces, recording.source, findings)
-    elif period is not None:
-        check_period(pieces, period, start, recording.source, findings)
+    period, start = period_of(pieces, period, start, recording.source, findings)
     start = float(pieces[0].time[0]) if period is not None and start is None else start
     pieces = _on_a_grid(pieces, processing, given, period, recording.source, findings)
     if processing.edges == "periodic":

@@ -19,7 +19,6 @@ from armid.excitation.design.sqp import DescentProblem, about_start
 from armid.excitation.limits.constraints import ConstraintChannel
 from armid.excitation.limits.joint_limits import (
     Limits,
-    limits_of,
     limits_wider_than_described,
     motion_channels,
     soft_limits_used,
@@ -32,7 +31,7 @@ from armid.excitation.search_convergence import unsettled
 from armid.excitation.weak_motion import weak_motion
 from armid.robot.robot import Robot
 from armid.study.plans.designed import SPREAD, Designed
-from armid.study.plans.goals import LIMIT_KINDS, DesignConstraints, DesignGoal, SearchBudget
+from armid.study.plans.goals import LIMIT_KINDS, DesignConstraints, DesignGoal, SearchBudget, constrained_limits
 from armid.study.plans.leads import add_leads, check_leads
 from armid.study.plans.start_pose import place_motion
 from armid.study.plans.torque_constraint import judged_torque, pose_holds
@@ -104,14 +103,10 @@ def design_plan(
     weak = weak_motion(whole, x, limits, collision, settled=unfinished is None)
     wider = limits_wider_than_described(robot, limits)
     report = replace(report, weak=weak, wider=wider)
-    remarks = (wider, weak, report.contacts, unfinished, *_limits_remarks(plan, limits, robot))
+    free = _unlimited(plan, limits, robot)
+    remarks = (wider, weak, report.contacts, unfinished, soft_limits_used(robot, limits), free)
     findings = (*placed.findings, *torque_findings, *filter(None, remarks))
     return Designed(plan, whole, x, limits, found, report, findings, collision)
-
-
-def _limits_remarks(plan: Plan, limits: Limits, robot: Robot) -> tuple[Finding | None, ...]:
-    """Findings on soft limits, and on joints without a limit of acceleration."""
-    return soft_limits_used(robot, limits), _unlimited(plan, limits, robot)
 
 
 def _searched(
@@ -135,14 +130,6 @@ def _searched(
     if found.interrupted:
         raise KeyboardInterrupt
     return found
-
-
-def constrained_limits(robot: Robot, constraints: DesignConstraints) -> Limits:
-    """Limits of the joints, within the envelope where there is one."""
-    limits = limits_of(robot, constraints.given, acceleration=constraints.acceleration, jerk=constraints.jerk)
-    if constraints.envelope is None:
-        return limits
-    return limits.narrowed(constraints.envelope, by_joint=constraints.envelope_by_joint)
 
 
 def _check_times(goal: DesignGoal, budget: SearchBudget) -> None:

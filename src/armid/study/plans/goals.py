@@ -7,8 +7,10 @@ from dataclasses import dataclass, field
 
 from armid.excitation.collision.ignored_pairs import IgnoredBodies
 from armid.excitation.design.objective import CriterionGoal
+from armid.excitation.limits.joint_limits import Limits, limits_of
 from armid.excitation.limits.workspace import Workspace
 from armid.model.motion import Motion
+from armid.robot.robot import Robot
 from armid.robot.shapes import Shape
 from armid.study.plans.surroundings import AssumedFloor
 from armid.values import Array
@@ -95,3 +97,11 @@ class SearchBudget:
     seed: int = 1
     workers: int = 2
     rounds: int | None = None
+
+
+def constrained_limits(robot: Robot, constraints: DesignConstraints) -> Limits:
+    """Limits of the joints, within the envelope where there is one."""
+    limits = limits_of(robot, constraints.given, acceleration=constraints.acceleration, jerk=constraints.jerk)
+    if constraints.envelope is None:
+        return limits
+    return limits.narrowed(constraints.envelope, by_joint=constraints.envelope_by_joint)

@@ -31,8 +31,7 @@ from armid.model.dynamics import DynamicsModel
 from armid.model.motion import Motion
 from armid.robot.kinematics import forward_kinematics
 from armid.robot.robot import Robot
-from armid.study.plans.design import constrained_limits
-from armid.study.plans.goals import DesignConstraints
+from armid.study.plans.goals import DesignConstraints, constrained_limits
 from armid.study.plans.start_pose import place_motion
 from armid.study.plans.torque_constraint import judged_torque, pose_holds
 from armid.values import Array
@@ -161,12 +160,7 @@ def design_moves(model: DynamicsModel, goal: MovesGoal, constraints: DesignConst
             remedy="give narrower position limits with --limit JOINT.position=LOW:HIGH, or choose another --start "
             "or --seed.",
         )
-    approaches: tuple[ClosestApproach, ...] = ()
-    touching: tuple[LeftOutContact, ...] = ()
-    if collision is not None:
-        link_poses = forward_kinematics(robot, motion.q)
-        approaches = closest_approaches(collision, motion.time, link_poses)
-        touching = left_out_contacts(collision, motion.time, link_poses)
+    approaches, touching = _distances(collision, robot, motion)
     skipped = () if collision is None else collision.skipped
     found = _margins(moves.sample(CHECK_RATE), robot, limits, torque, criterion)
     wider = limits_wider_than_described(robot, limits)
@@ -174,6 +168,16 @@ def design_moves(model: DynamicsModel, goal: MovesGoal, constraints: DesignConst
     remarks = (wider, report.contacts, soft_limits_used(robot, limits))
     findings = (*placed.findings, *torque_findings, *filter(None, remarks))
     return DesignedMoves(goal.kind, moves, model, limits, torque, report, findings, collision)
+
+
+def _distances(
+    collision: CollisionOptions | None, robot: Robot, motion: Motion
+) -> tuple[tuple[ClosestApproach, ...], tuple[LeftOutContact, ...]]:
+    """Closest approaches along a motion, and contacts of pairs that are left out."""
+    if collision is None:
+        return (), ()
+    poses = forward_kinematics(robot, motion.q)
+    return closest_approaches(collision, motion.time, poses), left_out_contacts(collision, motion.time, poses)
 
 
 def _margins(
