@@ -359,6 +359,18 @@ def test_inertia_from_meshes_is_unknown_and_said_so():
     assert [f.code for f in fine.findings] == ["mesh-missing"]
 
 
+def test_bodies_with_unknown_inertia_are_named_in_one_finding_with_their_stated_masses():
+    mesh = '<geom type="mesh" mesh="m"'
+    text = mjcf_xml(
+        f'<body name="a"><joint name="j"/>{mesh} mass="0.4"/>{mesh} mass="0.25"/>'
+        f'<body name="b"><joint name="k"/>{mesh}/></body></body>',
+        '<asset><mesh name="m" file="nowhere.stl"/></asset>',
+    )
+    (found,) = [f for f in read_mjcf(text).findings if f.code == "inertial-missing"]
+    assert found.channel == "a, b"
+    assert "(a 0.65 kg)" in found.evidence
+
+
 def test_settings_that_change_masses_are_reported():
     text = mjcf_xml(PAIR).replace("<compiler ", '<compiler settotalmass="3" ')
     assert [(f.code, f.severity) for f in read_mjcf(text).findings] == [("description-ignored", "warning")]

@@ -100,7 +100,6 @@ def bodies(source: DescriptionSource, raw: Robot, robot: Robot) -> list[Body]:
     plain = _plain(source.data, source.locked)
     model = _model(plain)
     frames = {f.name: f for f in model.frames if f.type.name == "BODY"}
-    guessed = {finding.channel for finding in plain.findings if finding.code == "inertial-missing"}
     # The plain form splits a body with several joints; only the last part is a body of the file.
     there = {name for node, name in _names(Document(source.data).root).items() if node.tag == "body"}
     found: list[Body] = []
@@ -113,7 +112,7 @@ def bodies(source: DescriptionSource, raw: Robot, robot: Robot) -> list[Body]:
         joint = raw.joint_index(model.names[frame.parentJoint])
         link, placement, welded = placed(raw, source.locked, robot, joint, pose)
         if link >= 0:
-            found.append(Body(name, link, placement, _nominal(element), welded, name in guessed))
+            found.append(Body(name, link, placement, _nominal(element), welded, name in plain.uncomputed))
     return found
 
 

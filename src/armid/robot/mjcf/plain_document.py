@@ -49,6 +49,8 @@ class Plain:
             the name of its body, which is empty for the world.
         sites: Named sites, in the same form as `geoms`. They are not in `text`, because Pinocchio misplaces sites of
             fixed bodies.
+        uncomputed: Bodies whose inertia follows from meshes or shells, so that it is not in `text`, with the sum of
+            the masses that their geoms state [kg]; `None` if a mass follows from a volume.
     """
 
     text: str
@@ -57,6 +59,7 @@ class Plain:
     findings: tuple[Finding, ...]
     geoms: tuple[tuple[str, ET.Element], ...] = ()
     sites: tuple[tuple[str, ET.Element], ...] = ()
+    uncomputed: Mapping[str, float | None] = field(default_factory=dict[str, float | None])
 
 
 def flatten(root: ET.Element, source: str) -> ET.Element:
@@ -134,7 +137,8 @@ def plain_mjcf(root: ET.Element, source: str, locked: Mapping[str, float]) -> Pl
         if finding is not None:
             writer.findings.append(finding)
     text = ET.tostring(plain, encoding="unicode")
-    return Plain(text, limits, gravity, tuple(writer.findings), tuple(writer.geoms), tuple(writer.sites))
+    geoms, sites = (tuple(each for each in writer.placed if each[1].tag == tag) for tag in ("geom", "site"))
+    return Plain(text, limits, gravity, tuple(writer.findings), geoms, sites, writer.uncomputed)
 
 
 @dataclass(slots=True)
@@ -149,8 +153,8 @@ class _Writer:
     compiler: dict[str, str] = field(default_factory=dict)
     defaults: dict[str, dict[str, dict[str, str]]] = field(default_factory=dict)
     bodies: set[str] = field(default_factory=lambda: {"world"})
-    geoms: list[tuple[str, ET.Element]] = field(default_factory=list[tuple[str, ET.Element]])
-    sites: list[tuple[str, ET.Element]] = field(default_factory=list[tuple[str, ET.Element]])
+    placed: list[tuple[str, ET.Element]] = field(default_factory=list[tuple[str, ET.Element]])
+    uncomputed: dict[str, float | None] = field(default_factory=dict[str, float | None])
 
     def __post_init__(self) -> None:
         for compiler in self.root.findall("compiler"):
@@ -222,7 +226,7 @@ class _Writer:
             site = self.resolved(site, childclass)
             if site.get("name"):
                 pose = self._pose(site, "a site")
-                self.sites.append((name, ET.Element("site", {"name": site.get("name", ""), **pose})))
+                self.placed.append((name, ET.Element("site", {"name": site.get("name", ""), **pose})))
         for child in body.findall("body"):
             inner.append(self.body(child, childclass))
         return outer
@@ -233,7 +237,7 @@ class _Writer:
             plain = self.resolved(geom, childclass)
             pose = self._pose(plain, f"a geom of {name or 'the world'!r}")
             rest = {key: value for key, value in plain.attrib.items() if key not in (*POSE, "euler", "axisangle")}
-            self.geoms.append((name, ET.Element("geom", {**rest, **pose})))
+            self.placed.append((name, ET.Element("geom", {**rest, **pose})))
 
     def _pose(self, element: ET.Element, where: str) -> dict[str, str]:
         """Position and orientation; an orientation that Pinocchio misreads is written as two axes instead."""
@@ -302,15 +306,8 @@ class _Writer:
         heavy = [geom for geom in geoms if self._has_mass(geom)] if source_of_mass != "false" else []
         if all(_is_solid(geom) for geom in heavy):
             return [self._geom(geom, f"a geom of {name!r}") for geom in heavy]
-        self.findings.append(
-            Finding(
-                "inertial-missing",
-                "info",
-                name,
-                "the inertia would have to be computed from meshes or shells, which armid does not do; it is unknown",
-                "give the body an <inertial> if the values of the description are needed",
-            )
-        )
+        masses = [numbers(geom, "mass", 1, self.source, f"a geom of {name!r}") for geom in heavy]
+        self.uncomputed[name] = None if None in masses else sum(mass[0] for mass in masses if mass)
         return []
 
     def _geom(self, geom: ET.Element, where: str) -> ET.Element:

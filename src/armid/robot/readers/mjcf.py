@@ -14,7 +14,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from armid.errors import RobotError
+from armid.errors import Finding, RobotError
 from armid.robot.collision_from_visual import with_bodies
 from armid.robot.joint_selection import JointOutline
 from armid.robot.mjcf.joints import joint_names, outline_of
@@ -61,7 +61,7 @@ def read(text: str, *, source: str, locked: Mapping[str, float], tip: str | None
     add_sites(model, plain)
     carriers = carriers_of(model)
     still = {body for body, (joint, _) in carriers.items() if not _is_moved(model, joint + 1, locked)}
-    noticed = (each for each in plain.findings if each.code != "inertial-missing" or each.channel not in still)
+    unknown = {body: mass for body, mass in plain.uncomputed.items() if body not in still}
     shapes, visuals, markers, missing = shapes_of_mjcf(root, plain, carriers, source)
     robot = robot_from_model(
         model,
@@ -71,7 +71,7 @@ def read(text: str, *, source: str, locked: Mapping[str, float], tip: str | None
         locked=locked,
         tip=tip,
         gravity=plain.gravity,
-        findings=(*noticed, *missing),
+        findings=(*plain.findings, *_unknown_inertia(unknown), *missing),
     )
     drawn = dict.fromkeys(body or WORLD for body, _ in plain.geoms)
     robot = with_bodies(replace(robot, shapes=shapes, visuals=visuals), described=drawn, markers=markers, world=WORLD)
@@ -97,6 +97,23 @@ def _is_moved(model: Any, joint: int, locked: Mapping[str, float]) -> bool:
     while joint > 0 and model.names[joint] in locked:
         joint = model.parents[joint]
     return joint > 0
+
+
+def _unknown_inertia(bodies: Mapping[str, float | None]) -> tuple[Finding, ...]:
+    """Finding that names the bodies whose inertia is unknown; it tells the masses [kg] that their geoms state."""
+    if not bodies:
+        return ()
+    names = ", ".join(bodies)
+    stated = ", ".join(f"{body} {mass:.4g} kg" for body, mass in bodies.items() if mass is not None)
+    evidence = (
+        "the inertia follows from meshes or shells, which armid does not open, so it is unknown"
+        + (f"; the masses alone, which the geoms state ({stated}), do not determine a torque" if stated else "")
+    )  # fmt: skip
+    remedy = (
+        "give these bodies an <inertial>: MuJoCo computes their mass, ipos, iquat and inertia (body_mass, body_ipos, "
+        "body_iquat and body_inertia of the loaded model) if the values of the description are needed"
+    )
+    return (Finding("inertial-missing", "info", names, evidence, remedy),)
 
 
 def _root(text: str, source: str) -> ET.Element:
