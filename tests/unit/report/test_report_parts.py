@@ -86,8 +86,17 @@ def test_thinning_keeps_extremes_gaps_and_ends():
 def test_a_thinned_band_lies_about_its_extremes():
     x = np.arange(20_000.0)
     low, high = -1.0 - np.sin(x) ** 2, 1.0 + np.sin(1.1 * x) ** 2
-    edge, band = spread(x, low, high, "band")
-    assert edge.y.min() == low.min() and band.y.max() == high.max() and (edge.role, band.role) == ("edge", "band")
+    band = spread(x, low, high, "band")
+    assert (np.nanmin(band.y), np.nanmax(band.y), band.role) == (low.min(), high.max(), "band")
+
+
+def test_a_band_is_a_closed_polygon_for_each_stretch_between_gaps():
+    x = np.arange(9.0)
+    high = np.array([1.0, 2.0, 3.0, np.nan, 4.0, 5.0, np.nan, np.nan, 6.0])
+    band = spread(x, -high, high, "band")
+    np.testing.assert_array_equal(band.x, [0, 1, 2, 2, 1, 0, np.nan, 4, 5, 5, 4, np.nan, 8, 8, np.nan])
+    np.testing.assert_array_equal(band.y, [-1, -2, -3, 3, 2, 1, np.nan, -4, -5, 5, 4, np.nan, -6, 6, np.nan])
+    assert spread(x, -high + np.nan, high, "band").x.size == 0
 
 
 def test_clouds_drop_what_is_not_finite():

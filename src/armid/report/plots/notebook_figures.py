@@ -149,7 +149,7 @@ def figure_of(rows: Rows, *, theme: Theme = "light") -> Figure:
     for row, column, _, plot in placed:
         for trace in plot.traces:
             style = resolved(trace_style(trace, np.asarray), palette)
-            first = trace.role != "edge" and trace.name not in in_legend
+            first = trace.name not in in_legend
             in_legend.add(trace.name if first else "")
             figure.add_trace({**style, "legendgroup": trace.name, "showlegend": first}, row=row, col=column)
         axes = resolved(axes_of(plot), palette)

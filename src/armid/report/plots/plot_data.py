@@ -152,10 +152,19 @@ def points(role: str, x: Array, y: Array, name: str, most: int = MAX_POINTS) -> 
     return PlotTrace(role, x[indices], y[indices], name, cloud=True)
 
 
-def spread(x: Array, low: Array, high: Array, name: str) -> tuple[PlotTrace, PlotTrace]:
-    """Area between two lines, thinned so that it keeps its extremes."""
-    indices = np.union1d(envelope(low, LINE_INTERVALS // 2), envelope(high, LINE_INTERVALS // 2))
-    return PlotTrace("edge", x[indices], low[indices], name), PlotTrace("band", x[indices], high[indices], name)
+def spread(x: Array, low: Array, high: Array, name: str) -> PlotTrace:
+    """Area between two lines: a polygon for each stretch without gaps, thinned so that it keeps its extremes."""
+    known = np.isfinite(x) & np.isfinite(low) & np.isfinite(high)
+    ends = np.flatnonzero(np.diff(known, prepend=False, append=False)).reshape(-1, 2)
+    sides: list[tuple[Array, Array]] = []
+    for start, stop in ends:
+        most = max(2, (LINE_INTERVALS // 2) * (stop - start) // int(known.sum()))
+        at = start + np.union1d(envelope(low[start:stop], most), envelope(high[start:stop], most))
+        sides.append(
+            (np.concatenate([x[at], x[at][::-1], [np.nan]]), np.concatenate([low[at], high[at][::-1], [np.nan]]))
+        )
+    xs, ys = zip(*sides, strict=True) if sides else ((), ())
+    return PlotTrace("band", np.concatenate([*xs, []]), np.concatenate([*ys, []]), name)
 
 
 def crest(role: str, x: Array, y: Array, name: str) -> PlotTrace:

@@ -91,9 +91,9 @@ def trace_style(trace: PlotTrace, numbers: Callable[[Array], Any]) -> dict[str, 
         "name": trace.name,
         "hovertemplate": "%{y:.4g} at %{x:.4g}<extra>" + trace.name + "</extra>",
     }
-    if trace.role in ("edge", "band"):
+    if trace.role == "band":
         del record["hovertemplate"]
-        fill = {"fill": "tonexty", "fillcolor": "--band"} if trace.role == "band" else {}
+        fill = {"fill": "toself", "fillcolor": "--band"}
         return {**record, "mode": "lines", "line": {"width": 0}, "hoverinfo": "skip", **fill}
     if trace.cloud:
         colour, symbol, size = CLOUDS[trace.role]

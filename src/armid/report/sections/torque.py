@@ -109,7 +109,7 @@ def _plots(page_data: PageData, number: int, recording: RecordingData, j: int) -
         recording.clock,
         f"torque [{unit}]",
         (
-            *spread(time, predicted - half, predicted + half, "95 % band"),
+            spread(time, predicted - half, predicted + half, "95 % band"),
             line("measured", time, measured, "measured"),
             line("predicted", time, predicted, "predicted"),
         ),
@@ -123,7 +123,7 @@ def _plots(page_data: PageData, number: int, recording: RecordingData, j: int) -
         recording.clock,
         f"residual [{unit}]",
         (
-            *spread(time, -half, half, "95 % band"),
+            spread(time, -half, half, "95 % band"),
             line("training", time, residual, "residual"),
             *plot_range.cut(time, residual, "residual"),
         ),
