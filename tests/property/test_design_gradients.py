@@ -8,7 +8,7 @@ import pytest
 from armid.excitation.design.criteria import CRITERIA
 from armid.excitation.design.objective import CriterionGoal, Objective
 from armid.excitation.limits.constraints import AmplitudeLimit, CoefficientLimit, RangeLimit, States, soft_maximum
-from armid.excitation.limits.torque_limits import Torque
+from armid.excitation.limits.torque_limits import Torque, TorqueModel
 from armid.excitation.limits.workspace import Workspace
 from armid.excitation.rest_to_rest_basis import SeriesBasis
 from armid.model.base_parameters import find_base_parameters
@@ -67,6 +67,8 @@ def channels(goal, basis):
     some = (0, n - 1)
     limits = rng.uniform(1.0, 2.0, n)
     normals = rng.normal(size=(3, 3))
+    other = DynamicsModel(goal.model.robot, (RigidBody(), RotorInertia(), Coulomb()))
+    described = TorqueModel(other, find_base_parameters(other))
     return {
         "position": RangeLimit("position", 0, every, names, 0.1 * limits, limits),
         "velocity": RangeLimit("velocity", 1, some, (names[0], names[-1]), np.zeros(2), limits[:2]),
@@ -78,6 +80,9 @@ def channels(goal, basis):
             "coefficients", some, tuple(names[0] for _ in range(4 * L)), rng.uniform(1.0, 2.0, (2, L))
         ),
         "torque": Torque("torque", every, names, rng.normal(size=goal.base.count), 3.0 * limits),
+        "torque of another model": Torque(
+            "torque", every, names, rng.normal(size=described.base.count), 3.0 * limits, described
+        ),
         "workspace": Workspace(
             "workspace", ("a", "b", "c"), normals / np.linalg.norm(normals, axis=1)[:, None], 0.5 * np.ones(3)
         ),
@@ -86,7 +91,7 @@ def channels(goal, basis):
 
 KINDS = (
     "position", "velocity", "acceleration", "jerk", "amplitude of position", "amplitude of velocity",
-    "coefficients", "torque", "workspace",
+    "coefficients", "torque", "torque of another model", "workspace",
 )  # fmt: skip
 
 

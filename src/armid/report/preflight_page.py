@@ -15,6 +15,7 @@ from armid.excitation.limits.workspace import SCALE
 from armid.excitation.plan import Plan
 from armid.excitation.poses_and_sweeps import Moves
 from armid.excitation.preflight import Preflight, worst
+from armid.model.described_torque import described_torque
 from armid.model.dynamics import DynamicsModel
 from armid.model.motion import Motion
 from armid.report.data.joint_names import groups_of, heading_of, label_of
@@ -24,7 +25,6 @@ from armid.report.plots.plot_data import Plot, PlotTrace, line
 from armid.report.rendering import require_extra
 from armid.report.section import Section
 from armid.report.tables import Column, Table, TableCell
-from armid.robot import Joint
 from armid.study.plans.designed import Designed
 from armid.study.plans.preflight_text import NOT_LOOKED_AT, Checked, findings_of, margins_text, mark_of, start_text
 from armid.values import Array, replace_file
@@ -277,22 +277,22 @@ def motion_section(
 
     Args:
         plan: The motion.
-        model: Model for the torque.
+        model: Model of the arm; torque is computed from the values of its description.
         limits: Limits of the joints.
         content: Further values for the template.
     """
     motion = plan.sample(min(PLOT_RATE, PLOT_POINTS / plan.duration))
-    nominal = model.nominal_parameters()
-    torque = None if nominal is None else model.torque(motion, nominal)
+    described = None if model.nominal_parameters() is None else described_torque(model.robot)
+    torque = None if described is None else described[0].torque(motion, described[1])
     rows = tuple(
-        (heading_of(model.robot.joints, j), tuple(_plots(motion, torque, joint, limits, j)))
-        for j, joint in enumerate(model.robot.joints)
+        (heading_of(model.robot.joints, j), tuple(_plots(motion, torque, model, limits, j))) for j in range(model.n)
     )
     return Section("Motion", content or {}, (), rows, (("measured", "plan"), ("limit", "limit")))
 
 
-def _plots(motion: Motion, torque: Array | None, joint: Joint, limits: Limits, j: int) -> list[Plot]:
+def _plots(motion: Motion, torque: Array | None, model: DynamicsModel, limits: Limits, j: int) -> list[Plot]:
     """Plots of one joint."""
+    joint = model.robot.joints[j]
     unit = joint.unit
     shown: list[tuple[str, str, Array, tuple[float, float]]] = [
         ("position", f"q [{unit}]", motion.q[:, j], (float(limits.lower[j]), float(limits.upper[j]))),

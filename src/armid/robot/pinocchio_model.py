@@ -7,7 +7,7 @@ import math
 import os
 import tempfile
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 
 from armid.errors import Finding, RobotError
 from armid.maths.spatial import homogeneous
+from armid.robot.described_drive import DescribedDrive
 from armid.robot.robot import EARTH_GRAVITY, Frame, InertialParameters, Joint, Link, Robot
 from armid.values import Array
 
@@ -132,6 +133,7 @@ def robot_from_model(
     tip: str | None,
     gravity: ArrayLike = EARTH_GRAVITY,
     findings: tuple[Finding, ...] = (),
+    drives: Mapping[str, DescribedDrive] | None = None,
 ) -> Robot:
     """Robot from a Pinocchio model, in which fixed joints are merged already.
 
@@ -144,6 +146,7 @@ def robot_from_model(
         tip: Name of the tip frame; if `None`, it is searched (see `find_tip`).
         gravity: Acceleration of gravity in the base frame (3,) [m/s²].
         findings: Findings of the reader.
+        drives: Rotor inertia and friction by joint.
 
     Raises:
         RobotError: There is no movable joint, a joint has another number of degrees of freedom than one, or there is
@@ -155,6 +158,7 @@ def robot_from_model(
             remedy="give a description with at least one revolute, continuous or prismatic joint.",
         )
     joints = tuple(_joint(model, i, limits, source) for i in range(1, model.njoints))
+    joints = tuple(replace(joint, drive=(drives or {}).get(joint.name, joint.drive)) for joint in joints)
     links = tuple(_link(model, i) for i in range(1, model.njoints))
     frame = find_tip(model, locked) if tip is None else _named_frame(model, tip, source)
     placement = _placement(frame.placement, f"frame {frame.name!r}", source)

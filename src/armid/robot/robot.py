@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -15,6 +15,7 @@ from armid.kernel.tree import Tree
 from armid.maths import inertia as inertia_maths
 from armid.maths.spatial import axis_rotation, homogeneous
 from armid.notebook import Displayed, Summary, plural
+from armid.robot.described_drive import DescribedDrive
 from armid.robot.shapes import Shape
 from armid.values import Array, array
 
@@ -107,6 +108,7 @@ class Joint:
         effort_limit: Largest effort [N·m or N]; infinite if unknown.
         soft_limits: Lowest and highest position, at which the robot's controller stops the joint, shape (2,) [rad or
             m]; infinite if unknown.
+        drive: Rotor inertia and friction of the description.
     """
 
     name: str
@@ -118,6 +120,7 @@ class Joint:
     velocity_limit: float = math.inf
     effort_limit: float = math.inf
     soft_limits: Array = (-math.inf, math.inf)  # pyright: ignore[reportAssignmentType]
+    drive: DescribedDrive = field(default_factory=DescribedDrive)
 
     def __post_init__(self) -> None:
         axis = array(self.axis, (3,), f"axis of joint {self.name!r}")

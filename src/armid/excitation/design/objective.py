@@ -118,11 +118,18 @@ class Objective:
         rows = goal.rate * basis.period * goal.repetitions
         self._weights = (rows / samples) / goal.noise**2
         self._shape = (basis.n, basis.size)
+        self._of_others: dict[ColumnSource, Columns] = {}
 
     @cached_property
     def columns(self) -> Columns:
         """Columns of the base parameters, allocated at first use because limits of the motion do not need them."""
         return Columns(self.goal.source, len(self.times), self._width)
+
+    def columns_of(self, source: ColumnSource) -> Columns:
+        """Columns of another model on this grid, smoothed like those of the goal; allocated at first use."""
+        if source not in self._of_others:
+            self._of_others[source] = Columns(source, len(self.times), self._width)
+        return self._of_others[source]
 
     def states(self, x: ArrayLike) -> tuple[Array, Array, Array]:
         """Positions, velocities and accelerations (N, n) for unknowns (n k,)."""

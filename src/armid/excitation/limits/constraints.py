@@ -18,6 +18,8 @@ from typing import Protocol
 import numpy as np
 
 from armid.excitation.design.objective import Objective
+from armid.excitation.design.regressor_gradients import Columns
+from armid.information.column_source import ColumnSource
 from armid.robot.kinematics import forward_kinematics
 from armid.values import Array
 
@@ -47,7 +49,7 @@ class States:
         self.distances: dict[int, Array] = {}
         self.hulls: dict[int, tuple[Array, Array, Array, Array]] = {}
         self.rough = rough
-        self._filled = filled
+        self._filled: set[Columns] = {objective.columns} if filled else set()
 
     @cached_property
     def derivatives(self) -> tuple[Array, Array, Array, Array]:
@@ -84,12 +86,17 @@ class States:
         matrix = self.objective.matrices[0]
         return np.tensordot(by_q, matrix, axes=(0, 0)).reshape(by_q.shape[1], -1)
 
+    def columns(self, source: ColumnSource | None = None) -> Columns:
+        """Columns of a model along the motion; those of the goal if no source is given."""
+        columns = self.objective.columns if source is None else self.objective.columns_of(source)
+        if columns not in self._filled:
+            columns.fill(*self.derivatives[:3])
+            self._filled.add(columns)
+        return columns
+
     def torque(self, values: Array) -> Array:
-        """Torque (N, n) for base parameters (b,)."""
-        if not self._filled:
-            self.objective.columns.fill(*self.derivatives[:3])
-            self._filled = True
-        return self.objective.columns.torque(values)
+        """Torque (N, n) for base parameters (b,) of the goal."""
+        return self.columns().torque(values)
 
 
 class ConstraintChannel(Protocol):

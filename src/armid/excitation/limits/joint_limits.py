@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from armid.errors import ArmidError, Finding, did_you_mean
 from armid.excitation.limits.constraints import AmplitudeLimit, CoefficientLimit, ConstraintChannel, RangeLimit
-from armid.excitation.limits.torque_limits import Torque
+from armid.excitation.limits.torque_limits import Torque, TorqueModel
 from armid.excitation.rest_to_rest_basis import SeriesBasis
 from armid.model.motion import Motion
 from armid.robot.joint_selection import matching
@@ -314,13 +314,14 @@ def thesis_channels(
     return tuple(result)
 
 
-def torque_channel(limits: Limits, base: Array, margin: float) -> Torque | None:
+def torque_channel(limits: Limits, base: Array, margin: float, described: TorqueModel | None = None) -> Torque | None:
     """Constraint channel of the torque, with a margin to the limits; `None` if no torque limit is known.
 
     Args:
         limits: Limits of the joints.
         base: Base parameters (of the description or identified), shape (b,).
         margin: Share of the limit that is not used, from 0 to below 1.
+        described: Model to which the base parameters belong; the model of the goal if not given.
 
     Raises:
         ArmidError: The margin is negative, or is 1 or larger.
@@ -335,5 +336,5 @@ def torque_channel(limits: Limits, base: Array, margin: float) -> Torque | None:
         return None
     return Torque(
         "torque", tuple(known.tolist()), tuple(limits.joints[j] for j in known), base,
-        (1.0 - margin) * limits.effort[known],
+        (1.0 - margin) * limits.effort[known], described,
     )  # fmt: skip

@@ -3,12 +3,36 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
+from armid.excitation.design.objective import CriterionGoal
+from armid.excitation.design.regressor_gradients import Columns
 from armid.excitation.limits.constraints import States
 from armid.excitation.limits.torque_curvature import ORDERS, torque_curvature
+from armid.information.column_source import ColumnSource, column_source
+from armid.model.base_parameters import BaseParameters
+from armid.model.dynamics import DynamicsModel
 from armid.values import Array
+
+
+@dataclass(frozen=True, eq=False)
+class TorqueModel:
+    """Model of the torque that is limited, where it is not the model of the criterion.
+
+    Attributes:
+        model: Arm and torque terms.
+        base: Base parameters of the model.
+    """
+
+    model: DynamicsModel
+    base: BaseParameters
+
+    @cached_property
+    def source(self) -> ColumnSource:
+        """Model and layout of the columns of the base parameters."""
+        return column_source(self.model, self.base)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -21,6 +45,7 @@ class Torque:
         labels: Names of these joints.
         base: Base parameters (of the description or identified), shape (b,).
         limit: Torque limits, reduced by the margin, shape (m,) [N·m or N].
+        described: Model to which the base parameters belong; the model of the goal if not given.
     """
 
     name: str
@@ -28,39 +53,60 @@ class Torque:
     labels: tuple[str, ...]
     base: Array
     limit: Array
+    described: TorqueModel | None = None
+
+    def source(self, goal: CriterionGoal) -> ColumnSource:
+        """Model and layout of the columns of the base parameters."""
+        return goal.source if self.described is None else self.described.source
+
+    def along(self, goal: CriterionGoal, q: Array, dq: Array, ddq: Array) -> Array:
+        """Absolute values of the torques (N, m) at states (N, n), divided by their limits."""
+        columns = Columns(self.source(goal), len(q))
+        columns.fill(q, dq, ddq)
+        return np.abs(columns.torque(self.base)[:, self.joints]) / self.limit
 
     def values(self, states: States) -> Array:
         """Absolute values of the torques divided by their limits, shape (N, m)."""
-        return np.abs(states.torque(self.base)[:, self.joints]) / self.limit
+        return np.abs(self._columns(states).torque(self.base)[:, self.joints]) / self.limit
 
     def pullback(self, states: States, weights: Array) -> Array:
         """Gradients (m, n k), computed with one pass of the kernel's adjoint for each joint."""
-        torque = states.torque(self.base)
-        objective = states.objective
+        columns = self._columns(states)
+        torque = columns.torque(self.base)
         rows: list[Array] = []
         for k, joint in enumerate(self.joints):
             slopes = weights[:, k] * np.sign(torque[:, joint]) / self.limit[k]
-            rows.append(objective.pullback(objective.columns.torque_gradient(self.base, joint, slopes)))
+            rows.append(states.objective.pullback(columns.torque_gradient(self.base, joint, slopes)))
         return np.array(rows)
 
     def between(self, states: States, step: float) -> Array:
         """Bound of the rise of the utilisation between points of a grid, shape (m,).
 
-        The torque of the rigid links rises by at most step²/8 times the bound of its second derivative. Friction may
-        jump when a joint reverses. Therefore the largest difference of friction between neighbouring points is added;
-        this is a margin, but not a proven bound.
+        The torque of the rigid links rises by at most step²/8 times the bound of its second derivative. The torque of
+        the other terms may jump when a joint reverses. Therefore the links' torque at each point is also added to the
+        other terms at the two neighbouring points; this is a margin, but not a proven bound.
         """
         goal, basis = states.objective.goal, states.basis
-        bodies = np.isin(goal.base.kept, goal.model.inertial_columns)
-        standard = np.zeros(len(goal.model.parameters))
-        standard[goal.base.kept[bodies]] = self.base[bodies]
+        model, base = (
+            (goal.model, goal.base) if self.described is None else (self.described.model, self.described.base)
+        )
+        bodies = np.isin(base.kept, model.inertial_columns)
+        standard = np.zeros(len(model.parameters))
+        standard[base.kept[bodies]] = self.base[bodies]
         positions = np.abs(states.coefficients[:, -1]) + basis.peaks_between(states.x, 0)
         bounds = [positions, *(basis.peaks_between(states.x, order) for order in range(1, ORDERS + 1))]
-        inertial = standard[goal.model.inertial_columns].reshape(-1, 10)
+        inertial = standard[model.inertial_columns].reshape(-1, 10)
         rise = np.zeros(basis.n)
         if len(inertial):
             rise = step**2 / 8.0 * torque_curvature(states.tree, inertial, np.array(bounds))
         terms = np.where(bodies, 0.0, self.base)
         if terms.any():
-            rise += np.abs(np.diff(states.torque(terms), axis=0)).max(axis=0, initial=0.0)
+            columns = self._columns(states)
+            torque, others = columns.torque(self.base), columns.torque(terms)
+            steps = np.diff(others, axis=0)
+            beside = np.vstack([torque[:-1] + steps, torque[1:] - steps])
+            rise += np.maximum(0.0, np.abs(beside).max(axis=0, initial=0.0) - np.abs(torque).max(axis=0))
         return rise[list(self.joints)] / self.limit
+
+    def _columns(self, states: States) -> Columns:
+        return states.columns(None if self.described is None else self.described.source)

@@ -19,6 +19,7 @@ import numpy as np
 
 from armid.errors import Finding, RobotError
 from armid.maths.spatial import axis_rotation, rotation_x, rotation_y, rotation_z
+from armid.robot.described_drive import DescribedDrive, drive_of
 from armid.robot.mjcf.joints import check_equalities, joints_of
 from armid.robot.pinocchio_model import DescribedLimits, limits_of
 from armid.robot.robot import EARTH_GRAVITY
@@ -33,6 +34,8 @@ MASSLESS = ("plane", "hfield")
 POSE = {"pos": 3, "quat": 4, "xyaxes": 6, "zaxis": 3}
 """Attributes of a pose that Pinocchio reads correctly, with their numbers of values."""
 INERTIAL = {"mass": 1, "diaginertia": 3, "fullinertia": 6}
+DRIVE = {"rotor_inertia": "armature", "viscous": "damping", "coulomb": "frictionloss"}
+"""Attributes of a joint for the values of `DescribedDrive`."""
 GEOM = {"fromto": 6, "mass": 1, "density": 1}
 
 
@@ -51,6 +54,7 @@ class Plain:
             fixed bodies.
         uncomputed: Bodies whose inertia follows from meshes or shells, so that it is not in `text`, with the sum of
             the masses that their geoms state [kg]; `None` if a mass follows from a volume.
+        drives: Rotor inertia and friction by joint.
     """
 
     text: str
@@ -60,6 +64,7 @@ class Plain:
     geoms: tuple[tuple[str, ET.Element], ...] = ()
     sites: tuple[tuple[str, ET.Element], ...] = ()
     uncomputed: Mapping[str, float | None] = field(default_factory=dict[str, float | None])
+    drives: Mapping[str, DescribedDrive] = field(default_factory=dict[str, DescribedDrive])
 
 
 def flatten(root: ET.Element, source: str) -> ET.Element:
@@ -132,13 +137,14 @@ def plain_mjcf(root: ET.Element, source: str, locked: Mapping[str, float]) -> Pl
         gravity = tuple(numbers(option, "gravity", 3, source, "option") or gravity)
     writer.add_actuator_limits(root)
     limits: dict[str, DescribedLimits] = {}
-    for name, (position, effort, turns) in writer.stated.items():
+    drives: dict[str, DescribedDrive] = {}
+    for name, (position, effort, turns, drives[name]) in writer.stated.items():
         limits[name], finding = limits_of(name, position=position, velocity=0.0, effort=effort, turns=turns)
         if finding is not None:
             writer.findings.append(finding)
     text = ET.tostring(plain, encoding="unicode")
     geoms, sites = (tuple(each for each in writer.placed if each[1].tag == tag) for tag in ("geom", "site"))
-    return Plain(text, limits, gravity, tuple(writer.findings), geoms, sites, writer.uncomputed)
+    return Plain(text, limits, gravity, tuple(writer.findings), geoms, sites, writer.uncomputed, drives)
 
 
 @dataclass(slots=True)
@@ -148,7 +154,7 @@ class _Writer:
     root: ET.Element
     source: str
     locked: Mapping[str, float]
-    stated: dict[str, tuple[tuple[float, float] | None, float, bool]] = field(default_factory=dict)
+    stated: dict[str, tuple[tuple[float, float] | None, float, bool, DescribedDrive]] = field(default_factory=dict)
     findings: list[Finding] = field(default_factory=list)
     compiler: dict[str, str] = field(default_factory=dict)
     defaults: dict[str, dict[str, dict[str, str]]] = field(default_factory=dict)
@@ -289,7 +295,8 @@ class _Writer:
         effort = min(map(abs, force)) if force and joint.get("actuatorfrclimited") != "false" else 0.0
         if name in self.stated:
             raise RobotError(f"{self.source} has two joints named {name!r}.", remedy="give each joint its own name.")
-        self.stated[name] = ((position[0], position[1]) if position else None, effort, turns)
+        drive = drive_of(joint, DRIVE, self.source, where)
+        self.stated[name] = ((position[0], position[1]) if position else None, effort, turns, drive)
         return ET.Element("joint", {"name": name, "type": kind, **plain})
 
     def _mass(self, body: ET.Element, childclass: str, name: str) -> list[ET.Element]:
@@ -340,8 +347,9 @@ class _Writer:
             keys = ("forcerange", "ctrlrange") if actuator.tag == "motor" else ("forcerange",)
             ranges = [r for k in keys if (r := numbers(actuator, k, 2, self.source, f"the actuator of {name!r}"))]
             if ranges:
-                position, _, turns = self.stated[name]
-                self.stated[name] = (position, abs((gear or [1.0])[0]) * min(map(abs, ranges[0])), turns)
+                position, _, turns, drive = self.stated[name]
+                effort = abs((gear or [1.0])[0]) * min(map(abs, ranges[0]))
+                self.stated[name] = (position, effort, turns, drive)
 
 
 def _is_solid(geom: ET.Element) -> bool:

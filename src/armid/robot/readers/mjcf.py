@@ -71,6 +71,7 @@ def read(text: str, *, source: str, locked: Mapping[str, float], tip: str | None
         locked=locked,
         tip=tip,
         gravity=plain.gravity,
+        drives=plain.drives,
         findings=(*plain.findings, *_unknown_inertia(unknown), *missing),
     )
     drawn = dict.fromkeys(body or WORLD for body, _ in plain.geoms)

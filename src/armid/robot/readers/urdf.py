@@ -15,6 +15,7 @@ from pathlib import Path
 
 from armid.errors import Finding, RobotError
 from armid.robot.collision_from_visual import with_bodies
+from armid.robot.described_drive import DescribedDrive, drive_of
 from armid.robot.joint_selection import Follows, JointOutline, SelectedJoint
 from armid.robot.pinocchio_model import DescribedLimits, build, limits_of, pinocchio, robot_from_model
 from armid.robot.robot import Robot
@@ -55,6 +56,7 @@ def read(text: str, *, source: str, locked: Mapping[str, float], tip: str | None
     check_locked(locked, moving, source)
     limits: dict[str, DescribedLimits] = {}
     findings: list[Finding] = []
+    drives = {joint.get("name", ""): _drive(joint, source) for joint in _joints(root)}
     for joint in _joints(root):
         limits[joint.get("name", "")], found = _prepare(joint, locked, source)
         findings.extend(found)
@@ -71,6 +73,7 @@ def read(text: str, *, source: str, locked: Mapping[str, float], tip: str | None
         source=source,
         locked=locked,
         tip=tip,
+        drives=drives,
         findings=tuple(findings),
     )
     shapes, missing = shapes_of_urdf(root, robot, locked, source)
@@ -177,6 +180,14 @@ def _prepare(
     return limits, tuple(finding for finding in (unknown, unused) if finding is not None)
 
 
+def _drive(joint: ET.Element, source: str) -> DescribedDrive:
+    """Friction of the tag <dynamics> of a joint."""
+    dynamics = joint.find("dynamics")
+    if dynamics is None:
+        return DescribedDrive()
+    return drive_of(dynamics, DRIVE, source, f"the dynamics of joint {joint.get('name', '')!r}")
+
+
 def _check_mimic(joint: ET.Element, locked: Mapping[str, float], source: str) -> None:
     """Raises an error for a mimic joint that is not locked, and removes the tag <mimic> of a locked one."""
     name, mimic = joint.get("name", ""), joint.find("mimic")
@@ -241,5 +252,8 @@ def _with_soft_limits(
 
 SOFT_KEYS = ("soft_lower_limit", "soft_upper_limit")
 """Attributes of <safety_controller> with the positions at which a controller stops the joint."""
+
+DRIVE = {"viscous": "damping", "coulomb": "friction"}
+"""Attributes of <dynamics> for the values of `DescribedDrive`."""
 
 LIMIT_KEYS = ("lower", "upper", "velocity", "effort")

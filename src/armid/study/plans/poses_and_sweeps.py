@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,7 +13,6 @@ from armid.excitation.collision.closest_approach import ClosestApproach, closest
 from armid.excitation.collision.collision_model import CollisionOptions
 from armid.excitation.collision.left_out_contacts import LeftOutContact, left_out_contacts
 from armid.excitation.design.objective import CriterionGoal
-from armid.excitation.design.regressor_gradients import Columns
 from armid.excitation.limits.joint_limits import Limits, limits_wider_than_described, soft_limits_used
 from armid.excitation.limits.torque_limits import Torque
 from armid.excitation.poses_and_sweeps import (
@@ -213,20 +211,14 @@ def _margins(
                 size, bound = np.abs(values[:, j]), float(limit[j])
                 add(name, j, size, size / bound, (bound, bound), unit)
     if torque is not None:
-        size = _torques(motion, torque, goal)
+        shares = _torque_shares(motion, torque, goal)
         for k, j in enumerate(torque.joints):
             bound = float(torque.limit[k])
-            add("torque", j, size[:, k], size[:, k] / bound, (bound, bound), robot.joints[j].effort_unit)
+            add("torque", j, shares[:, k] * bound, shares[:, k], (bound, bound), robot.joints[j].effort_unit)
     return tuple(result)
 
 
-def _torques(motion: Motion, torque: Torque, goal: CriterionGoal) -> Array:
-    """Absolute torques of the limited joints along a motion, shape (N, m) [N·m or N]."""
-    found: list[Array] = []
-    for k in range(0, math.ceil(motion.samples / CHUNK)):
-        some = slice(k * CHUNK, (k + 1) * CHUNK)
-        q, dq, ddq = motion.q[some], motion.dq[some], motion.ddq[some]
-        columns = Columns(goal.source, len(q))
-        columns.fill(q, dq, ddq)
-        found.append(np.abs(columns.torque(torque.base)[:, torque.joints]))
-    return np.vstack(found)
+def _torque_shares(motion: Motion, torque: Torque, goal: CriterionGoal) -> Array:
+    """Absolute torques of the limited joints along a motion, divided by their limits, shape (N, m)."""
+    parts = [slice(k, k + CHUNK) for k in range(0, motion.samples, CHUNK)]
+    return np.vstack([torque.along(goal, motion.q[part], motion.dq[part], motion.ddq[part]) for part in parts])

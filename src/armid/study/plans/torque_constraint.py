@@ -9,14 +9,14 @@ import numpy as np
 
 from armid.errors import Finding
 from armid.excitation.design.objective import CriterionGoal
-from armid.excitation.design.regressor_gradients import Columns
 from armid.excitation.limits.joint_limits import (
     Limits,
     torque_channel,
 )
-from armid.excitation.limits.torque_limits import Torque
+from armid.excitation.limits.torque_limits import Torque, TorqueModel
 from armid.excitation.start_pose import Holds, TorqueHolds, any_pose
-from armid.model.dynamics import DynamicsModel
+from armid.model.base_parameters import find_base_parameters
+from armid.model.described_torque import described_drives, described_torque
 from armid.robot.missing_inertia import inertial_key, joints_with_unknown_load, links_without_inertia, massless_joints
 from armid.robot.robot import Robot
 from armid.study.plans.goals import DesignConstraints
@@ -33,7 +33,8 @@ def judged_torque(
     if constraints.torque_margin is None:
         return None, ()
     unlimited = [limits.joints[j] for j in np.flatnonzero(~np.isfinite(limits.effort))]
-    values, findings = constraints.parameters, (() if not unlimited else (_unjudged(unlimited, goal.model.robot),))
+    described, values = None, constraints.parameters
+    findings = () if not unlimited else (_unjudged(unlimited, goal.model.robot),)
     if len(unlimited) == len(limits.joints):
         return None, findings
     if values is None:
@@ -44,10 +45,8 @@ def judged_torque(
             limits = replace(limits, effort=np.where(known, limits.effort, np.inf))
             if not np.isfinite(limits.effort).any():
                 return None, findings
-        nominal = _described(goal.model)
-        values = None if nominal is None or not nominal.any() else goal.base.values_of(nominal)
-        evidence = "torque is computed from the masses and inertias of the description, without friction"
-        findings = (*findings, Finding("torque-nominal", "info", "", evidence))
+        described, values = _described(robot)
+        findings = (*findings, Finding("torque-nominal", "info", "", _counted(robot)))
         limited = [name for name, limit in zip(limits.joints, limits.effort, strict=True) if np.isfinite(limit)]
         if values is not None and (empty := [name for name in massless_joints(robot) if name in limited]):
             evidence = (
@@ -65,17 +64,44 @@ def judged_torque(
         )
         remedy = "give the folder of an identification run with --after."
         return None, (Finding("torque-unknown", "warning", "", evidence, remedy), *findings[: bool(unlimited)])
-    return torque_channel(limits, values, constraints.torque_margin), findings
+    return torque_channel(limits, values, constraints.torque_margin, described), findings
 
 
-def _described(model: DynamicsModel) -> Array | None:
-    """Standard parameters (p,) with the inertial parameters that the description gives; `None` if it gives none."""
-    inertial = model.robot.inertial_vector
-    if inertial is None or not model.has_rigid_bodies:
-        return None
-    theta = np.zeros(len(model.parameters))
-    theta[model.inertial_columns] = inertial.ravel()
-    return theta
+def _described(robot: Robot) -> tuple[TorqueModel | None, Array | None]:
+    """Torque model of the description, with its base parameters (b,); `None` if no inertia is described."""
+    found = described_torque(robot)
+    if found is None:
+        return None, None
+    model, standard = found
+    base = find_base_parameters(model)
+    return TorqueModel(model, base), base.values_of(standard)
+
+
+COUNTED = {
+    "rotor-inertia": ("rotor inertia", ("kg·m²", "kg")),
+    "viscous": ("viscous friction", ("N·m·s/rad", "N·s/m")),
+    "coulomb": ("Coulomb friction", ("N·m", "N")),
+}
+"""Names of described values of drives, with their units at turning and at sliding joints."""
+
+
+def _counted(robot: Robot) -> str:
+    """Sentence that tells which values of the description the torque is computed from."""
+    parts: list[str] = []
+    for term, values in described_drives(robot).items():
+        name, units = COUNTED[term]
+        entries = [
+            f"{joint.name} {value:g} {units[joint.is_prismatic]}"
+            for joint, value in zip(robot.joints, values, strict=True)
+            if value
+        ]
+        parts += [f"{name} ({', '.join(entries)})"] if entries else []
+    links = "torque is computed from the masses and inertias of the description"
+    if not parts:
+        return f"{links}, without rotor inertia and friction, because it contains none"
+    missing = [name for term, (name, _) in COUNTED.items() if not described_drives(robot)[term].any()]
+    without = f"; it contains no {' and no '.join(missing)}" if missing else ""
+    return f"{links}, and from its {', '.join(parts)}{without}"
 
 
 def _unknown_load(joints: Sequence[str], robot: Robot) -> Finding:
@@ -103,8 +129,6 @@ def pose_holds(goal: CriterionGoal, torque: Torque | None) -> Holds:
         return any_pose
 
     def shares(q: Array) -> Array:
-        columns = Columns(goal.source, len(q))
-        columns.fill(q, np.zeros_like(q), np.zeros_like(q))
-        return np.abs(columns.torque(torque.base)[:, torque.joints]) / torque.limit
+        return torque.along(goal, q, np.zeros_like(q), np.zeros_like(q))
 
     return TorqueHolds(torque.labels, shares, HELD)

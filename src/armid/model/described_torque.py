@@ -1,0 +1,46 @@
+"""Torque model of a robot description: its links, with the rotor inertia and friction that it contains."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from armid.model.dynamics import DynamicsModel
+from armid.model.terms import Coulomb, RigidBody, RotorInertia, Term, Viscous
+from armid.robot.robot import Robot
+from armid.values import Array
+
+
+def described_torque(robot: Robot) -> tuple[DynamicsModel, Array] | None:
+    """Model of the links and of the described rotor inertia and friction, with its standard parameters (p,).
+
+    The parameters of links of unknown inertia are zero. `None` if the description has no inertial parameters.
+    """
+    inertial = robot.inertial_vector
+    if inertial is None:
+        return None
+    values = described_drives(robot)
+
+    def moved_by(term: str) -> tuple[str, ...] | None:
+        return tuple(name for name, value in zip(robot.joint_names, values[term], strict=True) if value) or None
+
+    terms: list[Term] = [RigidBody()]
+    for kind in (Viscous, Coulomb, RotorInertia):
+        joints = moved_by(kind.name)
+        terms += [kind(joints=joints)] if joints else []
+    model = DynamicsModel(robot, tuple(terms))
+    theta = np.zeros(len(model.parameters))
+    theta[model.inertial_columns] = inertial.ravel()
+    for k, parameter in enumerate(model.parameters):
+        if parameter.kind in values:
+            theta[k] = values[parameter.kind][parameter.number - 1]
+    return model, theta
+
+
+def described_drives(robot: Robot) -> dict[str, Array]:
+    """Described rotor inertia, viscous and Coulomb friction of each joint (n,), by the name of the torque term."""
+    drives = [joint.drive for joint in robot.joints]
+    return {
+        RotorInertia.name: np.array([drive.rotor_inertia for drive in drives]),
+        Viscous.name: np.array([drive.viscous for drive in drives]),
+        Coulomb.name: np.array([drive.coulomb for drive in drives]),
+    }
