@@ -236,17 +236,19 @@ def _nominal(standard: StandardParameters) -> tuple[Array, tuple[Finding, ...]]:
             "A prior towards the description needs inertial parameters, but the description contains none.",
             possible='prior = "mass" or "none"',
         )
-    result = standard.nominal[standard.inertial].copy()
-    findings: list[Finding] = []
-    for k, own in enumerate(standard.inertial):
-        name = standard.names[own[0]]
-        J = pseudo_inertia(result[k])
-        mass = J[3, 3]
+    result, findings = standard.nominal[standard.inertial].copy(), list[Finding]()
+    for name, mass in zip((standard.names[own[0]] for own in standard.inertial), result[:, 0], strict=True):
         if not mass > 0.0:
             raise EstimationError(
                 f"In the description, the link of {name} has the mass {mass:g} kg, which gives no prior.",
                 possible='prior = "mass" or "none", or known masses of all links',
             )
+    result, replaced = _without_placeholders(standard, result)
+    findings.extend(replaced)
+    for k, own in enumerate(standard.inertial):
+        name = standard.names[own[0]]
+        J = pseudo_inertia(result[k])
+        mass = J[3, 3]
         com = J[:3, 3] / mass
         about, vectors = np.linalg.eigh(J[:3, :3] - mass * np.outer(com, com))
         least = THINNEST**2 * mass
@@ -268,3 +270,27 @@ def _nominal(standard: StandardParameters) -> tuple[Array, tuple[Finding, ...]]:
                 )
             )
     return result, tuple(findings)
+
+
+def _without_placeholders(standard: StandardParameters, nominal: Array) -> tuple[Array, tuple[Finding, ...]]:
+    """Inertial parameters (links, 10) in which links of placeholder mass are like the lightest of the others."""
+    masses = nominal[:, 0]
+    empty = standard.placeholders
+    if not empty.any():
+        return nominal, ()
+    lightest = int(np.argmin(np.where(empty, np.inf, masses)))
+    second_moment = float(np.trace(pseudo_inertia(nominal[lightest])[:3, :3])) / 3.0
+    result = nominal.copy()
+    result[empty] = vector_from_pseudo_inertia(np.diag([second_moment] * 3 + [masses[lightest]]))
+    findings = tuple(
+        Finding(
+            "nominal-projected",
+            "info",
+            standard.names[standard.inertial[k, 0]],
+            f"The mass in the description, {masses[k]:.2g} kg, is a placeholder and says nothing of the link; the "
+            f"prior uses a body like that of the lightest other link, of {masses[lightest]:.3g} kg.",
+            "write mass and inertia of the link into the description if they are known.",
+        )
+        for k in np.flatnonzero(empty)
+    )
+    return result, findings

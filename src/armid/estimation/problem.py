@@ -14,6 +14,7 @@ from armid.measurement.observations import Observations
 from armid.model.base_parameters import BaseParameters, find_base_parameters
 from armid.model.dynamics import DynamicsModel
 from armid.model.parameter_name import ParameterName, parameter_names
+from armid.robot.missing_inertia import placeholder_masses
 from armid.values import Array, array
 
 
@@ -51,6 +52,12 @@ class StandardParameters:
         """Checks whether there are links and the description gives each a mass, so that a prior may lean on it."""
         masses = np.zeros(0) if self.nominal is None else self.nominal[self.inertial[:, 0]]
         return len(masses) > 0 and bool((masses > 0.0).all())
+
+    @property
+    def placeholders(self) -> NDArray[np.bool_]:
+        """Mask of the links whose mass in the description is a placeholder, shape (links,)."""
+        masses = np.zeros(len(self.inertial)) if self.nominal is None else self.nominal[self.inertial[:, 0]]
+        return placeholder_masses(masses)
 
 
 @dataclass(frozen=True, eq=False, slots=True)

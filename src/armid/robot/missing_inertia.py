@@ -1,8 +1,23 @@
-"""Inertias that a description lacks: joints that move no mass, links with geometry but without mass."""
+"""Inertias that a description lacks: joints that move no mass, links with geometry but without mass, placeholders."""
 
 from __future__ import annotations
 
+import numpy as np
+from numpy.typing import NDArray
+
 from armid.robot.robot import Robot
+from armid.values import Array
+
+PLACEHOLDER = 0.01
+"""Mass below which that of a moving link may be a placeholder [kg]: simulators refuse a mass of zero."""
+
+NEGLIGIBLE = 0.01
+"""Share of the heaviest link's mass below which it is one: the links of small arms weigh some grams, too."""
+
+
+def placeholder_masses(masses: Array) -> NDArray[np.bool_]:
+    """Mask of the masses (K,) [kg] of an arm's links that only stand for a mass that nobody gave."""
+    return masses < min(PLACEHOLDER, NEGLIGIBLE * float(masses.max(initial=0.0)))
 
 
 def massless_joints(robot: Robot) -> tuple[str, ...]:

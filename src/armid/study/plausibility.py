@@ -96,7 +96,7 @@ def far_finding(standard: StandardParameters | None, fit: Fit) -> Finding | None
     # By name, since the fit has copies of friction parameters for several recordings.
     values = np.array([standard_fit.values[standard_fit.names.index(name)] for name in names])
     nominal = standard.nominal[masses]
-    far = far_masses(values, nominal)
+    far = far_masses(values, nominal) & ~standard.placeholders
     if not far.any():
         return None
     masses_text = listed_masses(names, values, nominal, far)

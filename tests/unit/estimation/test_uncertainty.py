@@ -29,6 +29,9 @@ from problems import lively_motion
 SAME = 1e-9
 """Relative difference of two ways to compute one number."""
 
+KNOWN = 1e-3
+"""Relative difference that a prior 1e8 times surer than the data leaves, 1e-4 of a deviation by correlations."""
+
 
 # What is chosen -------------------------------------------------------------------------------------------------
 
@@ -329,6 +332,22 @@ def test_a_strong_prior_leaves_its_own_uncertainty_and_little_else():
     assert found.freedom[2] > 1e3  # nothing of it had to be learned from the residual
     free = estimate_covariance(fit, given)
     assert (np.diag(found.covariance) <= np.diag(free.covariance) * 1.5).all()
+
+
+def test_a_prior_of_one_parameter_however_strong_tells_the_others_nothing_more():
+    """From some strength on the parameter is known, and those of others do not change with it any further."""
+    given = once(1)
+    fit = WLS.solve(given)
+
+    def found(strength: float) -> Fit:
+        precision = np.zeros_like(fit.covariance)
+        precision[2, 2] = strength / fit.covariance[2, 2]
+        return estimate_covariance(replace(fit, prior_precision=precision), given)
+
+    known, certain = found(1e8).deviation, found(1e24).deviation
+    others = np.arange(len(known)) != 2
+    np.testing.assert_allclose(certain[others], known[others], rtol=KNOWN)
+    assert certain[2] == pytest.approx(1e-8 * known[2], rel=KNOWN)
 
 
 def test_a_joint_of_which_no_row_counts_is_no_hindrance():

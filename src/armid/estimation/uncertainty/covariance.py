@@ -47,7 +47,6 @@ from armid.estimation.uncertainty.thresholds import (
 from armid.estimation.uncertainty.whiteness import whiteness
 from armid.information.hysteresis_states import with_hysteresis_states
 from armid.information.information import Information, stack, total
-from armid.maths.linalg import unit_columns
 from armid.threads import one_blas_thread
 from armid.values import Array
 
@@ -117,7 +116,12 @@ class Uncertainty:
         self.whole = total(self.information)
         b = self.whole.count
         self.prior = np.zeros((b, b)) if fit.prior_precision is None else fit.prior_precision
-        A, length = unit_columns(stack(self.whole, fit.weights)[0])
+        # The prior counts in the scale: it may be so much surer of some parameters than the data that it would round
+        # away what these say of all others.
+        A = stack(self.whole, fit.weights)[0]
+        length = np.sqrt(np.sum(A**2, axis=0) + np.diag(self.prior))
+        length = np.where(length > 0.0, length, 1.0)
+        A = A / length
         values, vectors = np.linalg.eigh(A.T @ A + self.prior / np.outer(length, length))
         half = vectors / np.sqrt(np.maximum(values, MIN_EIGENVALUE)) / length[:, None]
         self.inverse: Array = half @ half.T

@@ -276,12 +276,15 @@ def _estimate_rows(earlier: Information, names: tuple[str, ...], fit: Fit) -> tu
 def _scale_sensitivity(information: Information, fit: Fit) -> Array:
     """Change (b', n) of a least-squares estimate with a unit relative error of each joint's torque scale."""
     whole = total(information)
-    A, length = unit_columns(stack(whole, fit.weights)[0])
+    A = stack(whole, fit.weights)[0]
     normal = A.T @ A
     if fit.prior_precision is not None:
         at = [fit.names.index(name) for name in whole.names]
-        normal = normal + fit.prior_precision[np.ix_(at, at)] / np.outer(length, length)
-    inverse = np.linalg.pinv(normal, hermitian=True) / np.outer(length, length)
+        normal = normal + fit.prior_precision[np.ix_(at, at)]
+    # Scaled with the prior, which may be far surer of some parameters than the data.
+    length = np.sqrt(np.diag(normal))
+    length = np.where(length > 0.0, length, 1.0)
+    inverse = np.linalg.pinv(normal / np.outer(length, length), hermitian=True) / np.outer(length, length)
     return inverse @ right_hand_sides(whole, fit.weights)
 
 
