@@ -9,7 +9,7 @@ from dataclasses import replace
 from typing import Any
 
 from armid.measurement.log_format import LogFormat
-from armid.remedy import Assignment, Remedy
+from armid.remedy import NOTE, Assignment, Remedy
 from armid.study.config import EstimationChoice, ModelChoice, RobotChoice, Study
 from armid.toml_writing import to_toml
 
@@ -126,7 +126,16 @@ def as_study(remedy: str, study: Study, path: str, reading: Mapping[str, Any]) -
     whole: dict[str, Any] = {"robot": {**arm, **tables.pop("robot", {})}}
     whole["model"] = {"terms": list(study.model.terms), **tables.pop("model", {})}
     whole["recording"] = [{"path": path, **reading, **tables.pop("recording", {})}]
-    return to_toml({**{name: table for name, table in whole.items() if table != {"terms": []}}, **tables}).rstrip()
+    text = to_toml({**{name: table for name, table in whole.items() if table != {"terms": []}}, **tables}).rstrip()
+    return _with_note(text, Remedy.read(remedy))
+
+
+def _with_note(text: str, remedy: Remedy) -> str:
+    """Text of a study with the comment of a remedy behind the remedy's last key."""
+    if not remedy.note or not remedy.keys:
+        return text
+    last = f"{list(remedy.keys)[-1]} = "
+    return "\n".join(f"{line}{NOTE}{remedy.note}" if line.startswith(last) else line for line in text.splitlines())
 
 
 def _quoted(name: str) -> str:

@@ -243,6 +243,13 @@ def test_a_whole_study_says_what_no_option_does():
     assert found.recordings[0].reading.exclude == ((1.0, 2.0),) and found.recordings[0].reading.rate == 50.0
 
 
+def test_a_whole_study_keeps_the_caveat_of_a_remedy():
+    remedy = lines("use the maker's values", drive_gain=[2.0, 3.0], drive_gain_deviation=[0.3, 0.7])
+    text = as_study(remedy, study(), "a.csv", {})
+    assert text.endswith("drive_gain_deviation = [0.3, 0.7]  # use the maker's values")
+    assert parse_study(tomllib.loads(text)).recordings[0].reading.drive_gain is not None
+
+
 @pytest.mark.parametrize(
     ("remedy", "said"),
     [

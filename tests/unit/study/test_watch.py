@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from armid.doctor.checks.signals.motor_side import DESCRIBED, UNSEEN
 from armid.errors import EstimationError, Finding
 from armid.measurement.log_format import LogFormat
 from armid.measurement.recording import Recording
@@ -77,7 +78,12 @@ def test_what_is_wrong_is_told_even_where_no_estimate_follows():
 def test_torque_of_motors_and_currents_are_told(share: float, code: str):
     case = described()
     assert case.recording.effort is not None
-    assert [c for c, _ in errors(findings(case.logged(effort=share * case.recording.effort)))] == [code]
+    ((found, remedy),) = errors(findings(case.logged(effort=share * case.recording.effort)))
+    assert found == code and "use the maker's values" in remedy
+    told = tomllib.loads(remedy)
+    gain, deviation = np.array(told["drive_gain"]), np.array(told["drive_gain_deviation"])
+    assert (np.abs(1.0 / share - gain) < 2.0 * deviation * gain).all()  # two deviations, as intervals have
+    assert deviation.min() >= DESCRIBED and deviation.max() <= UNSEEN
 
 
 @pytest.mark.parametrize(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from armid.doctor.check_input import Explanation, LogEvidence
 from armid.doctor.log_check import LogCheck
@@ -10,6 +11,7 @@ from armid.doctor.log_interpretation import LogState
 from armid.errors import Finding
 from armid.maths.median import median
 from armid.measurement.log_format_remedies import lines
+from armid.values import Array
 
 MOTOR, CURRENT, UNIT = "motor-side", "current-without-gain", "torque-unit"
 
@@ -49,6 +51,13 @@ correlate by chance."""
 HEAVY = 0.05
 """Share of the described torque of the most loaded joint below which a joint counts as not loaded."""
 
+DESCRIBED = 0.2
+"""Relative deviation of a scale that the description gives although its torque has the right shape: so far are its
+masses from those of the arm."""
+
+UNSEEN = 0.7
+"""Relative deviation of the scale of a joint that gravity hardly loads, which is taken from the other joints: drives
+of one arm differ by a factor of two or three."""
 
 MOTOR_NOTE = (
     "gear ratios estimated from the gravity torque of the description; positions are joint positions; use the "
@@ -83,13 +92,16 @@ def explain(state: LogState) -> Explanation | None:
     listed = ", ".join(f"{names[j]} 1/{1 / abs(nominal.scale[j]):.3g}" for j in np.flatnonzero(known))
     motor = typical < MOTOR_SCALE
     gains = [float(f"{1 / s:.3g}") for s in scale]
+    deviations = _deviations(nominal.correlation, known)
     return Explanation(
         MOTOR if motor else CURRENT,
         10.0,  # corrected first, since all other numbers depend on the unit
         "error",
         "effort",
         f"The effort has the shape of the torque of the description, but is only a small share of it: {listed}.",
-        lambda evidence: _gains(evidence, gains, MOTOR_NOTE if motor else CURRENT_NOTE),
+        lambda evidence: _gains(
+            evidence, gains, MOTOR_NOTE if motor else CURRENT_NOTE, drive_gain_deviation=deviations
+        ),
         after,
     )
 
@@ -136,11 +148,17 @@ def _placeholders(state: LogState) -> bool:
     return bool(np.unique(masses, return_counts=True)[1].max() > SAME_MASS * len(masses))
 
 
-def _gains(evidence: LogEvidence, gains: list[float], note: str) -> str:
+def _deviations(correlation: Array, known: NDArray[np.bool_]) -> list[float]:
+    """Relative deviations (n,) of scales from the description: a torque of another shape may be of another size."""
+    shape = np.sqrt(1.0 / np.where(known, correlation, 1.0) ** 2 - 1.0)
+    return [float(f"{each:.2g}") for each in np.where(known, np.hypot(DESCRIBED, shape), UNSEEN)]
+
+
+def _gains(evidence: LogEvidence, gains: list[float], note: str, **keys: list[float]) -> str:
     """Drive gains that correct the log format: joint torque divided by logged effort, times its present gains."""
     given = evidence.reading.drive_gain
     total = np.asarray(gains) * (1.0 if given is None else np.asarray(given))
-    return lines(note, drive_gain=[float(f"{gain:.3g}") for gain in total])
+    return lines(note, drive_gain=[float(f"{gain:.3g}") for gain in total], **keys)
 
 
 CHECK = LogCheck(
