@@ -126,7 +126,7 @@ def test_noise_is_raised_where_none_does_and_it_is_said():
     """Torque of another sign that is known to a millionth; what is wrong with it is in the words."""
     fit = assert_physical(random_problem(37, 9), "log-det")
     (said,) = [finding for finding in fit.findings if finding.code == "noise-raised"]
-    assert said.severity == "warning" and "No body explains" in said.evidence
+    assert said.severity == "warning" and "No physically consistent arm explains" in said.evidence
     assert "joint" in said.evidence and "sign" in said.remedy
 
 

@@ -122,6 +122,6 @@ def test_a_search_without_cones_ends_at_the_same_objective(problem: EstimationPr
     convex = program.solve(weighted.rows, weighted.rows @ weighted.values, 1.0).objective
     fit = LogCholesky().solve(problem)
     (said,) = [finding.evidence for finding in fit.findings if finding.code == "local-search"]
-    ends = [float(word.strip(",;")) for word in said.split("objectives ")[1].split(";")[0].split()]
+    ends = [float(word.strip(",;")) for word in said.split("objective values ")[1].split(";")[0].split()]
     assert len(ends) == LogCholesky().starts
     np.testing.assert_allclose(ends, convex, rtol=1e-4)  # where they stop, not where they would end

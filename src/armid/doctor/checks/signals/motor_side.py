@@ -99,9 +99,7 @@ def explain(state: LogState) -> Explanation | None:
         "error",
         "effort",
         f"The effort has the shape of the torque of the description, but is only a small share of it: {listed}.",
-        lambda evidence: _gains(
-            evidence, gains, MOTOR_NOTE if motor else CURRENT_NOTE, drive_gain_deviation=deviations
-        ),
+        lambda evidence: _gains(evidence, gains, MOTOR_NOTE if motor else CURRENT_NOTE, deviations),
         after,
     )
 
@@ -154,11 +152,14 @@ def _deviations(correlation: Array, known: NDArray[np.bool_]) -> list[float]:
     return [float(f"{each:.2g}") for each in np.where(known, np.hypot(DESCRIBED, shape), UNSEEN)]
 
 
-def _gains(evidence: LogEvidence, gains: list[float], note: str, **keys: list[float]) -> str:
+def _gains(evidence: LogEvidence, gains: list[float], note: str, deviations: list[float] | None = None) -> str:
     """Drive gains that correct the log format: joint torque divided by logged effort, times its present gains."""
     given = evidence.reading.drive_gain
     total = np.asarray(gains) * (1.0 if given is None else np.asarray(given))
-    return lines(note, drive_gain=[float(f"{gain:.3g}") for gain in total], **keys)
+    given_gains = [float(f"{gain:.3g}") for gain in total]
+    if deviations is None:
+        return lines(note, drive_gain=given_gains)
+    return lines(note, drive_gain=given_gains, drive_gain_deviation=deviations)
 
 
 CHECK = LogCheck(
