@@ -58,13 +58,13 @@ def make_programs(
 
 @dataclass(eq=False, slots=True)
 class Maker:
-    """Generator of the functions of one model, all on one graph.
+    """Generator of the functions of one model; all add their operations to the same graph.
 
     Attributes:
         model: Arm and torque terms.
         base: Base parameters of the model.
         graph: Graph that contains the operations.
-        geometry: Geometry of the tree; if `None`, the numbers of the model are used.
+        geometry: Geometry of the arm, which may contain symbols; if `None`, the numeric geometry of `model`.
     """
 
     model: DynamicsModel

@@ -48,12 +48,12 @@ LONGEST_LAG = 1.0
 
 @dataclass(frozen=True, eq=False, slots=True)
 class QuickRows:
-    """M rows of filtered columns and torque.
+    """Regressor columns of the base parameters and torque of a log, at M of its rows, filtered as the log is.
 
     Attributes:
-        columns: For each joint the columns of the parameters that its torque depends on, (k, M).
-        parameters: For each joint the indices of these parameters, (k,).
-        count: Number of parameters b.
+        columns: For each joint, the columns of the k base parameters that its torque depends on, shape (k, M).
+        parameters: For each joint, the indices of these k among all base parameters, shape (k,).
+        count: Number b of base parameters.
         motion: Motion at the rows.
         torque: Shape (M, n) [N·m or N].
         mask: Mask of the rows that are used, shape (M, n).

@@ -50,7 +50,8 @@ class Tree:
         set_(self, "gravity", array(self.gravity, (3,), "gravity"))
         if n == 0 or prismatic.shape != (n,):
             raise RobotError(
-                f"A tree needs at least one joint, and the kind of each joint must be given; found {n} joints."
+                f"A kinematic tree needs at least one joint, and one kind for each; found {n} joints and "
+                f"{prismatic.size} kinds."
             )
         if any(not -1 <= p < i for i, p in enumerate(parent)):
             raise RobotError(f"Parents must come before their children; found parents {parent.tolist()}.")

@@ -257,7 +257,7 @@ def build_model(robot: Robot, choice: ModelChoice, *, motor_side: bool = False) 
 
     Args:
         robot: The arm.
-        choice: Terms and shapes.
+        choice: Names of the torque terms, and their options.
         motor_side: True if the recorded effort is the effort of the motors; rotor inertia is then added by default.
             If friction is selected, rotor inertia is always added, because joint torques in logs are often converted
             motor torques, and under a prior an unnecessary rotor inertia does not change the result much.

@@ -219,7 +219,7 @@ def test_the_residual_stands_below_each_torque(material: PageData):
         assert len(plots) == 2 * len(NAMES)
         for upper, lower in zip(plots[::2], plots[1::2], strict=True):
             assert upper.key.replace("torque", "left") == lower.key and upper.group == lower.group != ""
-            assert "residual" in lower.y and (lower.traces[0].x[[0, -1]] == upper.traces[0].x[[0, -1]]).all()
+            assert "residual" in lower.y and (lower.traces[1].x[[0, -1]] == upper.traces[1].x[[0, -1]]).all()
 
 
 # The head of the page -------------------------------------------------------------------------------------------

@@ -18,8 +18,15 @@ def thesis(
         bool,
         typer.Option("--quick", help="Fewer seeds and starts, lower sampling rates: all chapters in half a minute."),
     ] = False,
-    seeds: Annotated[int | None, typer.Option(min=1, help="Seeds of the noise over which medians are taken.")] = None,
-    starts: Annotated[int | None, typer.Option(min=1, help="Random starts of Algorithm 2.")] = None,
+    seeds: Annotated[
+        int | None, typer.Option(min=1, help="Number of noise seeds; results are medians over them.")
+    ] = None,
+    starts: Annotated[
+        int | None,
+        typer.Option(
+            min=1, help="Number of random starts of the thesis's Algorithm 2, which designs the trajectory."
+        ),
+    ] = None,
     out: Out = None,
     json: Json = False,
 ) -> None:

@@ -60,7 +60,7 @@ class ConsistentProgram:
 
     Attributes:
         standard: The standard parameters.
-        asked: Constraints.
+        asked: Constraints that the options of the estimator ask for, for instance known masses.
         kind: Kind of prior: `mass`, `log-det`, `euclidean` or `none`.
         belief: The prior.
         correlation: Number of rows that count as one independent sample.

@@ -130,7 +130,7 @@ def allowed_candidates(model: DynamicsModel, observations: Observations) -> tupl
 def candidate_model(
     model: DynamicsModel, base: BaseParameters, allowed: Sequence[frozenset[Candidate]]
 ) -> CandidateModel:
-    """Extends a model by all candidates that its joints may get.
+    """Extends a model by all friction laws that the automatic selection may choose for its joints (candidates).
 
     Args:
         model: Arm and terms, with `load_parameters` where a candidate depends on the load.

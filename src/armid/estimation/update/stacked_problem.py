@@ -315,6 +315,6 @@ def with_load_columns(information: Information, new: NDArray[np.bool_], added: A
 
 
 def triangular(rows: Array) -> Array:
-    """Square triangular factors (blocks, k, k) of rows (blocks, m, k)."""
+    """Factors R of the QR decompositions of rows (blocks, m, k): (blocks, k, k), padded with zero rows if m < k."""
     R: Array = np.asarray(np.linalg.qr(rows, mode="r"))
     return np.concatenate([R, np.zeros((len(R), R.shape[2] - R.shape[1], R.shape[2]))], axis=1)

@@ -162,7 +162,10 @@ class CollisionModel:
         return self._excess(q, self.required.margin)
 
     def search_excess_distance(self, q: Array) -> Array:
-        """Smallest excess of the distance over that of a search, in poses (N, n); see `excess_distance`."""
+        """Smallest excess of the distance over the larger distance that a search keeps, in poses (N, n).
+
+        The search keeps the required distance plus `required.spare`; see `excess_distance`.
+        """
         return self._excess(q, self.required.margin + self.required.spare)
 
     def _excess(self, q: Array, required: Array) -> Array:

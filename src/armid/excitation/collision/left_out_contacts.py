@@ -67,7 +67,7 @@ def left_out_contacts(
 
 
 def contacts_found(contacts: Sequence[LeftOutContact]) -> Finding | None:
-    """Finding that names bodies that touch during a plan although nothing checks them; `None` if there are none."""
+    """Finding on pairs of bodies that touch in a plan and whose distance is not checked; `None` without contacts."""
     if not contacts:
         return None
     meeting = [f"{each.account} at {each.time:.2f} s" for each in contacts if not each.throughout]
@@ -75,8 +75,8 @@ def contacts_found(contacts: Sequence[LeftOutContact]) -> Finding | None:
     parts = [_listed(meeting)] if meeting else []
     parts += [f"all the time: {_listed(throughout)}"] if throughout else []
     touch = "touches" if len(contacts) == 1 else "touch"
-    evidence = f"{plural(len(contacts), 'pair')} of bodies that nothing keeps apart {touch} in this plan: "
-    remedy = "look at them in the preview; what shall not meet must not be left out."
+    evidence = f"{plural(len(contacts), 'pair')} of bodies whose distance is not checked {touch} in this plan: "
+    remedy = "look at these pairs in the preview; if one must not touch, do not exclude it from the collision check."
     return Finding("left-out-pairs-touch", "info", "", evidence + "; ".join(parts), remedy)
 
 

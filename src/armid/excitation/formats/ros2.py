@@ -59,7 +59,7 @@ def read(content: bytes) -> SampledMotion:
     found = POINT.findall(points)
     if not joints or not found:
         raise ArmidError(
-            "This is not a trajectory: it has no joint_names or no points.",
+            "The file is not a ROS 2 trajectory: joint_names or points are missing.",
             remedy="give a file that armid excite has written.",
         )
     states = (np.array([json.loads(point[k]) for point in found], dtype=np.float64) for k in range(3))

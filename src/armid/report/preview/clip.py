@@ -54,7 +54,7 @@ def clip_of_motion(motion: Motion, title: str) -> Clip:
 
 
 def clip_of_recording(recording: Recording, title: str) -> Clip:
-    """Clip of a recording; gaps are interpolated linearly, and separate rows are shown ten times a second."""
+    """Clip of a recording, gaps interpolated linearly; rows without consecutive times follow each other at 10 Hz."""
     rows = np.arange(recording.samples, dtype=np.float64)
     if recording.time is None or recording.consecutive is False:
         rate = ROWS if recording.consecutive is False or recording.rate is None else recording.rate
