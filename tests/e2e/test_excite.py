@@ -21,24 +21,9 @@ from armid.robot.kinematics import forward_kinematics
 from armid.study.plans.plan_files import read_whole_plan
 from labs import write_recordings, write_study
 from paged import blocks, pages
+from pendulums import ARM
 
 QUICK = ["--budget", "1", "--workers", "0", "--harmonics", "4", "--duration", "8"]
-
-ARM = """
-name = "pendulum"
-convention = "modified"
-[[joint]]
-name = "first"
-d = 0.3
-position = [-1.0, 1.0]
-velocity = 1.0
-[[joint]]
-name = "second"
-alpha = 1.5707963267948966
-a = 0.1
-position = [-1.5, 1.5]
-velocity = 2.0
-"""
 
 
 def run(arguments, capsys):

@@ -7,22 +7,7 @@ from pathlib import Path
 import pytest
 
 from armid.cli.main import main
-
-ARM = """
-name = "pendulum"
-convention = "modified"
-[[joint]]
-name = "first"
-d = 0.3
-position = [-1.0, 1.0]
-velocity = 1.0
-[[joint]]
-name = "second"
-alpha = 1.5707963267948966
-a = 0.1
-position = [-1.5, 1.5]
-velocity = 2.0
-"""
+from pendulums import ARM
 
 
 def interrupted_in(where: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> int:
