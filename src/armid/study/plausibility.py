@@ -58,7 +58,7 @@ def plausibility_findings(
         negative_finding(model, fit),
         drift_finding(model, fit),
         weak_finding(problem.information, observations, fit, chosen=chosen),
-        far_finding(problem.standard, fit),
+        *far_findings(problem.standard, fit),
     ]
     return [finding for finding in found if finding is not None]
 
@@ -86,31 +86,57 @@ def drift_finding(model: DynamicsModel, fit: Fit) -> Finding | None:
     )
 
 
-def far_finding(standard: StandardParameters | None, fit: Fit) -> Finding | None:
-    """Finding about link masses that the data do not determine and that are far from the description, or `None`."""
+def far_findings(standard: StandardParameters | None, fit: Fit) -> list[Finding]:
+    """Findings about link masses far from the description: those that the data determine, and the others.
+
+    A mass that the data determine does not follow the prior, so another prior is no remedy for it.
+    """
     standard_fit = fit.standard
     if standard_fit is None or standard is None or standard.nominal is None:
-        return None
+        return []
     masses = standard.inertial[:, 0]
     names = [standard.names[k] for k in masses]
     # By name, since the fit has copies of friction parameters for several recordings.
-    values = np.array([standard_fit.values[standard_fit.names.index(name)] for name in names])
-    nominal = standard.nominal[masses]
+    own = [standard_fit.names.index(name) for name in names]
+    values, nominal = standard_fit.values[own], standard.nominal[masses]
     far = far_masses(values, nominal) & ~standard.placeholders
-    if not far.any():
-        return None
-    masses_text = listed_masses(names, values, nominal, far)
-    return Finding(
-        "mass-far-from-description",
-        "warning",
-        "",
-        "The data do not determine these masses, and they are far from the masses of the description: "
-        f"{masses_text}. Torques of the model are not affected, but simulations that use single links are.",
-        lines(
-            "values that the data do not determine then stay near the description",
-            "estimation",
-            physical={"prior": "log-det"},
-        ),
+    determined = np.array([standard_fit.status[k] == "identified" for k in own], dtype=bool)
+    found: list[Finding] = []
+    if (which := far & determined).any():
+        found.append(
+            _far(
+                "The data determine these masses, but they are far from the masses of the description: "
+                f"{listed_masses(names, values, nominal, which)}. The recordings or the description are of another "
+                "arm or load, or the unit of the torque is wrong.",
+                "check that description and recordings are of the same arm with the same load, and check the unit of "
+                "the torque; armid doctor finds the usual reasons",
+            )
+        )
+    if (which := far & ~determined).any():
+        found.append(
+            _far(
+                "The data do not determine these masses, or only in part, and they are far from the masses of the "
+                f"description: {listed_masses(names, values, nominal, which)}. Torques of the model are not "
+                "affected, but simulations that use single links are.",
+                _nearer(standard_fit.prior.kind),
+            )
+        )
+    return found
+
+
+def _far(evidence: str, remedy: Remedy | str) -> Finding:
+    """Finding about masses that are far from the description."""
+    return Finding("mass-far-from-description", "warning", "", evidence, remedy)
+
+
+def _nearer(prior: str) -> Remedy | str:
+    """Remedy for masses that the data do not determine, given the kind of the prior in use."""
+    if prior == "log-det":
+        return "if better masses are known, write them into the description and identify again"
+    return lines(
+        "values that the data do not determine then stay near the description",
+        "estimation",
+        physical={"prior": "log-det"},
     )
 
 
