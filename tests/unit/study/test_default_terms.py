@@ -18,6 +18,7 @@ from armid.model.dynamics import DynamicsModel
 from armid.model.terms import RotorInertia
 from armid.robot import Robot
 from armid.study.config import ModelChoice, RecordingChoice, RobotChoice, Study
+from armid.study.diagnosis import diagnose
 from armid.study.identify import Result, identify
 from armid.values import Array
 from labs import SENSORS, small_model, small_plan, small_truth, write_arm
@@ -79,6 +80,16 @@ def test_a_study_that_names_its_terms_keeps_them(tmp_path: Path):
     found = identified(tmp_path, {"train": log(1)}, "default")
     assert codes(found) == {"rotor-inertia-missing": "warning"}
     assert "rotor-inertia" not in found.study.model.terms
+
+
+def test_doctor_says_for_information_that_identify_adds_the_term(tmp_path: Path):
+    recording = log(1)
+    for terms, severity in (((), "info"), (("default",), "warning")):
+        study = Study(RobotChoice(str(write_arm(tmp_path))), ModelChoice(terms), (RecordingChoice("train"),))
+        (found,) = diagnose(study, given={"train": recording})[0].findings
+        assert (found.code, found.severity) == ("rotor-inertia-missing", severity)
+        assert ("identify adds" in found.evidence) == (severity == "info")
+        assert found.remedy == ("" if severity == "info" else 'terms = ["default", "rotor-inertia"]  # in [model]')
 
 
 def test_a_validation_recording_does_not_decide_the_terms(tmp_path: Path):

@@ -24,9 +24,13 @@ GAIN = 0.04
 SURE = 8.0
 """Number of standard deviations by which a rotor inertia must be positive."""
 
+ADDED = "armid identify adds rotor inertia where the study names no terms."
+
 
 def check(evidence: LogEvidence) -> list[Finding]:
     """Reports the joints whose torque shows rotor inertia, in one finding.
+
+    It is information where no terms are named: an identification then adds rotor inertia itself.
 
     Rows away from reversals are judged first, because stiction is much of the residual of all rows and hides rotors
     in slow motion. All rows are judged next: more rows show rotors where the torque is noisy.
@@ -40,6 +44,8 @@ def check(evidence: LogEvidence) -> list[Finding]:
     if shown is None:
         return []
     joints, text = shown
+    if evidence.model is None:
+        return [Finding(CODE, "info", ", ".join(joints), f"{text} {ADDED}")]
     remedy = lines(table="model", terms=[*_term_names(evidence), "rotor-inertia"])
     return [Finding(CODE, "warning", ", ".join(joints), text, remedy)]
 
@@ -86,6 +92,6 @@ CHECK = LogCheck(
     look=check,
     scope="format",
     effects={
-        CODE: "Rotor inertia is attributed to the links, which are then physically inconsistent.",
+        CODE: "Without the term, rotor inertia is attributed to the links, which are then physically inconsistent.",
     },
 )
