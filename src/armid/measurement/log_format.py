@@ -157,6 +157,13 @@ class LogFormat:
         return None if self.period == "none" else self.period
 
     @property
+    def clock_unit(self) -> float:
+        """Length of one unit of the time column [s], as given, or else that of the preset's time column."""
+        if self.time_unit is not None or self.preset is None or "time" in self.columns:
+            return self.time_unit or 1.0
+        return PRESETS[self.preset].time_unit
+
+    @property
     def repeats(self) -> float | Literal["find"] | None:
         """Period [s], `find` if the period must be detected, or `None` if the motion does not repeat."""
         return "find" if self.period is None else self.stated_period

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -125,3 +125,18 @@ class Recording(Displayed):
     def channels(self) -> tuple[str, ...]:
         """Names of the channels; if the file has no names, their numbers, counted from 1."""
         return self.joint_names or tuple(str(i + 1) for i in range(self.n))
+
+
+def recording_error(code: str, recording: Recording, problem: str, remedy: str) -> RecordingError:
+    """Error about a recording; `code` is that of the corresponding finding of the doctor."""
+    return RecordingError(problem, remedy=remedy, source=recording.source, code=code)
+
+
+def kept_rows(recording: Recording, keep: NDArray[np.bool_]) -> Recording:
+    """Recording with a selection of its rows, by a mask of shape (N,)."""
+    if keep.all():
+        return recording
+    names = ("time", "q", "dq", "ddq", "effort", "valid")
+    quantities = {name: values[keep] for name in names if (values := getattr(recording, name)) is not None}
+    number = np.arange(recording.samples) if recording.number is None else recording.number
+    return replace(recording, number=number[keep], **quantities)

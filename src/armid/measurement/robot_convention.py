@@ -15,9 +15,9 @@ from armid.measurement.columns.pattern_matching import shortened
 from armid.measurement.log_format import LogFormat
 from armid.measurement.log_format_remedies import lines, naming
 from armid.measurement.processing.delay import compensate_delay
-from armid.measurement.processing.row_checks import clean, recording_error
+from armid.measurement.processing.row_checks import clean
 from armid.measurement.readers import load_recording
-from armid.measurement.recording import Recording
+from armid.measurement.recording import Recording, recording_error
 from armid.robot.robot import Robot
 from armid.values import Array
 

@@ -316,7 +316,7 @@ def _worked_around(finding: Finding, log: Recording, reading: LogFormat) -> tupl
         rate = _implied_rate(log)
         return None if rate is None else (log, replace(reading, rate=rate))
     if "time_unit" in keys and log.time is not None:
-        return replace(log, time=log.time * keys["time_unit"]), reading
+        return replace(log, time=log.time * (keys["time_unit"] / reading.clock_unit)), reading
     left_out = [name for name, column in keys.get("columns", {}).items() if column == "" and name in ("dq", "ddq")]
     if left_out:
         return replace(log, **dict.fromkeys(left_out)), reading

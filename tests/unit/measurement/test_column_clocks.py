@@ -119,3 +119,16 @@ def test_one_letter_is_a_unit_of_time_behind_a_sign_alone():
         None,
         None,
     ]
+
+
+def test_a_clock_that_counts_no_known_unit_is_refused_by_its_rate(tmp_path):
+    path = write_csv(tmp_path / "run.csv", {"t_ns": T * 1e-5, **BODY})
+    with pytest.raises(RecordingError, match=r"read in nanoseconds, that is 2\.5e\+16 Hz") as caught:
+        read(path)
+    assert caught.value.code == "clock-unit" and "time_unit" in caught.value.remedy
+
+
+def test_the_unit_of_a_preset_is_that_of_its_own_time_column():
+    assert [LogFormat(preset=name).clock_unit for name in (None, "libfranka", "ur-rtde")] == [1.0, 1e-3, 1.0]
+    assert LogFormat(preset="libfranka", columns={"time": "t"}).clock_unit == 1.0
+    assert LogFormat(preset="libfranka", time_unit=1e-6).clock_unit == 1e-6

@@ -152,6 +152,35 @@ def test_a_clock_that_counts_no_seconds_is_named(unit: float):
     assert found.code == "clock-unit" and tomllib.loads(found.remedy)["time_unit"] == unit
 
 
+@pytest.mark.parametrize(
+    ("header", "unit"),
+    [
+        ("timestamp_ms", 1.0),
+        ("t_us", 1.0),
+        ("t_ns", 1.0),
+        ("t_us", 1e-3),
+        ("t_ms", 1e-6),
+        ("t_us", 1e-9),
+        ("t_s", 1e-3),
+    ],
+)
+def test_the_unit_of_a_clock_replaces_that_of_its_header(tmp_path: Path, header: str, unit: float):
+    case = sound(4)
+    log, joints = case.recording, range(case.robot.n)
+    assert log.time is not None and log.effort is not None
+    table = {header: log.time / unit} | {f"q{j + 1}": log.q[:, j] for j in joints}
+    write_csv(tmp_path / "log.csv", table | {f"tau{j + 1}": log.effort[:, j] for j in joints})
+
+    def told(reading: LogFormat) -> list[Finding]:
+        recording = load_recording(tmp_path / "log.csv", reading, case.robot)
+        found = diagnose_recording(case.robot, recording, reading)
+        return [finding for finding in found if finding.severity == "error"]
+
+    (found,) = told(LogFormat())
+    assert found.code == "clock-unit" and tomllib.loads(found.remedy)["time_unit"] == pytest.approx(unit, rel=1e-9)
+    assert not told(LogFormat(time_unit=tomllib.loads(found.remedy)["time_unit"]))
+
+
 def test_a_clock_is_looked_at_where_there_is_no_effort():
     case = FAULTS["clock-gap"](4)
     found = diagnose_recording(case.robot, replace(case.recording, effort=None), case.reading)

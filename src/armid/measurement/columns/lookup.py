@@ -163,7 +163,7 @@ def assemble(
     if effort is not None and effort.ndim == q.ndim == 2 and effort.shape[1] != q.shape[1]:
         raise _uneven(selection, q.shape[1], effort.shape[1], path)
     return Recording(
-        time=_time(selection.time, column, _time_unit(log_format, selection)),
+        time=_time(selection.time, column, selection.guessed.get("time_unit", log_format.clock_unit)),
         q=q,
         dq=_matrix(selection.dq, scaled, path) if selection.dq else None,
         ddq=_matrix(selection.ddq, scaled, path) if selection.ddq else None,
@@ -280,14 +280,6 @@ def _possible_clocks(
         unit = lines(f"if it is the clock; its steps suggest that it counts {counted[1]}", time_unit=counted[0])
         remedy = Remedy(*remedy.parts, *unit.parts, note=unit.note)
     return (Finding("clock-possible", "info", "time", evidence, remedy),)
-
-
-def _time_unit(log_format: LogFormat, selection: Selection) -> float:
-    """Length of one unit of the time column [s], from the log format, the header, or else the preset."""
-    if log_format.time_unit is not None or "time_unit" in selection.guessed:
-        return float(log_format.time_unit or selection.guessed["time_unit"])
-    preset = PRESETS.get(log_format.preset or "")
-    return 1.0 if preset is None or "time" in log_format.columns else preset.time_unit
 
 
 def _uneven(selection: Selection, q: int, effort: int, path: Path) -> RecordingError:

@@ -1,4 +1,4 @@
-"""Checks of the clock and the rows of a recording: which rows are measurements, and at which times."""
+"""Checks of the rows of a recording: which of them are measurements, and whether they are consecutive."""
 
 from __future__ import annotations
 
@@ -9,11 +9,10 @@ from numpy.typing import NDArray
 
 from armid.errors import Finding, RecordingError
 from armid.maths.median import median
-from armid.measurement.columns.clocks import unit_of_step
 from armid.measurement.log_format import LogFormat
 from armid.measurement.log_format_remedies import excluding, lines, naming
-from armid.measurement.recording import Recording
-from armid.remedy import Remedy, setting
+from armid.measurement.processing.clock_checks import RATE_TOLERANCE, check_clock, without_ties
+from armid.measurement.recording import Recording, kept_rows, recording_error
 from armid.values import Array
 
 MIN_SAMPLES = 10
@@ -22,12 +21,6 @@ MIN_SAMPLES = 10
 MOST_HOLES, LARGEST_HOLES = 8, 0.2
 """Largest number of stretches with non-finite values, and largest share of rows in them, that are left out. With
 more, the channel is faulty."""
-
-RATE_TOLERANCE = 0.1
-"""Relative difference of two rates that is tolerated; a wrong rate differs by a large factor."""
-
-CLOCK_TIES = 0.01
-"""Largest share of rows with the same time stamp as the row before, for a coarse clock; more is another fault."""
 
 REPEATED_RUN = 5
 """Largest number of successive rows, equal to the row before, that count as repeated by the recorder and are
@@ -73,27 +66,12 @@ def clean(recording: Recording, log_format: LogFormat) -> tuple[Recording, tuple
     recording = _without_excluded_nan(recording, log_format)
     _refuse_nan(recording, log_format)
     _refuse_few(recording)
-    _check_clock(recording)
+    check_clock(recording, log_format.clock_unit)
     recording, findings = _without_repeats(recording)
-    recording, ties = _without_ties(recording)
+    recording, ties = without_ties(recording)
     _refuse_few(recording)
     recording, found = _with_consecutive(recording, np.where(log_format.degrees(recording.n), 360.0, 2 * np.pi))
     return _masked(recording, log_format), (*findings, *ties, *found)
-
-
-def recording_error(code: str, recording: Recording, problem: str, remedy: str) -> RecordingError:
-    """Error about a recording; `code` is that of the corresponding finding of the doctor."""
-    return RecordingError(problem, remedy=remedy, source=recording.source, code=code)
-
-
-def _kept(recording: Recording, keep: NDArray[np.bool_]) -> Recording:
-    """Recording with a selection of its rows."""
-    if keep.all():
-        return recording
-    names = ("time", "q", "dq", "ddq", "effort", "valid")
-    quantities = {name: values[keep] for name in names if (values := getattr(recording, name)) is not None}
-    number = np.arange(recording.samples) if recording.number is None else recording.number
-    return replace(recording, number=number[keep], **quantities)
 
 
 def _excluded(recording: Recording, log_format: LogFormat) -> NDArray[np.bool_]:
@@ -131,7 +109,7 @@ def _without_excluded_nan(recording: Recording, log_format: LogFormat) -> Record
     broken = ~np.isfinite(_everything(recording)).all(axis=1)
     if recording.time is None or not log_format.exclude or not broken.any():
         return recording
-    return _kept(recording, ~(broken & _excluded(recording, log_format)))
+    return kept_rows(recording, ~(broken & _excluded(recording, log_format)))
 
 
 def _masked(recording: Recording, log_format: LogFormat) -> Recording:
@@ -195,39 +173,6 @@ def _refuse_few(recording: Recording) -> None:
         )
 
 
-def _check_clock(recording: Recording) -> None:
-    """Raises an error for a clock that runs backwards, does not count seconds, or contradicts the rate."""
-    if recording.time is None:
-        return
-    step = np.diff(recording.time)
-    if (step < 0).any():
-        row = int(np.argmax(step < 0))
-        raise recording_error(
-            "clock-jitter",
-            recording,
-            f"time runs backwards from row {row + 1} to {row + 2} "
-            f"({recording.time[row]:.6f} s, then {recording.time[row + 1]:.6f} s).",
-            "correct the file: sort its rows by time, or, if it contains two recordings, split it into two files.",
-        )
-    typical = float(median(step))
-    counted = unit_of_step(typical)
-    if counted is not None and recording.consecutive is not False:
-        unit, name = counted
-        raise recording_error(
-            "clock-unit",
-            recording,
-            f"the time column increases by {typical:g} from row to row; it seems to count {name}, not seconds.",
-            lines("s; or consecutive = false, if rows are separate measurements", time_unit=unit),
-        )
-    if recording.rate is not None and typical > 0 and abs(recording.rate * typical - 1) > RATE_TOLERANCE:
-        raise recording_error(
-            "clock-rate",
-            recording,
-            f"the time column gives {1 / typical:.4g} Hz, but the key `rate` gives {recording.rate:g} Hz.",
-            "correct one of them: remove `rate`, or leave the time column out with an empty name.",
-        )
-
-
 def _without_repeats(recording: Recording) -> tuple[Recording, tuple[Finding, ...]]:
     """Drops or masks rows that repeat the row before because the recorder is faster than the robot's bus."""
     if recording.effort is None:
@@ -254,7 +199,7 @@ def _without_repeats(recording: Recording) -> tuple[Recording, tuple[Finding, ..
         "record at the rate at which the robot gives new samples.",
     )
     recording = replace(recording, valid=recording.valid & ~repeated[:, None])
-    return _kept(recording, ~drop), (finding,)
+    return kept_rows(recording, ~drop), (finding,)
 
 
 def _should_differ(values: Array, runs: NDArray[np.intp]) -> NDArray[np.bool_]:
@@ -286,29 +231,6 @@ def _should_differ(values: Array, runs: NDArray[np.intp]) -> NDArray[np.bool_]:
     chance = np.maximum(1.0 - np.minimum(before, after), 0.0).prod(axis=1)
     ends = np.append(steps, np.zeros((1, steps.shape[1])), axis=0)[behind - 1].sum(axis=1)
     return (chance < CHANCE) & (ends >= LEAST_STEPS)
-
-
-def _without_ties(recording: Recording) -> tuple[Recording, tuple[Finding, ...]]:
-    """Drops rows with the same time stamp as the row before, if the clock is coarser than the rate."""
-    if recording.time is None:
-        return recording, ()
-    tied = np.concatenate([[False], np.diff(recording.time) == 0])
-    if not tied.any():
-        return recording, ()
-    row = int(np.argmax(tied))
-    evidence = f"{tied.sum()} of {tied.size} rows have the time stamp of the row before; the first is row {row + 1}"
-    if tied.mean() > CLOCK_TIES:
-        raise recording_error(
-            "clock-jitter",
-            recording,
-            f"{evidence}; their values differ.",
-            Remedy(
-                "find out what the time column contains; if the rows are equally spaced, leave it out (",
-                setting("columns", {"time": ""}),
-                ") and give the key `rate`.",
-            ),
-        )
-    return _kept(recording, ~tied), (Finding("clock-jitter", "info", "time", f"{evidence}; dropped."),)
 
 
 def _with_consecutive(recording: Recording, turn: Array) -> tuple[Recording, tuple[Finding, ...]]:

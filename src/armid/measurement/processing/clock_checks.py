@@ -1,0 +1,121 @@
+"""Checks of the clock of a recording: its direction, its unit, its rate, and equal time stamps."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from armid.errors import Finding
+from armid.maths.median import median
+from armid.measurement.columns.clocks import unit_of_step
+from armid.measurement.log_format_remedies import lines
+from armid.measurement.recording import Recording, kept_rows, recording_error
+from armid.remedy import Remedy, setting
+
+RATE_TOLERANCE = 0.1
+"""Relative difference of two rates that is tolerated; a wrong rate differs by a large factor."""
+
+CLOCK_TIES = 0.01
+"""Largest share of rows with the same time stamp as the row before, for a coarse clock; more is another fault."""
+
+SHORTEST_STEP = 4e-5
+"""Median step [s] up to which no arm is recorded; the fastest loops of drives take 5e-5 s."""
+
+COUNTED_STEPS = (5e-4, 0.5)
+"""Smallest and largest median step [s] by which the true unit is found of a clock that is read as too fast."""
+
+UNITS = {1.0: "seconds", 1e-3: "milliseconds", 1e-6: "microseconds", 1e-9: "nanoseconds"}
+"""Names of the units in which clocks count, by their length [s]."""
+
+
+def check_clock(recording: Recording, unit: float) -> None:
+    """Raises an error for a clock that runs backwards, counts in another unit, or contradicts the rate.
+
+    Args:
+        recording: As read.
+        unit: Length of the unit in which the time column was read [s].
+
+    Raises:
+        RecordingError: The clock is wrong.
+    """
+    if recording.time is None:
+        return
+    step = np.diff(recording.time)
+    if (step < 0).any():
+        row = int(np.argmax(step < 0))
+        raise recording_error(
+            "clock-jitter",
+            recording,
+            f"time runs backwards from row {row + 1} to {row + 2} "
+            f"({recording.time[row]:.6f} s, then {recording.time[row + 1]:.6f} s).",
+            "correct the file: sort its rows by time, or, if it contains two recordings, split it into two files.",
+        )
+    typical = float(median(step))
+    if recording.consecutive is not False:
+        _check_unit(recording, typical, unit)
+    if recording.rate is not None and typical > 0 and abs(recording.rate * typical - 1) > RATE_TOLERANCE:
+        raise recording_error(
+            "clock-rate",
+            recording,
+            f"the time column gives {1 / typical:.4g} Hz, but the key `rate` gives {recording.rate:g} Hz.",
+            "correct one of them: remove `rate`, or leave the time column out with an empty name.",
+        )
+
+
+def _check_unit(recording: Recording, step: float, unit: float) -> None:
+    """Raises an error for a clock whose median step [s] shows that it counts in another unit than it was read in."""
+    counted = _counted_unit(step, unit)
+    as_read = UNITS.get(unit, f"units of {unit:g} s")
+    moved = f"the time column increases by {step / unit:g} from row to row"
+    if counted is not None:
+        raise recording_error(
+            "clock-unit",
+            recording,
+            f"{moved}; it seems to count {UNITS.get(counted, f'units of {counted:g} s')}, not {as_read}.",
+            lines("s; or consecutive = false, if rows are separate measurements", time_unit=counted),
+        )
+    if 0.0 < step < SHORTEST_STEP and unit != 1.0:
+        raise recording_error(
+            "clock-unit",
+            recording,
+            f"{moved}; read in {as_read}, that is {1.0 / step:.3g} Hz, at which no arm is recorded.",
+            "find out in which unit the time column counts, and give its length in seconds (time_unit = …).",
+        )
+
+
+def _counted_unit(step: float, unit: float) -> float | None:
+    """Length of the unit [s] that a clock probably counts; `None` if it can be the unit in which it was read.
+
+    Args:
+        step: Median step as read [s].
+        unit: Length of the unit as read [s].
+    """
+    shorter = unit_of_step(step)
+    if shorter is not None:
+        return float(f"{unit * shorter[0]:.12g}")
+    if not 0.0 < step < SHORTEST_STEP:
+        return None
+    low, high = COUNTED_STEPS
+    return next((each for each in UNITS if each > unit and low <= step / unit * each < high), None)
+
+
+def without_ties(recording: Recording) -> tuple[Recording, tuple[Finding, ...]]:
+    """Drops rows with the same time stamp as the row before, if the clock is coarser than the rate."""
+    if recording.time is None:
+        return recording, ()
+    tied = np.concatenate([[False], np.diff(recording.time) == 0])
+    if not tied.any():
+        return recording, ()
+    row = int(np.argmax(tied))
+    evidence = f"{tied.sum()} of {tied.size} rows have the time stamp of the row before; the first is row {row + 1}"
+    if tied.mean() > CLOCK_TIES:
+        raise recording_error(
+            "clock-jitter",
+            recording,
+            f"{evidence}; their values differ.",
+            Remedy(
+                "find out what the time column contains; if the rows are equally spaced, leave it out (",
+                setting("columns", {"time": ""}),
+                ") and give the key `rate`.",
+            ),
+        )
+    return kept_rows(recording, ~tied), (Finding("clock-jitter", "info", "time", f"{evidence}; dropped."),)
