@@ -57,16 +57,6 @@ def without_stuck(recording: Recording, stretches: tuple[tuple[int, str, int, in
     return replace(recording, valid=valid) if stretches else recording
 
 
-def longest(same: Array) -> tuple[int, int]:
-    """First and last row of the longest stretch of true flags."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], same.astype(np.int8), [0]])))
-    if not len(edges):
-        return 0, 0
-    pairs = edges.reshape(-1, 2)
-    a, b = pairs[int(np.argmax(pairs[:, 1] - pairs[:, 0]))]
-    return int(a), int(b)
-
-
 def _stuck(values: Array, valid: NDArray[np.bool_], rate: float) -> tuple[int, int] | None:
     """First and last row of a stretch at one value that is far longer than any other; `None` if there is none."""
     if np.ptp(values) == 0.0:

@@ -6,12 +6,11 @@ import numpy as np
 
 from armid.doctor.check_input import LogEvidence
 from armid.doctor.log_check import LogCheck
-from armid.doctor.stuck_channels import longest
 from armid.errors import Finding
-from armid.measurement.log_format_remedies import excluding
+from armid.measurement.log_format_remedies import excluding, lines
 
 STANDSTILL = 1.0
-"""Shortest standstill of all joints that is reported [s]."""
+"""Shortest rest of all joints that is reported [s]; shorter ones are left out of the rows in use."""
 
 
 def check(evidence: LogEvidence) -> list[Finding]:
@@ -22,23 +21,8 @@ def check(evidence: LogEvidence) -> list[Finding]:
     rate = evidence.rate
     findings: list[Finding] = []
     names = evidence.robot.joint_names
-    counts = recording.valid[1:].any(axis=1) & recording.valid[:-1].any(axis=1)
-    still = longest(np.all(recording.q[1:] == recording.q[:-1], axis=1) & counts)
-    seconds = (still[1] - still[0]) / rate
-    if seconds >= STANDSTILL:
-        findings.append(
-            Finding(
-                "standstill",
-                "info",
-                "",
-                f"No joint moves for {seconds:.1f} s, rows {still[0]} to {still[1]}.",
-                excluding(
-                    evidence.reading,
-                    [_times(evidence, *still)],
-                    "at standstill, static friction and gravity cannot be separated",
-                ),
-            )
-        )
+    if (rests := _rests(evidence)) is not None:
+        findings.append(rests)
     for j, quantity, a, b in evidence.stuck:
         value = getattr(recording, quantity)[a, j]
         findings.append(
@@ -52,6 +36,34 @@ def check(evidence: LogEvidence) -> list[Finding]:
             )
         )
     return findings
+
+
+def _rests(evidence: LogEvidence) -> Finding | None:
+    """Information about the rests of all joints, or `None` if there are none.
+
+    A motion that is repeated with rests in between has several. They are no fault: long rests show gravity, and all
+    repetitions contain them.
+    """
+    recording = evidence.recording
+    assert recording is not None
+    counts = recording.valid[1:].any(axis=1) & recording.valid[:-1].any(axis=1)
+    same = np.all(recording.q[1:] == recording.q[:-1], axis=1) & counts
+    ends = np.flatnonzero(np.diff(np.concatenate([[0], same.astype(np.int8), [0]]))).reshape(-1, 2)
+    seconds = (ends[:, 1] - ends[:, 0]) / evidence.rate
+    ends, seconds = ends[seconds >= STANDSTILL], seconds[seconds >= STANDSTILL]
+    if not len(ends):
+        return None
+    k = int(np.argmax(seconds))
+    text = f"No joint moves for {seconds[k]:.1f} s, rows {ends[k, 0]} to {ends[k, 1]}"
+    if len(ends) > 1:
+        whole = recording.samples / evidence.rate
+        text += (
+            f", the longest of {len(ends)} rests of {STANDSTILL:g} s or more, {seconds.sum():.1f} s of {whole:.1f} s"
+        )
+    text += ". Such rests are used, because they show gravity, except before and after repetitions."
+    return Finding(
+        "standstill", "info", "", text, lines("leaves out all rests", table="processing", standstill="moving")
+    )
 
 
 def _times(evidence: LogEvidence, first: int, last: int) -> tuple[float, float]:

@@ -30,7 +30,7 @@ EFFECTS = {
     "remain.",
     "sticking": "At rest, static friction can have any value up to its bound, so no function of the velocity "
     "describes it.",
-    "standstill": "At standstill, static friction and gravity cannot be separated, but such rows have full weight.",
+    "standstill": "At standstill, static friction can have any value up to its bound, which can bias the estimate.",
 }
 """Effects on an estimate, by code, of the faults that only readers find."""
 
