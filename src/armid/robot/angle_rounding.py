@@ -8,6 +8,7 @@ yaw angles that are close to multiples of 15° are therefore set to these multip
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 from dataclasses import replace
 
 import numpy as np
@@ -28,12 +29,17 @@ NOISE = 1e-8
 of a reader."""
 
 
-def rounded(robot: Robot) -> tuple[Robot, Finding | None]:
+def rounded(robot: Robot, locked: Collection[str] = ()) -> tuple[Robot, Finding | None]:
     """Corrects rounded angles of a robot.
+
+    Args:
+        robot: The robot.
+        locked: Names of the joints that will be locked. All joints are corrected, but the finding counts locked joints
+            only where they carry a joint that moves.
 
     Returns:
         The robot with corrected placements and axes, and a finding `description-rounded` with the largest change;
-        `None` in place of the finding if every change is below `NOISE`.
+        `None` in place of the finding if every counted change is below `NOISE`.
     """
     changes: list[tuple[float, str]] = []
 
@@ -54,7 +60,8 @@ def rounded(robot: Robot) -> tuple[Robot, Finding | None]:
     )
     tip = replace(robot.tip, placement=snap_pose(robot.tip.placement, robot.tip.name))
     robot = replace(robot, joints=joints, tip=tip)
-    seen = sorted((change for change in changes if change[0] > NOISE), reverse=True)
+    counted = {*_carriers(robot, locked), robot.tip.name}
+    seen = sorted(((change, name) for change, name in changes if change > NOISE and name in counted), reverse=True)
     if not seen:
         return robot, None
     largest, name = seen[0]
@@ -66,6 +73,16 @@ def rounded(robot: Robot) -> tuple[Robot, Finding | None]:
         f"multiples; the largest change is {largest:.2g} rad, at {name}",
     )
     return replace(robot, findings=(*robot.findings, finding)), finding
+
+
+def _carriers(robot: Robot, locked: Collection[str]) -> set[str]:
+    """Names of the joints that move, and of those that carry them."""
+    carriers: set[str] = set()
+    for index in (k for k, name in enumerate(robot.joint_names) if name not in locked):
+        while index >= 0:
+            carriers.add(robot.joint_names[index])
+            index = robot.joints[index].parent
+    return carriers
 
 
 def snapped_rotation(rotation: Array) -> Array:

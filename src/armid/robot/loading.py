@@ -69,7 +69,7 @@ def load_robot(
     finally:
         forget(given)
     sha256 = robot.sha256 or hashlib.sha256(text.encode()).hexdigest()
-    robot, _ = rounded(replace(robot, sha256=sha256, findings=(*robot.findings, *held.findings)))
+    robot, _ = rounded(replace(robot, sha256=sha256, findings=(*robot.findings, *held.findings)), held.at)
     robot = robot.lock({name: value for name, value in held.at.items() if name in robot.joint_names})
     return robot if gravity is None else robot.with_gravity(gravity)
 

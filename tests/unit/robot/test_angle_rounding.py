@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -113,3 +114,25 @@ def test_noise_of_an_exact_description_is_snapped_silently():
     assert finding is None
     assert set(np.abs(robot.joints[0].placement[:3, :3]).ravel()) == {0.0, 1.0}
     assert robot.joints[0].axis.tolist() == [0.0, 1.0, 0.0]
+
+
+def test_the_finding_counts_locked_joints_only_where_they_carry_one_that_moves():
+    """A torso, an arm on it and another arm, all written with four digits, of which only the first arm moves."""
+    names, parents = ("torso", "left", "right", "hand"), (-1, 0, 0, 2)
+    placement = one_joint([1.5708, 0.0, 0.0]).joints[0].placement
+    joints = tuple(
+        Joint(name, "revolute", parent, [0, 0, 1], placement, [-1, 1])
+        for name, parent in zip(names, parents, strict=True)
+    )
+    robot = Robot("two arms", joints, tuple(Link(name) for name in names), Frame("tip", 1, np.eye(4)))
+    result, finding = rounded(robot, ("torso", "right", "hand"))
+    assert finding is not None and finding.evidence.startswith("2 orientations")
+    assert "at torso" in finding.evidence or "at left" in finding.evidence
+    assert all(set(np.abs(joint.placement[:3, :3]).ravel()) == {0.0, 1.0} for joint in result.joints)
+    _, nothing = rounded(replace(robot, joints=(*off_the_steps(joints[:2]), *joints[2:])), ("torso", "right", "hand"))
+    assert nothing is None
+
+
+def off_the_steps(joints: tuple[Joint, ...]) -> tuple[Joint, ...]:
+    """The joints with an orientation that is no multiple of 15° and not near one."""
+    return tuple(replace(joint, placement=homogeneous(rotation_x(0.1), [0.1, 0.2, 0.3])) for joint in joints)
