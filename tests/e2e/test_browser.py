@@ -72,7 +72,7 @@ def moving(arm: Robot, tmp_path_factory: pytest.TempPathFactory) -> Path:
     around = (floor(-0.3),)
     clip = clip_of_plan(Plan(builtin_plan("thesis-a1")), "thesis-a1")
     shown = Preview(arm, clip, around, bodies_to_watch(arm, around), layers)
-    return write_preview(shown, tmp_path_factory.mktemp("pages") / "preview.html")
+    return write_preview(shown, tmp_path_factory.mktemp("pages") / "preview.html")[0]
 
 
 def assert_quiet(tab: Tab, path: Path) -> None:
@@ -277,7 +277,7 @@ def test_a_limit_is_marked(arm: Robot, tmp_path: Path, chromium: Browser):
 
     q = np.zeros(7)
     q[1] = arm.joints[1].position_limits[1] - 0.05
-    path = write_preview(Preview(arm, still(q, "near a stop"), (), bodies_to_watch(arm)), tmp_path / "near.html")
+    path, _ = write_preview(Preview(arm, still(q, "near a stop"), (), bodies_to_watch(arm)), tmp_path / "near.html")
     tab = chromium.open(path)
     tab.wait("document.documentElement.dataset.drawn")
     marked = tab.run("[...document.querySelectorAll('#joints li')].map((item) => item.textContent.includes('▲'))")

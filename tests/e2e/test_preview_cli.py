@@ -44,7 +44,7 @@ def test_an_arm_that_does_something(motion: str | None, folder: Path, tmp_path: 
     out = tmp_path / "page.html"
     arguments = [] if motion is None else [folder / motion]
     assert armid("preview", folder / "small.urdf", *arguments, "--floor", "-0.5", "--out", out, "--json") == 0
-    assert json.loads(capsys.readouterr().out) == {"preview": str(out), "bytes": out.stat().st_size}
+    assert json.loads(capsys.readouterr().out) == {"preview": str(out), "bytes": out.stat().st_size, "findings": []}
     data = shown(out)
     assert data["duration"] == pytest.approx({"plan.json": 8.0, None: 0.0}.get(motion, 16.0), abs=0.02)
     assert [layer["name"] for layer in data["layers"]] == ["description", *(["estimate"] if motion == "run" else [])]
@@ -83,3 +83,20 @@ def test_excite_leaves_pages_or_not(tmp_path: Path):
     assert armid("preview", "ur5e", tmp_path / "with" / "plan.csv", "--out", tmp_path / "table.html") == 0
     assert armid("excite", "ur5e", *options, "--no-report", "--out", tmp_path / "without") == 0
     assert not (tmp_path / "without" / "preview.html").exists()
+
+
+def test_missing_meshes_are_said_on_the_terminal(folder: Path, tmp_path: Path, capsys):
+    text = (folder / "small.urdf").read_text()
+    mesh = '<visual><geometry><mesh filename="nowhere.stl"/></geometry></visual></link>'
+    (tmp_path / "arm.urdf").write_text(text.replace("</link>", mesh, 1) if "</link>" in text else text)
+    out = tmp_path / "page.html"
+    assert armid("preview", tmp_path / "arm.urdf", "--out", out) == 0
+    said = capsys.readouterr()
+    assert "joint axes and the lines between them" in said.out
+    assert "visual-missing" in said.err and "nowhere.stl" in said.err and "--package" in said.err
+    assert "nowhere.stl" in Page(out.read_text(encoding="utf-8")).prose
+    assert armid("preview", tmp_path / "arm.urdf", "--out", out, "--json") == 0
+    (finding,) = json.loads(capsys.readouterr().out)["findings"]
+    assert finding["code"] == "visual-missing"
+    assert armid("preview", folder / "small.urdf", "--out", out) == 0
+    assert capsys.readouterr() == (f"page written to {out}\n", "")

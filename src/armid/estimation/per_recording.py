@@ -138,6 +138,7 @@ def standard_per_recording(
         tuple(standard.units[k] for k in which),
         regrouping,
         np.array([[place[int(k)] for k in link] for link in standard.inertial], dtype=np.intp).reshape(-1, 10),
+        standard.links,
         standard.nonnegative[which],
         None if standard.nominal is None else standard.nominal[which],
     )

@@ -237,16 +237,15 @@ def _nominal(standard: StandardParameters) -> tuple[Array, tuple[Finding, ...]]:
             possible='prior = "mass" or "none"',
         )
     result, findings = standard.nominal[standard.inertial].copy(), list[Finding]()
-    for name, mass in zip((standard.names[own[0]] for own in standard.inertial), result[:, 0], strict=True):
+    for link, mass in zip(standard.links, result[:, 0], strict=True):
         if not mass > 0.0:
             raise EstimationError(
-                f"In the description, the link of {name} has the mass {mass:g} kg, which gives no prior.",
+                f"In the description, the link {link} has the mass {mass:g} kg, which gives no prior.",
                 possible='prior = "mass" or "none", or known masses of all links',
             )
     result, replaced = _without_placeholders(standard, result)
     findings.extend(replaced)
-    for k, own in enumerate(standard.inertial):
-        name = standard.names[own[0]]
+    for k, link in enumerate(standard.links):
         J = pseudo_inertia(result[k])
         mass = J[3, 3]
         com = J[:3, 3] / mass
@@ -264,7 +263,7 @@ def _nominal(standard: StandardParameters) -> tuple[Array, tuple[Finding, ...]]:
                 Finding(
                     "nominal-projected",
                     "warning" if about[0] < 0.0 else "info",
-                    name,
+                    link,
                     f"In the description, {what} (smallest second moment {about[0]:.2g} kg·m²); the prior uses the "
                     f"nearest inertia with a radius of gyration of {1000 * THINNEST:g} mm.",
                 )
@@ -286,7 +285,7 @@ def _without_placeholders(standard: StandardParameters, nominal: Array) -> tuple
         Finding(
             "nominal-projected",
             "info",
-            standard.names[standard.inertial[k, 0]],
+            standard.links[k],
             f"The mass in the description, {masses[k]:.2g} kg, is a placeholder and says nothing of the link; the "
             f"prior uses a body like that of the lightest other link, of {masses[lightest]:.3g} kg.",
             "write mass and inertia of the link into the description if they are known.",

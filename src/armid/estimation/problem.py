@@ -28,6 +28,7 @@ class StandardParameters:
         regrouping: Base values = regrouping · standard values, shape (b, p).
         inertial: Positions of the links' inertial parameters in the order of the model, link by link,
             shape (links, 10).
+        links: Names of these links.
         nonnegative: Which of them physics forbids to be negative, the inertial ones aside, shape (p,).
         nominal: Values that the robot's description gives, other terms zero, shape (p,); `None` where it gives none.
     """
@@ -36,6 +37,7 @@ class StandardParameters:
     units: tuple[str, ...]
     regrouping: Array
     inertial: NDArray[np.intp]
+    links: tuple[str, ...]
     nonnegative: NDArray[np.bool_]
     nominal: Array | None = None
 
@@ -148,6 +150,7 @@ def bare_standard(model: DynamicsModel) -> StandardParameters:
         tuple(parameter.unit for parameter in parameters),
         np.eye(len(parameters)),
         model.inertial_columns.reshape(-1, 10),
+        tuple(link.name for link in model.robot.links) if model.inertial_columns.size else (),
         np.array([parameter.nonnegative for parameter in parameters], dtype=np.bool_),
         model.nominal_parameters(),
     )

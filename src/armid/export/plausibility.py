@@ -11,6 +11,7 @@ from armid.estimation.problem import standard_of
 from armid.export.attached_inertias import is_possible, is_thin
 from armid.export.types import Body, Content
 from armid.remedy import Remedy, setting
+from armid.robot.missing_inertia import placeholder_masses
 from armid.robot.robot import InertialParameters, Robot
 from armid.runs.run import Run
 from armid.study.plausibility import far_masses, listed_masses
@@ -115,6 +116,8 @@ def far_bodies(
 ) -> list[Finding]:
     """Finding about bodies of the file whose mass or centre of mass is far from that of the description.
 
+    Bodies with a placeholder for a mass in the description are not compared.
+
     Args:
         run: The run.
         content: Content of the file.
@@ -135,8 +138,13 @@ def far_bodies(
     found, described = (
         np.array(each) for each in zip(*((new.mass, old.mass) for *_, new, old in compared), strict=True)
     )
-    far = far_masses(found, described)
-    away = {name: text for link, name, new, old in compared if (text := _far_com(run.robot, link, name, new, old))}
+    empty = placeholder_masses(described)
+    far = far_masses(found, described) & ~empty
+    away = {
+        name: text
+        for (link, name, new, old), nothing in zip(compared, empty, strict=True)
+        if not nothing and (text := _far_com(run.robot, link, name, new, old))
+    }
     if not far.any() and not away:
         return []
     texts = [listed_masses(names, found, described, far)] if far.any() else []

@@ -34,8 +34,8 @@ def rounded(robot: Robot, locked: Collection[str] = ()) -> tuple[Robot, Finding 
 
     Args:
         robot: The robot.
-        locked: Names of the joints that will be locked. All joints are corrected, but the finding counts locked joints
-            only where they carry a joint that moves.
+        locked: Names of the joints that will be locked. All joints are corrected, but the finding counts a locked
+            joint only if it carries a joint that moves.
 
     Returns:
         The robot with corrected placements and axes, and a finding `description-rounded` with the largest change;

@@ -288,7 +288,7 @@ def test_a_description_that_is_no_body_is_moved_to_the_nearest_and_named(inertia
     nominal[standard.inertial[1]] = com_inertia_to_vector(2.0, np.array([0.1, 0.0, 0.0]), tensor)
     fit, _ = estimate(replace(problem, standard=replace(standard, nominal=nominal)), prior="log-det", weight=1.0)
     (said,) = [finding for finding in fit.findings if finding.code == "nominal-projected"]
-    assert (said.channel, said.severity) == ("M_2", severity)
+    assert (said.channel, said.severity) == ("link_2", severity)
     assert f"{1000 * THINNEST:g} mm" in said.evidence
 
 
@@ -315,7 +315,7 @@ def test_a_placeholder_says_nothing_of_its_link_and_spoils_no_interval(mass: flo
     off = fit.values - problem.base.regrouping @ theta
     assert (np.abs(off) < FARTHEST * covered.deviation).all()
     (said,) = [finding for finding in fit.findings if finding.code == "nominal-projected"]
-    assert said.channel == "M_3" and "placeholder" in said.evidence
+    assert said.channel == "link_3" and "placeholder" in said.evidence
     assert min(value(standard, f"M_{k}") for k in (1, 2, 3)) > PLACEHOLDER
 
 
@@ -336,7 +336,7 @@ def test_a_description_without_masses_gives_no_prior():
     estimate(replace(problem, standard=without))  # the default needs no description
     nothing = standard.nominal.copy()
     nothing[standard.inertial[2]] = 0.0
-    with pytest.raises(EstimationError, match="M_3"):
+    with pytest.raises(EstimationError, match="link link_3"):
         estimate(replace(problem, standard=replace(standard, nominal=nothing)), prior="euclidean")
 
 

@@ -179,6 +179,16 @@ def test_the_heaviest_body_takes_what_was_identified(tmp_path, to, text):
     assert dummy in text
 
 
+def test_a_body_whose_described_mass_is_a_placeholder_is_not_compared(tmp_path):
+    run, _ = the_run(tmp_path, "urdf", 0.05)
+    (*others, last) = run.robot.links
+    tiny = replace(last, inertial=InertialParameters.from_com(1e-9, np.zeros(3), 4e-13 * np.eye(3)))
+    placeholder = replace(run, robot=replace(run.robot, links=(*others, tiny)))
+    assert far_bodies(placeholder, Content(run.robot, {}), None, "estimated") == []
+    (said,) = far_bodies(run, Content(placeholder.robot, {}), None, "estimated")
+    assert last.name in said.evidence
+
+
 def test_a_centre_of_mass_outside_of_its_body_is_told(tmp_path):
     path = tmp_path / "arm.urdf"
     path.write_text(DUMMY)

@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 PAGE = "preview.html"
 
+SKELETON = "; it draws the joint axes and the lines between them, because bodies of the arm are missing"
+
 
 ArmOrRun = Annotated[
     str,
@@ -65,12 +67,12 @@ def preview(
 
         armid preview arm.urdf runs/today
     """
-    from armid.cli.console import print_missing_meshes
+    from armid.cli.console import print_findings, print_missing_meshes
     from armid.report.preview.page import write_preview
     from armid.report.preview.sources import preview_of
     from armid.report.rendering import require_extra
     from armid.study.config import load_choice
-    from armid.study.storage.records import to_json
+    from armid.study.storage.records import finding_record, to_json
 
     require_extra("jinja2")
     run, motion_run = _run(robot), _run(motion)
@@ -85,9 +87,14 @@ def preview(
             surroundings=_surroundings(arm, floor, environment),
             estimate=_estimate(known_run, arm),
         )
-        path = write_preview(made, out or default_folder / PAGE)
-    message = to_json({"preview": str(path), "bytes": path.stat().st_size}) if json else f"page written to {path}"
-    sys.stdout.write(f"{message}\n")
+        path, missing = write_preview(made, out or default_folder / PAGE)
+    record = {
+        "preview": str(path),
+        "bytes": path.stat().st_size,
+        "findings": [finding_record(each) for each in missing],
+    }
+    sys.stdout.write(to_json(record) + "\n" if json else f"page written to {path}{SKELETON if missing else ''}\n")
+    print_findings(missing, shapes=True)
 
 
 def _run(name: str | None) -> Run | None:

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from armid.errors import Finding
 from armid.excitation.collision.collision_model import CollisionOptions
 from armid.excitation.limits.joint_limits import Limits, described_limits
 from armid.report.plots.encoding import compressed, embedded, packed
@@ -48,24 +49,33 @@ class Preview:
     limits: Limits | None = None
 
 
-def write_preview(preview: Preview, path: Path | str) -> Path:
+def write_preview(preview: Preview, path: Path | str) -> tuple[Path, tuple[Finding, ...]]:
     """Write the page of a preview completely or not at all.
+
+    Returns:
+        The file, and findings about bodies of the arm that the page does not show.
 
     Raises:
         MissingExtraError: jinja2 is not installed.
         ArmidError: A mesh cannot be read, or the file cannot be written.
     """
     require_extra("jinja2")
-    return replace_file(path, render_preview(preview))
+    html, missing = _page(preview)
+    return replace_file(path, html), missing
 
 
 def render_preview(preview: Preview) -> str:
     """HTML of the page."""
+    return _page(preview)[0]
+
+
+def _page(preview: Preview) -> tuple[str, tuple[Finding, ...]]:
+    """HTML of the page, and findings about bodies that are not drawn."""
     robot, clip = preview.robot, preview.clip
     approach = None if preview.collision is None else closest(robot, clip, preview.collision)
     record, missing = _scene(preview, approach)
     subtitle = clip.title + (f", {clip.time[-1]:.1f} s" if len(clip.time) > 1 else "")
-    return (
+    html = (
         environment()
         .get_template("preview/preview.html")
         .render(
@@ -78,7 +88,7 @@ def render_preview(preview: Preview) -> str:
             collision_note=preview.collision_note,
             designed_limits=preview.limits is not None,
             has_bodies=bool(record["bodies"]),
-            missing=missing,
+            missing=[f"{f.channel}: {f.evidence}" if f.channel else f.evidence for f in missing],
             bare=not record["bodies"] or bool(missing),
             version=version("armid"),
             style=text_of("theme.css") + text_of("preview/preview.css"),
@@ -87,10 +97,11 @@ def render_preview(preview: Preview) -> str:
             three=compressed((files("armid.report") / "vendor" / "three.min.js").read_text(encoding="utf-8")),
         )
     )
+    return html, missing
 
 
-def _scene(preview: Preview, approach: NearestBodies | None) -> tuple[dict[str, Any], list[str]]:
-    """Data for the page's script, and messages about bodies that could not be drawn."""
+def _scene(preview: Preview, approach: NearestBodies | None) -> tuple[dict[str, Any], tuple[Finding, ...]]:
+    """Data for the page's script, and findings about bodies that could not be drawn."""
     robot, clip = preview.robot, preview.clip
     bodies, meshes, missing = bodies_of(robot)
     _, path = frame_pose(robot, clip.q)

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from armid.errors import ArmidError
+from armid.errors import ArmidError, Finding
 from armid.excitation.collision.coal import mesh_faces
 from armid.excitation.limits.joint_limits import Limits
 from armid.report.preview.meshes import MAX_TRIANGLES, mesh_record, simplified
@@ -23,8 +23,8 @@ NOT_DRAWN = ("mesh-missing", "visual-left-out", "visual-missing")
 MIN_TRIANGLES = 300
 """Number of triangles that every mesh may have, regardless of the sizes of other meshes."""
 
-Bodies = tuple[list[dict[str, Any]], list[dict[str, Any]], list[str]]
-"""Bodies for the page's script, their meshes, and messages about bodies that could not be drawn."""
+Bodies = tuple[list[dict[str, Any]], list[dict[str, Any]], tuple[Finding, ...]]
+"""Bodies for the page's script, their meshes, and findings about bodies that could not be drawn."""
 
 
 def joint_records(robot: Robot, limits: Limits) -> list[dict[str, Any]]:
@@ -50,11 +50,7 @@ def bodies_of(robot: Robot) -> Bodies:
     with_visuals = {link_of(shape.name) for shape in robot.visuals}
     shapes = (*robot.visuals, *(shape for shape in robot.shapes if link_of(shape.name) not in with_visuals))
     drawn: list[dict[str, Any]] = []
-    missing = [
-        f"{each.channel}: {each.evidence}" if each.channel else each.evidence
-        for each in robot.findings
-        if each.code in NOT_DRAWN
-    ]
+    missing = [each for each in robot.findings if each.code in NOT_DRAWN]
     loaded: dict[tuple[str, tuple[float, ...]], Any] = {}
     for shape in shapes:
         if shape.kind == "half-space":
@@ -64,11 +60,11 @@ def bodies_of(robot: Robot) -> Bodies:
             try:
                 loaded[key] = mesh_faces(shape)
             except ArmidError as error:
-                missing.append(f"{shape.name}: {error.problem}")
+                missing.append(Finding("visual-left-out", "info", shape.name, error.problem, error.remedy))
                 continue
         place = {"mesh": list(loaded).index(key)} if shape.kind == "mesh" else {"size": shape.size.tolist()}
         drawn.append(_record(shape) | place)
-    return drawn, _within_budget(list(loaded.values())), missing
+    return drawn, _within_budget(list(loaded.values())), tuple(missing)
 
 
 def _within_budget(meshes: Sequence[tuple[Array, Any]]) -> list[dict[str, Any]]:
