@@ -14,7 +14,7 @@ from armid.codegen.program import Program
 from armid.model.base_formulas import base_formulas
 from armid.model.base_parameters import BaseParameters
 from armid.model.dynamics import DynamicsModel
-from armid.values import array
+from armid.values import Array, array
 
 RESERVED = frozenset(
     """auto bool break case catch char class const continue default delete do double else enum explicit export extern
@@ -24,6 +24,10 @@ RESERVED = frozenset(
     persistent spmd math std armid""".split()
 )
 """Reserved words of the languages; names in generated code must differ from them."""
+
+
+HELD_IN_A_LINE = 3
+"""Number of locked joints on one line of a comment."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,6 +94,8 @@ class FunctionSource:
             f"Joints: {_harmless(', '.join(self.joints))}. SI units throughout: rad, m, s, kg, N, N m.",
             f"{len(self.parameters)} base parameters stand for {len(self.columns)} standard ones, inertia about the"
             " origins of the link frames.",
+            f"Gravity, built in: acceleration {_numbers(self.model.robot.gravity)} m/s2 in the base frame.",
+            *self._locked(),
         ]
         if self.widths:
             lines += [
@@ -99,6 +105,14 @@ class FunctionSource:
                 "A state is known once its coordinate has swept more than two half-widths.",
             ]
         return lines
+
+    def _locked(self) -> list[str]:
+        """Lines that give the positions at which joints of the description are locked."""
+        held = [f"{_harmless(each.name)} = {each.position:.10g} {each.unit}" for each in self.model.robot.held]
+        if not held:
+            return []
+        rows = [", ".join(held[k : k + HELD_IN_A_LINE]) for k in range(0, len(held), HELD_IN_A_LINE)]
+        return ["Locked joints, built in with the bodies that they carry:", *(f"  {row}" for row in rows)]
 
 
 def make_source(
@@ -149,6 +163,11 @@ def identifier(name: str) -> str:
     if not plain or plain[0].isdigit() or plain in RESERVED or keyword.iskeyword(plain):
         plain = f"arm_{plain}".rstrip("_")
     return plain
+
+
+def _numbers(vector: Array) -> str:
+    """Vector as text; the digits are those that tell constants of gravity apart."""
+    return f"({', '.join(f'{x + 0.0:.10g}' for x in vector)})"
 
 
 def _harmless(text: str) -> str:

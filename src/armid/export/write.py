@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 from collections.abc import Generator, Mapping, Sequence
 from contextlib import contextmanager
@@ -113,7 +114,14 @@ def export_run(
     )
     side = _write_both(path, written.data, side_record(run, content, theta, written.data, path.name, kind))
     far = far_bodies(run, content, None if lumped or bodies is None else carriers(bodies), kind, shared)
-    findings = (*findings, *far, *written.findings, *_sidecar_only(run, exporter, side.name), *verified.findings)
+    findings = (
+        *findings,
+        *_limits_given(run.robot, robot),
+        *far,
+        *written.findings,
+        *_sidecar_only(run, exporter, side.name),
+        *verified.findings,
+    )
     edited = "" if bodies is None else source.path
     return Exported(path, side, to, edited, kind, verified.checks, verified.predictions, findings)
 
@@ -225,6 +233,25 @@ def _refuse_options(
             "The option --lumped has no effect on a new file, which has one body for each link.",
             remedy="leave out --lumped.",
         )
+
+
+def _limits_given(described: Robot, written: Robot) -> list[Finding]:
+    """Finding about limits that the file has but the description does not."""
+    given = [
+        f"{old.name}.{kind} = {after:g}"
+        for old, new in zip(described.joints, written.joints, strict=True)
+        for kind, before, after in (
+            ("lower", old.position_limits[0], new.position_limits[0]),
+            ("upper", old.position_limits[1], new.position_limits[1]),
+            ("velocity", old.velocity_limit, new.velocity_limit),
+            ("effort", old.effort_limit, new.effort_limit),
+        )
+        if math.isfinite(after) and not math.isfinite(before)
+    ]
+    if not given:
+        return []
+    what = f"limits that the description does not have were written as given: {', '.join(given)}"
+    return [Finding("limits-given", "info", "", what, "check them against the data sheet of the arm.")]
 
 
 def _bodies(exporter: Exporter, source: DescriptionSource, robot: Robot) -> list[Body]:

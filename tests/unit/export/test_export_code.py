@@ -46,6 +46,19 @@ def test_every_language(run: Run, language: str, tmp_path: Path):
     assert record["operations"]["inverse_dynamics"]["mul"] > 0
 
 
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_code_says_which_gravity_and_which_locked_joints_are_built_in(language: str):
+    robot = load_robot("ur5e", gravity=[0.0, 4.9033, -8.4957])
+    fifth, sixth = robot.joint_names[4:]
+    locked = robot.lock({sixth: 0.5, fifth: -1.25})
+    for arm, lines in ((locked, [f"{fifth} = -1.25 rad", f"{sixth} = 0.5 rad"]), (robot, [])):
+        model = DynamicsModel(arm, (RigidBody(),))
+        base = find_base_parameters(model)
+        text = "".join(generate(model, base, np.zeros(base.count), language).values())
+        assert "(0, 4.9033, -8.4957) m/s2 in the base frame" in text
+        assert all(line in text for line in lines) and ("Locked joints" in text) is bool(lines)
+
+
 def test_code_predicts_as_the_run_does(run: Run):
     (path,) = export_code(run, "python").files
     assert path.parent == Path(run.folder) / "code"

@@ -60,7 +60,7 @@ def test_limits_that_are_known_are_written(tmp_path):
         "effort": 80,
         "velocity": 2,
     }
-    assert "limits-unknown" not in {finding.code for finding in exported.findings}
+    assert not {"limits-unknown", "limits-given"} & {finding.code for finding in exported.findings}
 
 
 def test_joints_with_stops_ask_for_theirs(tmp_path):
@@ -77,6 +77,10 @@ def test_joints_with_stops_ask_for_theirs(tmp_path):
     found = limits(exported.path)
     assert [float(x) for x in found["slide"].values()] == [-0.5, 0.5, 100.0, 2.0]
     assert float(found["lift"]["velocity"]) == 2.0 and float(found["lift"]["effort"]) == 100.0
+    assert "only examples" in caught.value.remedy
+    (said,) = [finding for finding in exported.findings if finding.code == "limits-given"]
+    assert "lift.effort = 100" in said.evidence and "slide.lower = -0.5, slide.upper = 0.5" in said.evidence
+    assert "lift.velocity" not in said.evidence  # the description has it
 
 
 def test_everything_that_is_missing_is_asked_for_at_once(tmp_path):

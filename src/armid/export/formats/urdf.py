@@ -110,7 +110,7 @@ def missing_limits(robot: Robot) -> OutputError | None:
         f"of these joints are missing: {', '.join(joint.name for joint in without)}"
         + (f" (and of {', '.join(endless)}, for which the format does not require them)." if endless else "."),
         possible="the formats mjcf and sdf, which need no limits",
-        remedy=f"give the missing limits of the arm, for instance: {option}",
+        remedy=f"give the missing limits of the arm; the numbers here are only examples: {option}",
     )
 
 
@@ -246,7 +246,15 @@ def _fresh(content: Content) -> WrittenDescription:
     if endless:
         what = f"written without <limit>, because limits are unknown: {', '.join(j.name for j in endless)}"
         what += f"; {', '.join(half)}: one limit is known, but the format stores only both together" if half else ""
-        findings.append(Finding("limits-unknown", "info", "", what, f"give them, for instance: {_example(endless)}"))
+        findings.append(
+            Finding(
+                "limits-unknown",
+                "info",
+                "",
+                what,
+                f"give them; the numbers here are only examples: {_example(endless)}",
+            )
+        )
     parent = base if robot.tip.parent < 0 else names[robot.tip.parent]
     lines += [
         f"  <link name={quoteattr(tip)}/>",
