@@ -16,7 +16,7 @@ from armid.report.data.page_data import PageData, gather
 from armid.report.data.residual_dependence import ResidualShares
 from armid.report.data.trust import judge_trust
 from armid.report.page import render
-from armid.report.sections.verdict import FIRST
+from armid.report.sections.verdict import FIRST, show_verdict
 from armid.runs.run import load_run, save_run
 from armid.study.config import load_study
 from armid.study.identify import identify
@@ -110,6 +110,31 @@ def test_warnings_are_passed_on_and_notes_are_not(material: PageData):
     words = judge_trust(replace(material, run=changed))
     assert "joint_1: It shook." in words.doubted and "Hold it" in words.wanted
     assert not any("way" in each or "mind" in each for each in (*words.doubted, *words.wanted))
+
+
+@pytest.mark.parametrize("verdict", ["pass", "not judged", "fail"])
+def test_the_badge_tells_the_worst_that_is_known(material: PageData, verdict: str):
+    """A pass on held-out torque is no green light where the page warns of a simulation, or of an error in the log."""
+    judged = scored(material, material.validation.recordings, verdict=verdict)
+    assert judged.verdict is not None
+    sound = replace(
+        judged, verdict=replace(judged.verdict, certificate=replace(judged.verdict.certificate, blame=()))
+    )
+    unreal = replace(judged, verdict=replace(judged.verdict, pose=replace(judged.verdict.pose, min_eigenvalue=-1.0)))
+    error = (Finding("torque-sign", "error", "tau", "Turned.", "turn it"),)
+    wrong = replace(sound, run=replace(sound.run, estimate=replace(sound.run.estimate, findings=error)))
+    badges = [show_verdict(each).content for each in (sound, unreal, wrong)]
+    if verdict == "fail":
+        assert {badge["badge"] for badge in badges} == {"✗ fail"} and {badge["colour"] for badge in badges} == {
+            "fail"
+        }
+        return
+    plain, simulated, contradicted = badges
+    assert (plain["colour"], plain["badge"][2:]) == (verdict.replace(" ", "-"), verdict)
+    assert simulated["colour"] == contradicted["colour"] == "fail"
+    assert simulated["badge"] == "✗ not for simulation" and "Do not use them in a simulation" in simulated["sentence"]
+    assert contradicted["badge"] == "✗ error found"
+    assert '<p class="verdict fail"><b>✗ not for simulation</b>' in render(unreal)
 
 
 def test_a_line_of_a_study_stays_one(material: PageData):

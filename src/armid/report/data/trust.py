@@ -212,6 +212,12 @@ def outside_intervals(page_data: PageData) -> bool:
     return any(abs(each.change) > half[each.name] for each in page_data.verdict.certificate.blame)
 
 
+def forbids_simulation(page_data: PageData) -> bool:
+    """True if the parameters must not be used in a simulation or an export: no real body can have them."""
+    verdict = page_data.verdict
+    return verdict is not None and (verdict.pose.min_eigenvalue <= 0.0 or outside_intervals(page_data))
+
+
 def _bodies(page_data: PageData) -> Sentences:
     """Sentences about physical consistency."""
     if page_data.verdict is None:

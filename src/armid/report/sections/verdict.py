@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from armid.report.data.findings import serious
 from armid.report.data.number_format import share, short
 from armid.report.data.page_data import PageData
-from armid.report.data.trust import judge_trust
+from armid.report.data.trust import forbids_simulation, judge_trust
 from armid.report.heading import commands_of
 from armid.report.section import Section, effort_unit
 from armid.report.tables import Column, Table, TableCell
@@ -20,13 +21,17 @@ SENTENCES = {
     "not judged": "There is no validation recording, so the model is not judged.",
 }
 
+BADGES = {"pass": "✓ pass", "fail": "✗ fail", "not judged": "– not judged"}
+
+CONTRADICTED = "the findings contain an error, so the model may be wrong as a whole."
+
+UNREAL = "no real body has these parameters. Do not use them in a simulation or an export."
+
 
 def show_verdict(page_data: PageData) -> Section:
     """Section of the verdict with its checks and the main numbers."""
-    verdict = page_data.validation.verdict
     content = {
-        "verdict": verdict,
-        "sentence": SENTENCES.get(verdict, ""),
+        **_badge(page_data),
         "judgement": judge_trust(page_data),
         "first": FIRST,
         "figures": _figures(page_data),
@@ -44,6 +49,18 @@ def show_verdict(page_data: PageData) -> Section:
     columns = (Column("check", words=True), Column("value"), Column("bound"), Column("", words=True))
     table = Table("checks", "Checks of the verdict", columns, rows, folded=True)
     return Section("Verdict", content, (table,) if rows else ())
+
+
+def _badge(page_data: PageData) -> dict[str, str]:
+    """Colour, badge and sentence of the worst that is known of the run; a failed validation is the worst."""
+    verdict = page_data.validation.verdict
+    sentence = SENTENCES.get(verdict, "")
+    errors = bool(serious(page_data.run.estimate.findings, "error"))
+    if verdict == "fail" or not (errors or forbids_simulation(page_data)):
+        colour = verdict if verdict in BADGES else "not judged"
+        return {"colour": colour.replace(" ", "-"), "badge": BADGES[colour], "sentence": sentence}
+    badge, reason = ("✗ error found", CONTRADICTED) if errors else ("✗ not for simulation", UNREAL)
+    return {"colour": "fail", "badge": badge, "sentence": f"{sentence.removesuffix('.')}; {reason}"}
 
 
 def _figures(page_data: PageData) -> list[tuple[str, str, str]]:
