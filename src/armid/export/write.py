@@ -107,21 +107,14 @@ def export_run(
         content, shared = _content(run, exporter, theta, source, bodies, robot, lumped=lumped)
         unphysical = unphysical_names(content, placeless, bodies or ())
         refused = refuse_unphysical(run, unphysical, allowed=allow_unphysical)
-    findings = (*(source.findings if bodies is not None else ()), *findings, *guessed, *shared, *refused)
+    known = _limits_given(run.robot, robot) if bodies is None else source.findings
+    findings = (*known, *findings, *guessed, *shared, *refused)
     written = exporter.write(content)
-    verified = verify(
-        exporter, written, content, run, theta, unseen_recordings(run, data), unphysical=bool(unphysical)
-    )
+    unseen = unseen_recordings(run, data)
+    verified = verify(exporter, written, content, run, theta, unseen, unphysical=bool(unphysical))
     side = _write_both(path, written.data, side_record(run, content, theta, written.data, path.name, kind))
     far = far_bodies(run, content, None if lumped or bodies is None else carriers(bodies), kind, shared)
-    findings = (
-        *findings,
-        *_limits_given(run.robot, robot),
-        *far,
-        *written.findings,
-        *_sidecar_only(run, exporter, side.name),
-        *verified.findings,
-    )
+    findings = (*findings, *far, *written.findings, *_sidecar_only(run, exporter, side.name), *verified.findings)
     edited = "" if bodies is None else source.path
     return Exported(path, side, to, edited, kind, verified.checks, verified.predictions, findings)
 

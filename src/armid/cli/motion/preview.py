@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -12,6 +13,7 @@ from armid.cli.log_format_options import Columns, Data, Rate, given
 from armid.cli.options import Gravity, Json, Lock, Only, Package, TipLink, known_arms, robot_choice
 
 if TYPE_CHECKING:
+    from armid.errors import Finding
     from armid.measurement.log_format import LogFormat
     from armid.report.preview.masses import MassLayer
     from armid.robot import Robot
@@ -67,12 +69,11 @@ def preview(
 
         armid preview arm.urdf runs/today
     """
-    from armid.cli.console import print_findings, print_missing_meshes
+    from armid.cli.console import print_missing_meshes
     from armid.report.preview.page import write_preview
     from armid.report.preview.sources import preview_of
     from armid.report.rendering import require_extra
     from armid.study.config import load_choice
-    from armid.study.storage.records import finding_record, to_json
 
     require_extra("jinja2")
     run, motion_run = _run(robot), _run(motion)
@@ -88,11 +89,16 @@ def preview(
             estimate=_estimate(known_run, arm),
         )
         path, missing = write_preview(made, out or default_folder / PAGE)
-    record = {
-        "preview": str(path),
-        "bytes": path.stat().st_size,
-        "findings": [finding_record(each) for each in missing],
-    }
+    _report(path, missing, json=json)
+
+
+def _report(path: Path, missing: Sequence[Finding], *, json: bool) -> None:
+    """Print where the page is and, on standard error, which bodies it does not show."""
+    from armid.cli.console import print_findings
+    from armid.study.storage.records import finding_record, to_json
+
+    findings = [finding_record(each) for each in missing]
+    record = {"preview": str(path), "bytes": path.stat().st_size, "findings": findings}
     sys.stdout.write(to_json(record) + "\n" if json else f"page written to {path}{SKELETON if missing else ''}\n")
     print_findings(missing, shapes=True)
 
