@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from armid.errors import RecordingError
+from armid.errors import Finding, RecordingError
 from armid.measurement.columns.names import unit_kind
 from armid.values import Array
 
@@ -38,12 +38,14 @@ class TextTable:
         rows: Lines of the table, one for each row.
         numbers: Line number of each row in the file, counted from 0.
         delimiter: Delimiter of fields.
+        findings: Finding about a last row that was left out because it is incomplete.
     """
 
     names: tuple[str, ...]
     rows: Sequence[str]
     numbers: Sequence[int]
     delimiter: str
+    findings: tuple[Finding, ...] = ()
 
     def fields(self, k: int) -> list[str]:
         """Fields of a row."""
@@ -70,7 +72,7 @@ def decoded(data: bytes, path: Path) -> str:
 
 
 def table_of(text: str, path: Path) -> TextTable:
-    """Header and rows of a text.
+    """Header and rows of a text; an incomplete last row is left out, with a finding.
 
     Raises:
         RecordingError: There is no header or no row, or a row has too few or too many fields. The message names the
@@ -93,8 +95,10 @@ def table_of(text: str, path: Path) -> TextTable:
     if not rows:
         raise RecordingError(f"{path} has a header, but no rows.", remedy="record again; nothing was written.")
     names, rows = _without_ends(names, rows, delimiter)
+    findings = _cut_end(rows, numbers[-1], len(names), delimiter, ended=text.endswith("\n"))
+    rows, numbers = rows[: len(rows) - len(findings)], numbers[: len(numbers) - len(findings)]
     _check_widths(rows, numbers, len(names), delimiter, path)
-    return TextTable(tuple(names), rows, numbers, delimiter)
+    return TextTable(tuple(names), rows, numbers, delimiter, findings)
 
 
 def numbers_of(table: TextTable, wanted: Sequence[str], path: Path) -> dict[str, Array]:
@@ -238,6 +242,34 @@ def _without_ends(names: list[str], rows: list[str], delimiter: str) -> tuple[li
     return (names[:-1], rows) if more == -1 and not names[-1] else (names, rows)
 
 
+def _cut_end(rows: Sequence[str], number: int, width: int, delimiter: str, *, ended: bool) -> tuple[Finding, ...]:
+    """Finding about a last row that was not written to its end; empty if it is complete, or the only row.
+
+    Args:
+        rows: Lines of the table.
+        number: Line number of the last row, counted from 0.
+        width: Number of columns.
+        delimiter: Delimiter of fields.
+        ended: Whether the text ends with an end of line.
+    """
+    if len(rows) < 2:
+        return ()
+    before, last = (split(row, delimiter) for row in rows[-2:])
+    cut_number = not ended and is_number(before[-1]) and not is_number(last[-1])
+    if len(last) < width:
+        what = f"has {len(last)} of {width} fields"
+    elif len(last) == width and cut_number:
+        what = f"ends with {last[-1]!r} in place of a number"
+    else:
+        return ()
+    evidence = (
+        f"The last row, line {number + 1}, {what}: the recorder was probably stopped while it wrote. This row is "
+        f"left out; the {len(rows) - 1} rows before it are used."
+    )
+    remedy = "check that the recording was not stopped too early; to be rid of this warning, remove the line."
+    return (Finding("row-incomplete", "warning", "", evidence, remedy),)
+
+
 def _check_widths(rows: Sequence[str], numbers: Sequence[int], width: int, delimiter: str, path: Path) -> None:
     """Raises an error if a row has more or fewer fields than the header."""
     for row, number in zip(rows, numbers, strict=True):
@@ -246,8 +278,7 @@ def _check_widths(rows: Sequence[str], numbers: Sequence[int], width: int, delim
         if found != width:
             raise RecordingError(
                 f"{path}, line {number + 1} has {found} fields, but the header has {width}: {row:.60}",
-                remedy="correct or remove this line; the last line may be incomplete because the recorder was "
-                "stopped.",
+                remedy="correct or remove this line.",
             )
 
 

@@ -160,11 +160,37 @@ def test_a_broken_row_is_named_by_its_line(tmp_path):
     lines = text(TABLE).splitlines()
     path = tmp_path / "run.csv"
     path.write_text("\n".join([*lines[:9], lines[9][:40], *lines[10:]]))
-    assert "recorder was stopped" in refused(r"line 10 has \d fields, but the header has 10", path).remedy
+    assert "remove this line" in refused(r"line 10 has \d fields, but the header has 10", path).remedy
     path.write_text("\n".join([*lines[:9], "", lines[9] + ",1", *lines[10:]]))
     refused("line 11 has 11 fields", path)
-    path.write_text("\n".join(lines)[:-25])
-    refused(f"line {N + 1} has ", path)
+    path.write_text("\n".join([*lines[:9], lines[9][:40], *lines[10:-1], lines[-1][:40]]))
+    refused("line 10 has ", path)  # a cut end does not excuse it
+    path.write_text("\n".join([lines[0], lines[1][:40]]))
+    refused("line 2 has ", path)  # no complete row is left
+
+
+@pytest.mark.parametrize("delimiter", [",", ";", " "])
+def test_a_last_row_that_was_cut_off_is_left_out_and_said(tmp_path, delimiter):
+    lines = text(TABLE, delimiter).splitlines()
+    path = tmp_path / "run.csv"
+    fields = lines[-1].split(delimiter)
+    cut = [
+        "0",
+        delimiter.join(fields[:3]),
+        delimiter.join([*fields[:-1], "-"]),
+        delimiter.join([*fields[:-1], "1.2e"]),
+    ]
+    for end in cut if delimiter == " " else [*cut, delimiter.join([*fields[:-1], ""])]:
+        path.write_text("\n".join([*lines[:-1], end]))
+        recording = load_recording(path)
+        np.testing.assert_array_equal(recording.q, Q[:-1])
+        np.testing.assert_array_equal(recording.effort, TAU[:-1])
+        (said,) = (finding for finding in recording.findings if finding.code == "row-incomplete")
+        assert said.severity == "warning" and f"line {N + 1}," in said.evidence and f"{N - 1} rows" in said.evidence
+    path.write_text("\n".join(lines))  # without the last end of line, but complete
+    recording = load_recording(path)
+    np.testing.assert_array_equal(recording.q, Q)
+    assert "row-incomplete" not in {finding.code for finding in recording.findings}
 
 
 def test_a_field_that_is_no_number_is_named(tmp_path):

@@ -6,6 +6,7 @@ import bz2
 import gzip
 import lzma
 import zlib
+from dataclasses import replace
 from pathlib import Path
 
 from armid.errors import MissingExtraError, RecordingError
@@ -23,7 +24,8 @@ def read(path: Path, log_format: LogFormat, robot: Robot | None = None) -> Recor
     """Reads a text table; encoding, delimiter and decimal sign are detected.
 
     Lines that begin with `#`, `%` or `//` may precede the table. The last of them may be the header, and a line of
-    units may follow the header. Times may be numbers, dates in the format of ISO 8601, or times of day.
+    units may follow the header. Times may be numbers, dates in the format of ISO 8601, or times of day. An incomplete
+    last row is left out, with the finding `row-incomplete`.
 
     Raises:
         RecordingError: There is no header, a row has a wrong number of fields, or a field is not a number. The
@@ -47,7 +49,8 @@ def read(path: Path, log_format: LogFormat, robot: Robot | None = None) -> Recor
     columns = numbers_of(table, wanted, path)
     if dates is not None:
         columns[selection.time[0]] = dates
-    return assemble(selection, columns.__getitem__, log_format, path)
+    recording = assemble(selection, columns.__getitem__, log_format, path)
+    return replace(recording, findings=(*table.findings, *recording.findings))
 
 
 def _unpacked(path: Path) -> bytes:
