@@ -173,7 +173,7 @@ def test_a_joint_held_still_is_looked_at(tmp_path):
     still = [joint_state(t, NAMES, [0.7, *Q[k, 1:]], DQ[k], TAU[k]) for k, t in enumerate(AT)]
     path = write_bag_folder(tmp_path / "still", still)
     (elsewhere,) = found(read(path, whole.lock(["turn"])), "locked-joint")
-    assert "--lock turn=0.7" in elsewhere.remedy
+    assert "--lock turn=0.7" in elsewhere.remedy and "lock = { turn = 0.7 } in [robot]" in elsewhere.remedy
     assert not found(read(path, whole.lock({"turn": 0.7})), "locked-joint")
     assert not found(read(path, whole.lock({"turn": 0.7})), "joints-extra")
 

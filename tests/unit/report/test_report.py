@@ -122,7 +122,7 @@ FULL_STUDY = """
 [robot]
 description = "small.urdf"
 gravity = [0.0, 0.1, -9.8]
-locked = { joint_3 = 0.25 }
+lock = { joint_3 = 0.25 }
 [model]
 terms = ["rigid-body", "coulomb", "viscous", "coulomb"]
 coulomb = [{ width = 0.02, joints = ["joint_1"] }, { width = 0.05, joints = ["joint_2"] }]

@@ -157,7 +157,8 @@ def _of_held(q: Array, held: Held, log_format: LogFormat) -> Finding | None:
         evidence = f"The joint is locked at {held.position:g} {held.unit}, but in the log it is at {middle:.4g}."
         place = f"{held.name} = {middle:.4g}"
         remedy = (
-            f"correct the position of the locked joint: --lock {place.replace(' ', '')}, or locked = {{ {place} }}."
+            f"correct the position of the locked joint: --lock {place.replace(' ', '')}, or lock = {{ {place} }} in "
+            "[robot] of the study."
         )
         return Finding("locked-joint", "warning", held.name, evidence, remedy)
     return None
