@@ -88,8 +88,8 @@ class Remedy(str, TextValue):
 
     @classmethod
     def joined(cls, remedies: Iterable[str]) -> Remedy:
-        """Several remedies as one."""
-        every = list(remedies)
+        """Several remedies as one, each once."""
+        every = list(dict.fromkeys(remedies))
         if len(every) == 1:
             return cls.read(every[0])
         parts: list[str | Assignment] = []

@@ -85,7 +85,7 @@ def test_what_was_guessed_stands_in_the_run_and_others_are_guessed_anew(
     check = as_table(small_recording(2), tmp_path / "check.csv", "q_{}", "tau_meas_{}", ("0", "1", "2"))
     run = tmp_path / "run"
     code, _, err = called(capsys, "identify", arm, train, "--validate", check, "--out", run, "--no-report")
-    assert code == 0 and "columns-guessed" in err and "joint_1 pos [deg]" in err
+    assert code == 0 and "columns-guessed" in err and "armid doctor" in err
     first, second = json.loads((run / "study.json").read_text())["recordings"]
     assert first["reading"]["columns"]["q"] == [f"{name} pos [deg]" for name in JOINTS]
     assert first["reading"]["units"] == "deg" and "units" not in second["reading"]

@@ -9,6 +9,7 @@ import sys
 import time
 from collections.abc import Generator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import TextIO
 
@@ -39,6 +40,11 @@ SHAPE_FINDINGS = (
     "visual-missing",
 )
 """Codes of findings about the shapes of an arm; shapes have no effect on its dynamics."""
+
+SHORT_FORMS = {
+    "columns-guessed": "Columns and units were chosen by names of columns; armid doctor lists them, to paste.",
+}
+"""Lines that stand for information which names all columns, by code; the page of a run tells all of it."""
 
 SHORT_TITLES = {"validation": "valid.", "earlier run": "earlier"}
 """Short titles for tables with a column for each recording; with them a table fits 80 characters."""
@@ -81,29 +87,44 @@ def print_error(error: ArmidError) -> None:
         console.print(f"[bold]hint:[/] {escape(error.remedy)}", soft_wrap=to_paste(error.remedy))
 
 
-def print_findings(findings: Sequence[Finding], *, shapes: bool = False) -> None:
+def print_findings(findings: Sequence[Finding], *, shapes: bool = False, whole: bool = False) -> None:
     """Prints findings, errors first, without duplicates, after flushing standard output.
 
-    A remedy to paste stands below its finding, in lines that are not wrapped.
+    A remedy to paste stands below its finding, in lines that are not wrapped. Several findings with the same remedy
+    stand above it together.
 
     Args:
         findings: Findings of the command.
         shapes: If true, also print `SHAPE_FINDINGS`; set by commands that check for collisions.
+        whole: If true, also print the details of the findings in `SHORT_FORMS`; set by --verbose.
     """
     sys.stdout.flush()
     console = error_console()
     colours = {"error": "red", "warning": "yellow", "info": "dim"}
-    printed = [finding for finding in dict.fromkeys(findings) if shapes or finding.code not in SHAPE_FINDINGS]
-    for finding in sorted(printed, key=lambda finding: list(colours).index(finding.severity)):
-        prefix = f"{finding.channel}: " if finding.channel else ""
-        remedy = hint(finding.remedy)
+    chosen = [finding for finding in findings if shapes or finding.code not in SHAPE_FINDINGS]
+    printed = dict.fromkeys(chosen if whole else map(_shortened, chosen))
+    groups: dict[tuple[str, str, int], list[Finding]] = {}
+    for k, finding in enumerate(sorted(printed, key=lambda finding: list(colours).index(finding.severity))):
+        alone = 0 if to_paste(hint(finding.remedy)) else k + 1
+        groups.setdefault((finding.severity, str(finding.remedy), alone), []).append(finding)
+    for group in groups.values():
+        remedy = hint(group[0].remedy)
         below = to_paste(remedy)
-        separator = "; " if remedy and not below and finding.evidence[-1:] not in (".", ";") else " "
-        text = separator.join(part for part in (prefix + finding.evidence, "" if below else remedy) if part)
-        colour = colours[finding.severity]
-        console.print(f"[{colour}]{finding.severity}[/] [{colour}]{finding.code}[/] {escape(text)}")
+        for finding in group:
+            prefix = f"{finding.channel}: " if finding.channel else ""
+            separator = "; " if remedy and not below and finding.evidence[-1:] not in (".", ";") else " "
+            text = separator.join(part for part in (prefix + finding.evidence, "" if below else remedy) if part)
+            colour = colours[finding.severity]
+            console.print(f"[{colour}]{finding.severity}[/] [{colour}]{finding.code}[/] {escape(text)}")
         if below:
             print_to_paste(console, remedy)
+
+
+def _shortened(finding: Finding) -> Finding:
+    """Finding for the terminal: information that has a short form is printed in one line."""
+    if finding.severity != "info" or finding.code not in SHORT_FORMS:
+        return finding
+    return replace(finding, channel="", evidence=SHORT_FORMS[finding.code], remedy="")
 
 
 def to_paste(remedy: str) -> bool:

@@ -75,7 +75,10 @@ Terms = Annotated[
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else on standard output.")]
 Out = Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Folder to write to.")]
-Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="Also print every parameter with its interval.")]
+Verbose = Annotated[
+    bool,
+    typer.Option("--verbose", "-v", help="Also print every parameter with its interval, and all guessed columns."),
+]
 Threads = Annotated[int, typer.Option("--threads", min=1, help="Threads of the kernel.")]
 
 

@@ -13,7 +13,7 @@ from rich.console import Console
 from armid.cli.commands.doctor import _report
 from armid.cli.console import print_error, print_findings, validation_table
 from armid.cli.parameter_tables import friction_selection_table, print_links
-from armid.errors import ArmidError, Finding
+from armid.errors import ArmidError, EstimationError, Finding
 from armid.estimation.estimate import Estimate
 from armid.estimation.friction.selection import FrictionSelection, SelectionEvidence
 from armid.estimation.link_properties import link_table
@@ -21,7 +21,7 @@ from armid.estimation.prior import CHOSEN, GIVEN, weight_finding
 from armid.estimation.standard_parameter_status import PriorUse
 from armid.measurement.log_format_remedies import lines
 from armid.model.terms import Hysteresis, Stribeck
-from armid.study.diagnosis import Diagnosis
+from armid.study.diagnosis import Diagnosis, diagnosed_error
 from armid.study.estimation_defaults import with_origin_of_weight
 from armid.validation.prediction import Score, Validation
 from cranes import CRANE, estimate, model, problem
@@ -88,6 +88,37 @@ def test_a_remedy_to_paste_is_not_broken(
 def test_a_sentence_stays_in_the_line_of_its_finding(capsys: pytest.CaptureFixture[str]):
     print_findings([Finding("x", "info", "", "Evidence.", "record longer.")])
     assert capsys.readouterr().err == "info x Evidence. record longer.\n"
+
+
+def test_one_remedy_of_several_findings_is_printed_once(capsys: pytest.CaptureFixture[str]):
+    remedy = lines("or give the right columns", columns={"dq": ""})
+    other = lines(torque_sign=-1)
+    print_findings(
+        [Finding("x", "error", "b", "Two.", other)] + [Finding("v", "error", j, "Off.", remedy) for j in "ac"]
+    )
+    assert capsys.readouterr().err.splitlines() == [
+        "error x b: Two.",
+        f"  {other}",
+        "error v a: Off.",
+        "error v c: Off.",
+        f"  {remedy}",
+    ]
+    print_findings([Finding("x", "info", j, "Evidence.", "record longer.") for j in "ab"])
+    assert capsys.readouterr().err.count("record longer.") == 2  # sentences stay with their findings
+    joined = diagnosed_error(EstimationError("Singular."), [Finding("v", "error", j, "Off.", remedy) for j in "ac"])
+    assert joined.remedy.count("columns") == 2 and joined.remedy == remedy  # the key, and the word of its note
+
+
+def test_guessed_columns_take_one_line_unless_they_are_doubted_or_asked_for(capsys: pytest.CaptureFixture[str]):
+    remedy = lines(columns={"q": LONG.replace('"', "").split(", ")})
+    guessed = [Finding("columns-guessed", "info", "", f"{k}: q is {LONG}.", remedy) for k in "ab"]
+    print_findings(guessed)
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("info columns-guessed") and "armid doctor" in line
+    print_findings(guessed, whole=True)
+    assert str(remedy) in capsys.readouterr().err
+    print_findings([replace(guessed[0], severity="warning")])
+    assert str(remedy) in capsys.readouterr().err
 
 
 def score(path: str, size: float) -> Score:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -11,6 +12,7 @@ import pytest
 
 from armid.errors import Finding
 from armid.measurement.log_format_remedies import lines
+from armid.remedy import NOTE
 from armid.report.data import trust
 from armid.report.data.page_data import PageData, gather
 from armid.report.data.residual_dependence import ResidualShares
@@ -145,15 +147,18 @@ def test_a_line_of_a_study_stays_one(material: PageData):
         ),
         Finding("b", "error", "q", "Turned.", lines(position_sign=[1, -1])),
         Finding("c", "warning", "", "Rests.", lines("nothing moves there", exclude=[[1.0, 2.0]])),
+        Finding("d", "error", "effort", "Small.", gains := lines("N·m/A", drive_gain=[12.345678] * 12)),
     )
     changed = replace(material, run=replace(material.run, estimate=replace(material.run.estimate, findings=findings)))
     wanted = judge_trust(changed).wanted
     assert {
-        'In the study: `physical = { prior = "log-det" }` in [estimation]: near the description',
+        'In [estimation] of the study (near the description): `physical = { prior = "log-det" }`',
         "In the study: `position_sign = [1, -1]`",
-        "In the study: `exclude = [[1.0, 2.0]]`: nothing moves there",
+        "In the study (nothing moves there): `exclude = [[1.0, 2.0]]`",
+        f"In the study (N·m/A): `{gains.partition(NOTE)[0]}`",
     } <= set(wanted)
     html = render(changed)
+    assert "</pre>" in html and not re.search(r"</pre>\s*:", html)  # no sentence begins with what followed a block
     assert "<code>position_sign = [1, -1]</code>" in html and "`" not in Page(html).prose
     doubted = judge_trust(changed).doubted
     assert doubted.index("q: Turned.") < doubted.index("Light.")  # what contradicts comes before what questions

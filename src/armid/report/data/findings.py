@@ -22,10 +22,13 @@ def evidence_words(finding: Finding) -> str:
 
 
 def remedy_words(finding: Finding) -> str:
-    """Remedy as a sentence with code in backticks; it may consist of lines of a study, with a note after `#`."""
+    """Remedy as a sentence with code in backticks; it may consist of lines of a study, with a note after `#`.
+
+    The code stands last, since long code becomes a block of its own, behind which no sentence can go on.
+    """
     remedy = finding.remedy
     if not isinstance(remedy, Remedy) or not remedy.keys:
         return remedy[:1].upper() + remedy[1:]
     lines = "`" + "\n".join(part.text for part in remedy.parts if isinstance(part, Assignment)) + "`"
-    table = f" in [{remedy.table}]" if remedy.table else ""
-    return f"In the study: {lines}{table}" + (f": {remedy.note}" if remedy.note else "")
+    where = f"In [{remedy.table}] of the study" if remedy.table else "In the study"
+    return f"{where}{f' ({remedy.note})' if remedy.note else ''}: {lines}"
