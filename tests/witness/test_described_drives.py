@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from armid.excitation.design.objective import CriterionGoal
+from armid.excitation.limits.joint_limits import limits_of
 from armid.model.base_parameters import find_base_parameters
 from armid.model.described_torque import described_torque
 from armid.model.dynamics import DynamicsModel
@@ -14,6 +15,7 @@ from armid.model.motion import Motion
 from armid.model.terms import RigidBody
 from armid.robot import load_robot
 from armid.study.plans.design import DesignConstraints, DesignGoal, SearchBudget, design_plan
+from armid.study.plans.torque_constraint import judged_torque
 
 TOLERANCE = 1e-12
 """Absolute, on torques of order one to a hundred N·m; rounding only."""
@@ -82,6 +84,25 @@ def test_friction_of_a_urdf_is_added_to_the_torque_of_its_links(tmp_path):
     described = torque_of(written('<dynamics damping="0.4"/>', '<dynamics damping="0.1" friction="3"/>'), q, dq, ddq)
     friction = np.array([0.4, 0.1]) * dq + np.array([0.0, 3.0]) * np.sign(dq)
     assert described - bare == pytest.approx(friction, abs=TOLERANCE)
+
+
+def test_a_value_that_every_joint_has_is_told_once(tmp_path):
+    links = "".join(map(URDF_LINK.format, "abc"))
+    same = '<dynamics damping="0.4" friction="3"/>'
+    for second, counted in (
+        (same, "viscous friction (0.4 N·m·s/rad at every joint), Coulomb friction (3 N·m at every joint)"),
+        (
+            '<dynamics damping="0.1"/>',
+            "viscous friction (j 0.4 N·m·s/rad, k 0.1 N·m·s/rad), Coulomb friction (j 3 N·m)",
+        ),
+    ):
+        joints = URDF_JOINT.format("j", "a", "b", same) + URDF_JOINT.format("k", "b", "c", second)
+        (tmp_path / "arm.urdf").write_text(f'<robot name="arm">{links}{joints}</robot>')
+        model = DynamicsModel(load_robot(tmp_path / "arm.urdf"), (RigidBody(),))
+        goal = CriterionGoal(model, find_base_parameters(model))
+        _, findings = judged_torque(goal, limits_of(model.robot), DesignConstraints())
+        (told,) = [each.evidence for each in findings if each.code == "torque-nominal"]
+        assert counted in told
 
 
 def test_a_plan_keeps_its_torque_limits_with_the_drives_of_mujoco(tmp_path):

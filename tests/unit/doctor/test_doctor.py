@@ -79,6 +79,21 @@ def test_findings_come_with_numbers_an_effect_and_a_remedy():
             assert finding.remedy and effects()[finding.code], finding
 
 
+def test_a_long_rest_is_not_proposed_for_exclusion():
+    """Rests of the whole arm show its weight; leaving them out takes information away."""
+    case = FAULTS["torque-sign"](0)
+    log = case.recording
+    assert log.time is not None and log.effort is not None
+    step = float(np.diff(log.time).mean())
+    start, still = log.samples // 3, int(2.0 / step)
+    held = np.concatenate([np.arange(start), np.full(still, start), np.arange(start, log.samples)])
+    effort = log.effort[held] + 1e-3 * np.random.default_rng(0).normal(size=(len(held), log.n))
+    time = log.time[0] + step * np.arange(len(held))
+    resting = replace(log, time=time, q=log.q[held], dq=None, ddq=None, effort=effort, valid=log.valid[held])
+    (found,) = (f for f in diagnose_recording(case.robot, resting, case.reading) if f.code == "standstill")
+    assert found.severity == "info" and "exclude" not in found.remedy and "they show gravity" in found.evidence
+
+
 def test_errors_come_first():
     found = examined(FAULTS["torque-sign"](0))
     assert [f.severity for f in found] == sorted((f.severity for f in found), key=("error", "warning", "info").index)

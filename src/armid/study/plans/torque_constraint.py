@@ -90,12 +90,13 @@ def _counted(robot: Robot) -> str:
     parts: list[str] = []
     for term, values in described_drives(robot).items():
         name, units = COUNTED[term]
-        entries = [
-            f"{joint.name} {value:g} {units[joint.is_prismatic]}"
+        texts = [
+            f"{value:g} {units[joint.is_prismatic]}" if value else ""
             for joint, value in zip(robot.joints, values, strict=True)
-            if value
         ]
-        parts += [f"{name} ({', '.join(entries)})"] if entries else []
+        entries = [f"{joint.name} {text}" for joint, text in zip(robot.joints, texts, strict=True) if text]
+        same = len(set(texts)) == 1 and robot.n > 1
+        parts += [f"{name} ({f'{texts[0]} at every joint' if same else ', '.join(entries)})"] if entries else []
     links = "torque is computed from the masses and inertias of the description"
     if not parts:
         return f"{links}, without rotor inertia and friction, because it contains none"
