@@ -52,7 +52,9 @@ def identify(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.Capt
 
 def refused(done: tuple[int, str, str], *words: str) -> None:
     code, out, err = done
-    assert (code, out) == (2, "") and err.startswith("error ") and err.count("error ") == 1
+    assert code == 2 and err.startswith("error ") and err.count("error ") == 1
+    told = json.loads(out)
+    assert told["exit_code"] == 2 and " ".join(told["error"].split()) in err and told.keys() >= {"possible", "remedy"}
     assert all(word in err for word in words), err
     assert " hint: " in err or " possible " in err  # what to do about it
     assert not Path("runs").exists()

@@ -550,9 +550,12 @@ def test_demo_as_the_thesis_does_it(armid: Armid):
 
 
 def assert_refused(done: Done, problem: str, help: str = "") -> None:
-    """Exit code 2 and one message on standard error, nothing on standard output."""
+    """Exit code 2 and one message on standard error, and nothing on standard output unless JSON is asked for."""
     err = " ".join(done.err.split())
-    assert (done.code, done.out) == (2, "")
+    assert done.code == 2
+    if done.out:
+        assert set(done.json) == {"error", "possible", "remedy", "exit_code"} and done.json["exit_code"] == 2
+        assert problem in f"{done.json['error']} {done.json['possible']} {done.json['remedy']}"
     assert err.startswith("error ") and err.count("error ") == 1
     assert problem in err and help in err
     assert "Traceback" not in err
@@ -599,6 +602,7 @@ def test_bad_input_is_one_message(
     for more in ((), ("--json",)):
         done = armid(*(argument.format(small=small, run=run) for argument in arguments), *more)
         assert_refused(done, problem, help)
+        assert bool(done.out) is bool(more)
     assert list(tmp_path.iterdir()) == []
 
 

@@ -5,6 +5,7 @@ Exit codes: 0 done, 1 a verdict failed, 2 bad input, 130 interrupted.
 
 from __future__ import annotations
 
+import json
 import re
 import sys
 from collections.abc import Callable
@@ -88,16 +89,23 @@ def main(arguments: list[str] | None = None) -> None:
         if isinstance(stream, TextIOWrapper):  # escapes what the terminal cannot show, as Greek letters
             stream.reconfigure(errors="backslashreplace")
     try:
-        parsed = _repeat_option("--validate", _join_numbers(raw_arguments))
-        app(parsed, prog_name="armid", standalone_mode=True)
+        app(_repeat_option("--validate", _join_numbers(raw_arguments)), prog_name="armid", standalone_mode=True)
     except ArmidError as error:
         from armid.cli.console import print_error
 
+        if "--json" in raw_arguments:
+            sys.stdout.write(json.dumps(_error_record(error), indent=1, ensure_ascii=False) + "\n")
+            sys.stdout.flush()
         print_error(error)
         sys.exit(BAD_INPUT)
     except (_StoppedError, KeyboardInterrupt):
         sys.stderr.write("interrupted; nothing was written\n")
         sys.exit(INTERRUPTED)
+
+
+def _error_record(error: ArmidError) -> dict[str, str | int]:
+    """Content of the output of any command with `--json` that ends with an error."""
+    return {"error": error.problem, "possible": error.possible, "remedy": error.remedy, "exit_code": BAD_INPUT}
 
 
 def _repeat_option(option: str, arguments: list[str]) -> list[str]:
