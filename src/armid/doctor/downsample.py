@@ -142,9 +142,9 @@ def downsample(recording: Recording, cutoff: float | None = None) -> Downsampled
     still: list[NDArray[np.bool_]] = []
     for piece in _ends(even):
         step = max(1, int(piece.rate / (THIN_RATE * cutoff)))
-        few = _decimated(piece, step)
-        if few.samples < 10 * int(few.rate / cutoff):
+        if -(-piece.samples // step) < 10 * int(piece.rate / step / cutoff):
             continue
+        few = _decimated(piece, step)
         run = run_of(few, differentiate(few, processing, given=False), processing)
         if run is not None:
             runs.append(run)

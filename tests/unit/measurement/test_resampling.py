@@ -140,3 +140,28 @@ def test_uniform_marks_samples_beside_a_bad_one():
     assert np.array_equal(np.flatnonzero(even.bad), [2, 3, 4])
     np.testing.assert_allclose(even.q[:, 0], np.arange(7.0), atol=1e-12)
     assert even.ddq is None and even.dq is not None
+
+
+def test_stamps_a_billionth_of_a_second_apart_between_gaps_make_no_long_filter():
+    t = clock(30.0)
+    t[1000:] += 1.0
+    t[1001:] += 1.0
+    t = np.insert(t, 1001, t[1000] + 1e-9)
+    runs, findings = process_recording(recording(t), ProcessingOptions())
+    assert len(runs) == 2 and codes(findings) == ["clock-gap", "clock-gap", "run-short"]
+    assert "2 samples in 2e-09 s, less than a period of the cut-off of 5 Hz" in findings[-1].evidence
+
+
+@pytest.mark.parametrize("unit", [1e-9, 1e-12])
+def test_a_clock_of_much_too_short_steps_is_refused_with_what_to_check(unit: float):
+    with pytest.raises(RecordingError, match=r"in 3e-\d+ s, less than a period of the cut-off") as caught:
+        process_recording(recording(clock(30.0) * unit), ProcessingOptions())
+    assert "`time_unit`" in caught.value.remedy
+
+
+@pytest.mark.parametrize("row", [1, 1500, -1])
+def test_a_stamp_far_away_is_a_gap_like_another(row: int):
+    t = clock(30.0)
+    t[row:] += 1e9
+    runs, findings = process_recording(recording(t), ProcessingOptions(), period="find")
+    assert findings[0].code == "clock-gap" and sum(run.motion.samples for run in runs) >= len(t) - 1

@@ -20,8 +20,17 @@ from armid.measurement.processing.differentiation import differentiate
 from armid.measurement.processing.options import ProcessingOptions
 from armid.measurement.processing.period import period_of
 from armid.measurement.processing.repetitions import average, check_closed, whole_periods, windows
-from armid.measurement.processing.resampling import Stretch, gather, is_even, jitter, resample_uniform, stretches
+from armid.measurement.processing.resampling import (
+    Stretch,
+    gather,
+    is_brief,
+    is_even,
+    jitter,
+    resample_uniform,
+    stretches,
+)
 from armid.measurement.processing.row_mask import edge_margin, moving, run_of, separate_rows
+from armid.measurement.processing.short_runs import brief_run, no_run_left, unusable_run
 from armid.measurement.processing.standstill import position_noise, standstill_findings, sticks_and_rests
 from armid.measurement.recording import Recording
 from armid.model.motion import Motion
@@ -117,28 +126,19 @@ def process_recording(
         pieces = _circles(pieces, processing, period, start, recording.source, findings)
     repeats = None if period is None or start is None or processing.average else (period, start)
     runs, still = list[ObservedRun](), list[tuple[NDArray[np.bool_], NDArray[np.bool_]]]()
-    for piece in pieces:
+    for piece in _long_enough(pieces, processing, recording.source, findings):
         margin, run = edge_margin(processing, piece.rate), None
         if piece.samples >= max(SHORTEST, 2 * margin + 1):
             motion = differentiate(piece, processing, given=given)
             run = run_of(piece, motion, processing, repeats, index, found=found)
         if run is None:
-            findings.append(_nothing_left(piece, margin, recording.source))
+            findings.append(unusable_run(piece, margin, recording.source))
         else:
             runs.append(run)
             still.append(sticks_and_rests(piece.q, piece.rate, noise, every=processing.standstill == "moving"))
     if not runs:
-        raise _no_row(recording, findings)
+        raise no_run_left(recording, findings)
     return _moving(runs, still, processing, recording, findings), tuple(findings)
-
-
-def _no_row(recording: Recording, findings: Sequence[Finding]) -> RecordingError:
-    """Error for a recording of which no row is left."""
-    return RecordingError(
-        f"no row is left for the estimation. {findings[-1].evidence}",
-        remedy="give a smaller `trim`, a higher `cutoff` or shorter `exclude` intervals, or record a longer motion.",
-        source=recording.source,
-    )
 
 
 def resolve_options(processing: ProcessingOptions, recordings: Sequence[Recording]) -> ProcessingOptions:
@@ -181,6 +181,17 @@ def _highest_cutoff(processing: ProcessingOptions) -> float | None:
     if processing.family == "none":
         return None
     return max(float(processing.cutoff), processing.motion_cutoff or 0.0)
+
+
+def _long_enough(
+    pieces: Sequence[Stretch], processing: ProcessingOptions, source: str, findings: list[Finding]
+) -> list[Stretch]:
+    """Stretches in which the filters fit; a finding is added about each of the others."""
+    if processing.family == "none":
+        return list(pieces)
+    lowest = min(float(processing.cutoff), processing.motion_cutoff or np.inf)
+    findings.extend(brief_run(piece, lowest, source) for piece in pieces if is_brief(piece, lowest))
+    return [piece for piece in pieces if not is_brief(piece, lowest)]
 
 
 def _without_saturated(
@@ -363,15 +374,3 @@ def _circles(
     for circle in circles:
         check_closed(circle, source)
     return circles
-
-
-def _nothing_left(piece: Stretch, margin: int, source: str) -> Finding:
-    return Finding(
-        "run-short",
-        "warning",
-        source,
-        f"No row of the run of {piece.samples / piece.rate:.3g} s from t = {piece.time[0]:.6g} s can be used: "
-        f"{margin / piece.rate:.3g} s at each end are left out, and {piece.bad.mean():.0%} of its samples are "
-        "masked.",
-        "The run was left out.",
-    )

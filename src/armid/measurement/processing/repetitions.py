@@ -39,7 +39,7 @@ def windows(stretch: Stretch, period: float, start: float) -> list[int]:
     """
     samples = round(period * stretch.rate)
     room = stretch.samples - samples
-    if room < 0:
+    if room < 0 or samples < 1:
         return []
     first = int(np.ceil((float(stretch.time[0]) - start) / period - SHORT / samples))
     result: list[int] = []

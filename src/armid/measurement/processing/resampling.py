@@ -44,6 +44,11 @@ CONTINUED = 3
 so that the spline has points on both sides."""
 
 
+BRIEF = 1.0
+"""Number of periods of a cut-off below which a stretch is too short for the filter. The length of a filter follows
+from the sample rate, and between two stamps a billionth of a second apart that rate has no bound."""
+
+
 @dataclass(frozen=True, eq=False, slots=True)
 class Stretch:
     """Consecutive samples without a gap.
@@ -110,6 +115,11 @@ def is_even(time: Array, number: NDArray[np.int64] | None = None) -> bool:
     """Tests whether samples were taken at a uniform rate; the arguments are those of `jitter`."""
     off = _unevenness(time, number)
     return float(np.std(off)) <= JITTER and float(np.abs(off).max(initial=0.0)) <= ASTRAY
+
+
+def is_brief(stretch: Stretch, cutoff: float) -> bool:
+    """Tests whether a stretch is too short for a filter with a cut-off [Hz]; its filter must then not be made."""
+    return stretch.samples * cutoff < BRIEF * stretch.rate
 
 
 def _unevenness(time: Array, number: NDArray[np.int64] | None) -> Array:

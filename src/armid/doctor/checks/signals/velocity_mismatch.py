@@ -13,7 +13,7 @@ from armid.maths.median import median
 from armid.maths.signal_derivatives import central_difference
 from armid.maths.signals import edge_samples, low_pass, zero_phase
 from armid.measurement.log_format_remedies import naming
-from armid.measurement.processing.resampling import resample_uniform, stretches
+from armid.measurement.processing.resampling import is_brief, resample_uniform, stretches
 from armid.measurement.recording import Recording
 from armid.values import Array
 
@@ -110,6 +110,8 @@ def _in_band(recording: Recording) -> tuple[Array, Array, Array, float]:
     for piece in stretches(recording, CUTOFF)[0]:
         even = resample_uniform(piece, None, 0.0, each=False)
         rate = even.rate
+        if is_brief(even, min(CUTOFF, 0.1 * rate)):
+            continue
         low = low_pass("butterworth", 4, min(CUTOFF, 0.1 * rate), rate)
         assert low is not None and even.dq is not None
         margin = edge_samples(low)

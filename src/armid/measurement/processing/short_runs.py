@@ -1,0 +1,44 @@
+"""Runs of which no row can be used, and the error if no other run is left."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from armid.errors import Finding, RecordingError
+from armid.measurement.processing.resampling import Stretch
+from armid.measurement.recording import Recording
+
+
+def brief_run(piece: Stretch, cutoff: float, source: str) -> Finding:
+    """Finding about a run that is shorter than a period of the cut-off [Hz]."""
+    return Finding(
+        "run-short",
+        "warning",
+        source,
+        f"The run from t = {piece.time[0]:.6g} s has {piece.samples} samples in {piece.samples / piece.rate:.3g} s, "
+        f"less than a period of the cut-off of {cutoff:g} Hz.",
+        "The run was left out.",
+    )
+
+
+def unusable_run(piece: Stretch, margin: int, source: str) -> Finding:
+    """Finding about a run whose rows are all left out, at its ends by `margin` samples each, or by its mask."""
+    return Finding(
+        "run-short",
+        "warning",
+        source,
+        f"No row of the run of {piece.samples / piece.rate:.3g} s from t = {piece.time[0]:.6g} s can be used: "
+        f"{margin / piece.rate:.3g} s at each end are left out, and {piece.bad.mean():.0%} of its samples are "
+        "masked.",
+        "The run was left out.",
+    )
+
+
+def no_run_left(recording: Recording, findings: Sequence[Finding]) -> RecordingError:
+    """Error for a recording of which no row is left."""
+    return RecordingError(
+        f"no row is left for the estimation. {findings[-1].evidence}",
+        remedy="give a smaller `trim`, a higher `cutoff` or shorter `exclude` intervals, or record a longer motion; "
+        "if the motion was longer than this, check the unit of the clock (`time_unit`) or the `rate`.",
+        source=recording.source,
+    )
