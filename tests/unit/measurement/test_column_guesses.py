@@ -49,6 +49,18 @@ HEADERS = {
         each("{}_position", "{}_torque", of=("Elbow", "turn", "lift")),
         {"q": each("{}_position", of=JOINTS), "effort": each("{}_torque", of=JOINTS)},
     ),
+    "turn_1_pos": (  # with an index beside the name of each joint
+        [
+            "Elbow_3_pos",
+            "turn_1_pos",
+            "lift_2_pos",
+            *each("{}_torque", of=("turn_joint_4", "lift_joint_5", "Elbow_joint_6")),
+        ],
+        {
+            "q": ["turn_1_pos", "lift_2_pos", "Elbow_3_pos"],
+            "effort": ["turn_joint_4_torque", "lift_joint_5_torque", "Elbow_joint_6_torque"],
+        },
+    ),
     "position.turn": (
         each("position.{}", "effort.{}", of=JOINTS),
         {"q": each("position.{}", of=JOINTS), "effort": each("effort.{}", of=JOINTS)},
@@ -322,6 +334,18 @@ def test_names_of_joints_choose_and_order_columns(tmp_path):
     again = read(path, **said)  # what is pasted says the same, and nothing is guessed any more
     np.testing.assert_array_equal(again.recording.q, Q)
     assert not again.findings and finding.severity == "info"
+
+
+def test_the_name_of_a_joint_wins_over_a_number_beside_it():
+    """Names of joints with numbers of their own, and behind them the index: wrist_1_joint_4_pos."""
+    joints = tuple(f"{name}_joint" for name in ("shoulder_pan", "elbow", "wrist_1", "wrist_2", "wrist_3"))
+    names = [f"{joint}_{k}_{what}" for what in ("pos", "vel", "effort") for k, joint in enumerate(joints)]
+    guess = guess_columns(names[::-1], ALL, wanted=joints, labels=joints)
+    assert isinstance(guess, Guess)
+    for quantity, what in (("q", "pos"), ("dq", "vel"), ("effort", "effort")):
+        assert guess.columns[quantity] == tuple(f"{joint}_{k}_{what}" for k, joint in enumerate(joints))
+    both = guess_columns([f"{j}_{k}_pos" for j in JOINTS for k in (1, 2)], ("q",), wanted=JOINTS, labels=JOINTS)
+    assert isinstance(both, ClockRequest)  # two sensors on each joint
 
 
 def test_a_part_of_the_joints_is_said_as_a_list(tmp_path):

@@ -16,6 +16,9 @@ MOTION = ("q", "dq", "ddq")
 
 Channel = str | int
 
+_Form = tuple[str, tuple[str, ...], bool, int]
+"""Key of a group of columns: quantity, words of the names, whether channels are numbers, and number of the copy."""
+
 
 @dataclass(frozen=True, slots=True)
 class Guess:
@@ -137,7 +140,7 @@ def _chosen(
 
 def _groups(names: Sequence[str], labels: Sequence[str], *, matrices: bool) -> list[_Group]:
     """Columns grouped by quantity and form of the name; a second column of a channel starts a group of its own."""
-    found: dict[tuple[str, tuple[str, ...], bool, int], dict[Channel, ColumnName]] = {}
+    found: dict[_Form, dict[Channel, ColumnName]] = {}
     for column in dict.fromkeys(names):
         for each in named(column, labels):
             if each.channel == "" and not matrices:
@@ -151,8 +154,29 @@ def _groups(names: Sequence[str], labels: Sequence[str], *, matrices: bool) -> l
             members[each.channel] = each
     return [
         _Group("effort" if quantity == "current" else quantity, quantity == "current", _in_order(members))
-        for (quantity, *_), members in found.items()
+        for (quantity, *_), members in _without_indices(found).items()
     ]
+
+
+def _without_indices(found: Mapping[_Form, dict[Channel, ColumnName]]) -> dict[_Form, dict[Channel, ColumnName]]:
+    """Groups of columns, joined where only an index beside the names of different joints sets their forms apart.
+
+    The name of a joint decides: `wrist_1_joint_4_pos` is a position of `wrist_1_joint`. Groups with columns of the
+    same joint stay apart, since their numbers then distinguish two sensors of a joint.
+    """
+    alike: dict[_Form, list[_Form]] = {}
+    for key in found:
+        quantity, form, by_number, copy = key
+        plain = form if by_number else tuple("#" if word.isdigit() else word for word in form)
+        alike.setdefault((quantity, plain, by_number, copy), []).append(key)
+    joined: dict[_Form, dict[Channel, ColumnName]] = {}
+    for plain, keys in alike.items():
+        channels = [channel for key in keys for channel in found[key]]
+        if len(keys) > 1 and len(set(channels)) == len(channels):
+            joined[plain] = {channel: each for key in keys for channel, each in found[key].items()}
+        else:
+            joined |= {key: found[key] for key in keys}
+    return joined
 
 
 def _in_order(members: Mapping[Channel, ColumnName]) -> dict[Channel, ColumnName]:
