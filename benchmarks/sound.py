@@ -180,7 +180,7 @@ def examined(name: str, robot: Robot, mode: Literal["inverse-dynamics", "closed-
     inside = run_checks(
         build_model(robot, ModelChoice()), [(choice, to_robot_convention(log, LogFormat(), robot).recording)]
     )
-    return Told(name, robot.n, mode, seed, found, tuple(inside), seconds)
+    return Told(name, robot.n, mode, seed, found, tuple(finding for _, finding in inside), seconds)
 
 
 def described(findings: tuple[Finding, ...]) -> str:

@@ -14,6 +14,7 @@ from armid.doctor.check_input import Explanation, LogEvidence
 from armid.doctor.log_check import LogCheck
 from armid.doctor.log_interpretation import LogState
 from armid.doctor.quick_fit import products
+from armid.doctor.reversals import away_from_reversals
 from armid.errors import Finding
 from armid.measurement.log_format_remedies import lines
 from armid.values import Array
@@ -70,11 +71,27 @@ def check(evidence: LogEvidence) -> list[Finding]:
 
 
 def explain(state: LogState) -> Explanation | None:
-    """Explanation by offsets of the positions; `None` if there are none."""
-    offset, deviation, after = offsets_of(state)
+    """Explanation by offsets of the positions; `None` if there are none.
+
+    Rows away from reversals are judged first, because stiction at reversals is much of the residual of all rows and
+    hides offsets of joints with little weight. All rows are judged next: more rows show offsets in slow motion.
+    """
+    moving = away_from_reversals(state)
+    judged = [each for each in (moving, state) if each.rows.mask.any()]
+    return next((found for each in judged if (found := _explanation(state, each)) is not None), None)
+
+
+def _explanation(state: LogState, judged: LogState) -> Explanation | None:
+    """Explanation by offsets that some rows of the log show; `None` if they show none.
+
+    Args:
+        state: The log with all rows.
+        judged: The log with the rows from which the offsets are estimated.
+    """
+    offset, deviation, after = offsets_of(judged)
     if not _are_sure(offset, deviation).any():
         return None
-    gain = state.fit.cost - after.fit.cost
+    gain = judged.fit.cost - after.fit.cost
     deviation = deviation * np.hypot(1.0, after.conflict / USUAL)
     sure = _are_sure(offset, deviation)
     known = state.nominal is not None
@@ -84,15 +101,18 @@ def explain(state: LogState) -> Explanation | None:
     only = np.where(sure, offset, 0.0)
     names = state.model.robot.joint_names
     listed = ", ".join(f"{names[j]} {offset[j]:+.3f} ± {deviation[j]:.3f}" for j in np.flatnonzero(sure))
+    corrected = after if judged is state else state.on(state.log.moved(offset))
+    where = "" if judged is state else " away from reversals"
     return Explanation(
         CODE,
-        max(gain, LOSS),
+        max(gain if judged is state else state.fit.cost - corrected.fit.cost, LOSS),
         "error" if gain >= ALONE or least > SUREST else "warning",
         ", ".join(names[j] for j in np.flatnonzero(sure)),
-        f"With offsets of {listed} rad added to the positions, the residual is {1 - np.exp(-max(gain, 0.0)):.0%} "
-        "smaller" + (", and the masses agree better with the description." if known else "."),
+        f"With offsets of {listed} rad added to the positions, the residual{where} is "
+        f"{1 - np.exp(-max(gain, 0.0)):.0%} smaller"
+        + (", and the masses agree better with the description." if known else "."),
         lambda evidence: lines(joint_offset=np.round(_given(evidence, state.rows.n) + only, 3) + 0.0),
-        after,
+        corrected,
     )
 
 
