@@ -23,6 +23,7 @@ CHECKS: Catalogue[LogCheck] = Catalogue(
         "gravity-direction": "armid.doctor.checks.dynamics.gravity_direction:CHECK",
         "channel-delay": "armid.doctor.checks.dynamics.channel_delay:CHECK",
         "position-offset": "armid.doctor.checks.dynamics.position_offset:CHECK",
+        "torque-gain": "armid.doctor.checks.dynamics.torque_gain:CHECK",
         "rotor-inertia-missing": "armid.doctor.checks.dynamics.rotor_inertia_missing:CHECK",
         "excitation-weak": "armid.doctor.checks.dynamics.excitation_weak:CHECK",
         "temperature-drift": "armid.doctor.checks.dynamics.temperature_drift:CHECK",
