@@ -175,6 +175,8 @@ def test_drive_gains_from_a_known_mass(armid: Armid):
         "payload", "currents/run", "currents/loaded.npz", "--mass", "0.8", "--com", "0.05", "0.02", "0.1"
     )
     assert code == 0 and "Drive gains" in out and "known" in out
+    words = " ".join(out.split())
+    assert "deviation of the drive gains, 10 %" in words and "hardly shows keeps nearly all of it" in words
 
 
 def test_uncertain_gains_are_in_the_interval_of_the_mass(armid: Armid):

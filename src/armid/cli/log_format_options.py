@@ -71,7 +71,11 @@ def _period(text: str | None) -> float | str | None:
     try:
         return float(text)
     except ValueError:
-        raise ArmidError(f"--period {text} is neither a time nor `none`.", possible="a number [s], none") from None
+        raise ArmidError(
+            f"--period {text} is neither a time nor `none`.",
+            possible="a number [s], none",
+            remedy="write for instance --period 8, or --period none if nothing repeats.",
+        ) from None
 
 
 def changed_reading(

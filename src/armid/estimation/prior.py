@@ -235,13 +235,15 @@ def _nominal(standard: StandardParameters) -> tuple[Array, tuple[Finding, ...]]:
         raise EstimationError(
             "A prior towards the description needs inertial parameters, but the description contains none.",
             possible='prior = "mass" or "none"',
+            remedy="choose one of these priors, or write mass and inertia of every link into the description.",
         )
     result, findings = standard.nominal[standard.inertial].copy(), list[Finding]()
     for link, mass in zip(standard.links, result[:, 0], strict=True):
         if not mass > 0.0:
             raise EstimationError(
                 f"In the description, the link {link} has the mass {mass:g} kg, which gives no prior.",
-                possible='prior = "mass" or "none", or known masses of all links',
+                possible='prior = "mass" or "none"',
+                remedy="choose one of these priors, or write mass and inertia of this link into the description.",
             )
     result, replaced = _without_placeholders(standard, result)
     findings.extend(replaced)

@@ -45,6 +45,7 @@ def in_use() -> str:
         raise ArmidError(
             f"The environment variable ARMID_KERNEL asks for {wanted!r}, which this machine does not support.",
             possible=", ".join(possible),
+            remedy="unset ARMID_KERNEL, which chooses the fastest of these.",
         )
     return wanted
 

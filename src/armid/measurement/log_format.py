@@ -10,7 +10,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from armid.errors import ArmidError, RecordingError
+from armid.errors import ArmidError, RecordingError, did_you_mean
 from armid.values import Array, array
 
 QUANTITIES = ("time", "q", "dq", "ddq", "effort")
@@ -220,7 +220,11 @@ def _set(log_format: LogFormat, name: str, value: Any) -> None:
 
 
 def _wrong(name: str, value: object, possible: str) -> RecordingError:
-    return RecordingError(f"{name} = {value!r} is not a valid value of the log format.", possible=possible)
+    return RecordingError(
+        f"{name} = {value!r} is not a valid value of the log format.",
+        possible=possible,
+        remedy=f"correct the value of {name}.",
+    )
 
 
 def _numbers(value: object, shape: tuple[int | None, ...] | None, name: str) -> Array:
@@ -294,7 +298,9 @@ def _columns(value: Any) -> dict[str, tuple[str, ...]]:
     for quantity, names in value.items():
         if quantity not in QUANTITIES:
             raise RecordingError(
-                f"The table `columns` cannot have the key {quantity!r}.", possible=", ".join(QUANTITIES)
+                f"The table `columns` cannot have the key {quantity!r}.",
+                possible=", ".join(QUANTITIES),
+                remedy=did_you_mean(quantity, QUANTITIES),
             )
         listed = tuple(names) if isinstance(names, list | tuple) else (names,)
         if not all(isinstance(name, str) for name in listed):

@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from armid.errors import ArmidError
+from armid.errors import ArmidError, did_you_mean
 
 Family = Literal["butterworth", "fir", "none"]
 Edges = Literal["drop", "periodic", "pad"]
@@ -39,9 +39,17 @@ class Band:
 
     def __post_init__(self) -> None:
         if self.family not in ("butterworth", "fir", "none"):
-            raise ArmidError(f"Unknown filter family {self.family!r}.", possible="butterworth, fir, none")
+            raise ArmidError(
+                f"Unknown filter family {self.family!r}.",
+                possible="butterworth, fir, none",
+                remedy=did_you_mean(self.family, ("butterworth", "fir", "none")),
+            )
         if self.edges not in ("drop", "periodic", "pad"):
-            raise ArmidError(f"Unknown treatment of edges {self.edges!r}.", possible="drop, periodic, pad")
+            raise ArmidError(
+                f"Unknown treatment of edges {self.edges!r}.",
+                possible="drop, periodic, pad",
+                remedy=did_you_mean(self.edges, ("drop", "periodic", "pad")),
+            )
         if self.family != "none" and not (self.cutoff > 0 and self.order >= 1):
             raise ArmidError(
                 f"A {self.family} filter needs a cut-off above zero and an order of at least one; found "

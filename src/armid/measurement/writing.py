@@ -43,7 +43,11 @@ def save_recording(recording: Recording, path: Path | str) -> Path:
     path = Path(path)
     writer = WRITERS.get(path.suffix.lower())
     if writer is None:
-        raise OutputError(f"{path} has a suffix for which no format can be written.", possible=", ".join(WRITERS))
+        raise OutputError(
+            f"{path} has a suffix for which no format can be written.",
+            possible=", ".join(WRITERS),
+            remedy="give the file one of these suffixes.",
+        )
     return replace_file(path, writer(recording))
 
 

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from armid.errors import ModelError
+from armid.errors import ModelError, did_you_mean
 from armid.values import Array
 
 
@@ -218,6 +218,7 @@ def evaluate(expression: Expression, environment: Mapping[str, Array | float]) -
             raise ModelError(
                 f"No value is given for the symbol {head!r} of the expression.",
                 possible=", ".join(sorted(environment)),
+                remedy=did_you_mean(head, environment) or "give a value for it.",
             )
         return np.asarray(environment[head])
     return np.asarray(FUNCTIONS[head].value(*(evaluate(a, environment) for a in arguments)))

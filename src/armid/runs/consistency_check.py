@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from armid.errors import ArmidError, Finding, ModelError
+from armid.errors import ArmidError, Finding, ModelError, did_you_mean
 from armid.estimation.estimate import collapse
 from armid.estimation.standard_parameter_status import StandardFit
 from armid.maths.inertia import com_inertia_to_vector, pseudo_inertia, vector_to_com_inertia
@@ -289,6 +289,7 @@ def _physical(robot: Robot, values: Mapping[str, float], motion: Motion | None, 
             f"The names are not the physical parameters of {robot.name}: "
             f"{', '.join((missing or unknown)[:8])} {'missing' if missing else 'not known'}.",
             possible=", ".join(wanted[:10]) + ", … for every link; Fv_1, Fs_1, …",
+            remedy="add the missing parameters." if missing else did_you_mean(unknown[0], wanted),
         )
     model = _model_of(robot, friction)
     theta = np.zeros(len(model.parameters))

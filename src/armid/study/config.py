@@ -107,7 +107,8 @@ class RecordingChoice:
     def __post_init__(self) -> None:
         _require(_are_texts([self.path]), "path", "text", self.path)
         if self.role not in ("train", "validate"):
-            raise StudyError(f"{self.path}: unknown role {self.role!r}.", possible="train, validate")
+            problem, roles = f"{self.path}: unknown role {self.role!r}.", ("train", "validate")
+            raise StudyError(problem, possible=", ".join(roles), remedy=did_you_mean(self.role, roles))
         _require(_are_numbers(self.part, 2), "part", "two numbers", self.part)
         low, high = self.part
         if not 0.0 <= low < high <= 1.0:
@@ -269,10 +270,9 @@ def build_model(robot: Robot, choice: ModelChoice, *, motor_side: bool = False) 
     names = tuple(name for each in asked for name in (further if each == DEFAULT else (each,)))
     for name in choice.shapes:
         if name not in names:
-            raise StudyError(
-                f"The table [model] gives options of {name!r}, but this is not one of its terms.",
-                possible=", ".join(names),
-            )
+            problem = f"The table [model] gives options of {name!r}, but this is not one of its terms."
+            remedy = did_you_mean(name, names) or f"add {name!r} to terms, or remove its options."
+            raise StudyError(problem, possible=", ".join(names), remedy=remedy)
     tables = {name: _tables(choice.shapes.get(name, {})) for name in names}
     terms: list[Term] = []
     for k, name in enumerate(names):
@@ -375,7 +375,7 @@ def _known(table: object, known: Iterable[str], where: str) -> None:
     """Refuses a value that is not a table, and unknown keys."""
     known = list(known)
     if not isinstance(table, Mapping):
-        raise StudyError(f"{where} must be a table; found {table!r}.", possible=", ".join(known))
+        raise StudyError(f"{where} must be a table; found {table!r}.", remedy=f"give {', '.join(known)} in it.")
     for key in table:
         if key not in known:
             raise StudyError(

@@ -128,7 +128,10 @@ def stated_problem(prepared: Prepared) -> EstimationProblem:
     if not asked:
         return problem
     if len(np.unique(problem.information.recording)) < 2:
-        raise StudyError(f"`{asked[0]}` needs at least two training recordings.")
+        raise StudyError(
+            f"`{asked[0]}` needs at least two training recordings.",
+            remedy="add another training recording, or leave this key out.",
+        )
     offsets = np.isin(problem.information.names, offset_names(prepared.model))
     own = changing_parameters(prepared.model)[prepared.base.kept] if choice.friction_per_recording else offsets
     return replace(problem, information=separate_by_recording(problem.information, own))

@@ -288,7 +288,11 @@ def _cutoff(text: str | None) -> float | str | None:
     try:
         return float(text)
     except ValueError:
-        raise StudyError(f"--cutoff {text} is not a frequency.", possible="a number [Hz], auto") from None
+        raise StudyError(
+            f"--cutoff {text} is not a frequency.",
+            possible="a number [Hz], auto",
+            remedy="write for instance --cutoff 10.",
+        ) from None
 
 
 def _overridden(

@@ -92,6 +92,8 @@ def _report(payload: Payload) -> None:
         )
     console.print(_parameters(record))
     console.print(escape(intervals_line(payload.load.solution.fit)))
+    if (reason := _reason_of_width(payload)) != "":
+        console.print(escape(reason))
     if record["gains"] is None:
         return
     table = Table(title="Drive gains")
@@ -107,6 +109,21 @@ def _report(payload: Payload) -> None:
             _interval(100 * each["interval95"], 1) if determined else "-",
         )
     console.print(table)
+
+
+def _reason_of_width(payload: Payload) -> str:
+    """Line about the deviation of the drive gains, which widens the intervals; empty if the gains are exact."""
+    deviation = payload.new_recordings.new.scale_deviation
+    if not deviation.any():
+        return ""
+    low, high = 100 * float(deviation.min()), 100 * float(deviation.max())
+    assumed = f"{high:.3g} %" if low == high else f"{low:.3g} to {high:.3g} %"
+    line = (
+        f"intervals are wide by the deviation of the drive gains, {assumed} (drive_gain_deviation, --gain-deviation)"
+    )
+    if payload.gains is None:
+        return line
+    return f"{line}; a gain that the load hardly shows keeps nearly all of it"
 
 
 def _body(payload: Payload) -> Table:

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from armid.errors import EstimationError
+from armid.errors import EstimationError, did_you_mean
 from armid.estimation.consistency.cones import consistency_cones, smallest_eigenvalues
 from armid.estimation.problem import StandardParameters
 from armid.maths.conic_solver import Cone
@@ -255,13 +255,19 @@ def _link(standard: StandardParameters, key: str, option: str) -> int:
     """Row of a link, given by its number, among the inertial parameters."""
     numbers = [str(standard.names[own[0]].number) for own in standard.inertial]
     if str(key) not in numbers:
-        raise EstimationError(f"The option `{option}` contains an unknown link {key!r}.", possible=", ".join(numbers))
+        raise EstimationError(
+            f"The option `{option}` contains an unknown link {key!r}.",
+            possible=", ".join(numbers),
+            remedy="name a link by its number, counted from 1 at the base.",
+        )
     return numbers.index(str(key))
 
 
 def _position(position: Mapping[str, int], name: str, option: str) -> int:
     if name not in position:
         raise EstimationError(
-            f"The option `{option}` contains an unknown parameter {name!r}.", possible=", ".join(position)
+            f"The option `{option}` contains an unknown parameter {name!r}.",
+            possible=", ".join(position),
+            remedy=did_you_mean(name, position),
         )
     return position[name]

@@ -25,7 +25,7 @@ from typing import ClassVar, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from armid.errors import EstimationError, Finding
+from armid.errors import EstimationError, Finding, did_you_mean
 from armid.estimation.crossvalidation import held_out_squares
 from armid.estimation.estimators.wls import WeightedLeastSquares
 from armid.estimation.fit_result import Fit
@@ -59,14 +59,22 @@ class EssentialParameters:
 
     def __post_init__(self) -> None:
         if self.criterion not in ("pham-gautier", "bic"):
-            raise EstimationError(f"Unknown criterion {self.criterion!r}.", possible="pham-gautier, bic")
+            raise EstimationError(
+                f"Unknown criterion {self.criterion!r}.",
+                possible="pham-gautier, bic",
+                remedy=did_you_mean(self.criterion, ("pham-gautier", "bic")),
+            )
         if not self.ratio >= 1.0:
             raise EstimationError(
-                f"The option `ratio` must be at least 1; found {self.ratio!r}.", possible="10 to 30"
+                f"The option `ratio` must be at least 1; found {self.ratio!r}.",
+                possible="1 or more",
+                remedy="use a value from 10 to 30.",
             )
         if not self.price >= 0.0:
             raise EstimationError(
-                f"The option `price` must be at least 0; found {self.price!r}.", possible="0.003, inf"
+                f"The option `price` must be at least 0; found {self.price!r}.",
+                possible="0 or more, inf",
+                remedy="use 0.003, or leave the option out.",
             )
 
     @one_blas_thread

@@ -79,7 +79,9 @@ class LogCholesky:
     def __post_init__(self) -> None:
         if self.prior not in ("mass", "none"):
             raise EstimationError(
-                f"The option `prior` must be mass or none; found {self.prior!r}.", possible="mass, none"
+                f"The option `prior` must be mass or none; found {self.prior!r}.",
+                possible="mass, none",
+                remedy='use "mass", unless the data determine all parameters.',
             )
         for option in ("starts", "evaluations"):
             if not isinstance(getattr(self, option), int) or getattr(self, option) < 1:

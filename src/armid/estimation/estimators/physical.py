@@ -15,7 +15,7 @@ from typing import Any, ClassVar, Literal
 
 import numpy as np
 
-from armid.errors import EstimationError, Finding, UnsolvedError
+from armid.errors import EstimationError, Finding, UnsolvedError, did_you_mean
 from armid.estimation.consistency.cones import EPSILON
 from armid.estimation.consistency.consistent_fit import ConsistentProgram
 from armid.estimation.consistency.constraints import Requirements
@@ -93,7 +93,9 @@ class PhysicallyConsistent:
 
     def __post_init__(self) -> None:
         if self.prior not in PRIORS:
-            raise EstimationError(f"Unknown prior {self.prior!r}.", possible=", ".join(PRIORS))
+            raise EstimationError(
+                f"Unknown prior {self.prior!r}.", possible=", ".join(PRIORS), remedy=did_you_mean(self.prior, PRIORS)
+            )
         if self.weight != "auto" and not (_number(self.weight) and 0.0 < self.weight < math.inf):
             raise EstimationError(f"The option `weight` must be auto or a positive number; found {self.weight!r}.")
         if not (_number(self.epsilon) and 0.0 < self.epsilon < 1.0):

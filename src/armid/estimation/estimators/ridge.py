@@ -19,7 +19,7 @@ from typing import ClassVar, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from armid.errors import EstimationError, Finding
+from armid.errors import EstimationError, Finding, did_you_mean
 from armid.estimation.crossvalidation import folds, held_out_error, held_out_squares, split
 from armid.estimation.fit_result import Fit
 from armid.estimation.least_squares import solve
@@ -57,11 +57,15 @@ class Ridge:
     def __post_init__(self) -> None:
         if self.towards not in ("auto", "nominal", "zero"):
             raise EstimationError(
-                f"The option `towards` has the unknown value {self.towards!r}.", possible="auto, nominal, zero"
+                f"The option `towards` has the unknown value {self.towards!r}.",
+                possible="auto, nominal, zero",
+                remedy=did_you_mean(self.towards, ("auto", "nominal", "zero")),
             )
         if self.weight != "auto" and not 0.0 <= self.weight < np.inf:
             raise EstimationError(
-                f"The option `weight` must be at least 0; found {self.weight!r}.", possible="auto, a number"
+                f"The option `weight` must be at least 0; found {self.weight!r}.",
+                possible="auto, a number",
+                remedy='use "auto", which finds the weight from the data.',
             )
 
     @one_blas_thread

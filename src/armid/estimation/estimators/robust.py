@@ -25,7 +25,7 @@ from typing import ClassVar, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from armid.errors import EstimationError, Finding
+from armid.errors import EstimationError, Finding, did_you_mean
 from armid.estimation.crossvalidation import held_out_squares
 from armid.estimation.estimators.wls import RESOLUTION, WeightedLeastSquares
 from armid.estimation.fit_result import Fit
@@ -84,10 +84,16 @@ class RobustLeastSquares:
 
     def __post_init__(self) -> None:
         if self.loss not in ("huber", "tukey"):
-            raise EstimationError(f"Unknown loss {self.loss!r}.", possible="huber, tukey")
+            raise EstimationError(
+                f"Unknown loss {self.loss!r}.",
+                possible="huber, tukey",
+                remedy=did_you_mean(self.loss, ("huber", "tukey")),
+            )
         if self.constant is not None and not 0.0 < self.constant < np.inf:
             raise EstimationError(
-                f"The option `constant` must be above 0; found {self.constant!r}.", possible="1.345, 4.685"
+                f"The option `constant` must be above 0; found {self.constant!r}.",
+                possible="a number above 0",
+                remedy="leave the option out, which gives 1.345 for huber and 4.685 for tukey.",
             )
 
     @one_blas_thread

@@ -17,7 +17,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from armid.errors import EstimationError, Finding, MissingExtraError
+from armid.errors import EstimationError, Finding, MissingExtraError, did_you_mean
 from armid.estimation.fit_result import Fit
 from armid.estimation.per_recording import standard_per_recording
 from armid.estimation.physical_fit import PhysicalEstimate, fit_of
@@ -77,7 +77,11 @@ class ThesisNLP:
     def __post_init__(self) -> None:
         unknown = [c for c in self.constraints if c not in CONSTRAINTS]
         if unknown:
-            raise EstimationError(f"Unknown constraint {unknown[0]!r}.", possible=", ".join(CONSTRAINTS))
+            raise EstimationError(
+                f"Unknown constraint {unknown[0]!r}.",
+                possible=", ".join(CONSTRAINTS),
+                remedy=did_you_mean(unknown[0], CONSTRAINTS),
+            )
         for option in ("mass", "moment"):
             bounds = getattr(self, option)
             if len(bounds) != 2 or not 0.0 < bounds[0] < bounds[1]:

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from armid.errors import Finding, RecordingError
+from armid.errors import Finding, RecordingError, did_you_mean
 from armid.maths.median import median
 from armid.measurement.columns.joint_names import comparison
 from armid.measurement.log_format import LogFormat
@@ -67,6 +67,7 @@ def _targets(recording: Recording, log_format: LogFormat, robot: Robot) -> list[
         raise RecordingError(
             f"{recording.source}: the key `joints` names channels that the file does not have: {', '.join(unknown)}.",
             possible=", ".join(channels),
+            remedy=did_you_mean(unknown[0], channels) or "use the names of the channels in the file.",
         )
     if recording.joint_names or given:
         targets = [given.get(name, name if recording.joint_names else "?") for name in channels]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from armid.errors import StudyError
+from armid.errors import StudyError, did_you_mean
 from armid.measurement.low_pass_band import Band, Edges, Family
 from armid.remedy import Remedy, setting
 
@@ -122,6 +122,7 @@ def _choice(name: str, value: object, known: tuple[object, ...]) -> None:
         raise StudyError(
             f"{name} = {value!r} is not known.",
             possible=", ".join(str(one) for one in known if one is not None),
+            remedy=did_you_mean(value, [str(one) for one in known if one is not None]),
         )
 
 

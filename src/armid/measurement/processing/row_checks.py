@@ -100,6 +100,7 @@ def _check_exclude(recording: Recording, log_format: LogFormat) -> None:
                 f"the interval [{t0:g}, {t1:g}] s of the key `exclude` lies outside the time of the recording.",
                 source=recording.source,
                 possible=f"times from {recording.time[0]:g} to {recording.time[-1]:g} s",
+                remedy="give the interval on the clock of this recording, or remove it.",
             )
 
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from armid.errors import Finding, MissingExtraError, RecordingError
+from armid.errors import Finding, MissingExtraError, RecordingError, did_you_mean
 from armid.measurement.bag_paths import opened
 from armid.measurement.joint_states import FIELDS, JointStates, Publisher, collect, joined, names_of
 from armid.measurement.log_format import LogFormat
@@ -118,7 +118,11 @@ def _candidates(kinds: Mapping[str, str], log_format: LogFormat, path: Path) -> 
             return [[log_format.topic]]
         kind = kinds.get(log_format.topic)
         problem = f"contains {kind}, which is not a type of joint states" if kind else "is not in the bag"
-        raise RecordingError(f"{path}: topic {log_format.topic} {problem}.", possible=", ".join(known) or "none")
+        raise RecordingError(
+            f"{path}: topic {log_format.topic} {problem}.",
+            possible=", ".join(known) or "none",
+            remedy=did_you_mean(log_format.topic, known) or "leave the key `topic` out, or name one of these topics.",
+        )
     if not known:
         listed = ", ".join(f"{name} ({kind})" for name, kind in sorted(kinds.items()))
         raise RecordingError(

@@ -10,7 +10,7 @@ import re
 from collections.abc import Callable, Mapping
 from typing import Any, Literal, get_args
 
-from armid.errors import ArmidError
+from armid.errors import ArmidError, did_you_mean
 from armid.report.plots.encoding import packed
 from armid.report.plots.plot_data import Plot, PlotTrace
 from armid.report.rendering import text_of
@@ -155,7 +155,7 @@ def colours(theme: Theme) -> dict[str, str]:
     blocks = re.findall(r":root[^{]*{(.*?)}", text_of("theme.css"), re.DOTALL)
     themes = dict(zip(get_args(Theme), blocks, strict=True))
     if theme not in list(themes):
-        raise ArmidError(f"Unknown theme {theme!r}.", possible=", ".join(themes))
+        raise ArmidError(f"Unknown theme {theme!r}.", possible=", ".join(themes), remedy=did_you_mean(theme, themes))
     return dict(re.findall(r"--([\w-]+):\s*([^;]+);", themes[theme]))
 
 

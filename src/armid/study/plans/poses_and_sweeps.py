@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from armid.errors import ArmidError, Finding
+from armid.errors import ArmidError, Finding, did_you_mean
 from armid.excitation.certification import UNITS, Margin
 from armid.excitation.collision.closest_approach import ClosestApproach, closest_approaches
 from armid.excitation.collision.collision_model import CollisionOptions
@@ -124,7 +124,11 @@ def design_moves(model: DynamicsModel, goal: MovesGoal, constraints: DesignConst
     """
     robot, base = model.robot, find_base_parameters(model)
     if goal.kind not in ("poses", "sweeps"):
-        raise ArmidError(f"Unknown kind of motion {goal.kind!r}.", possible="series, poses, sweeps")
+        raise ArmidError(
+            f"Unknown kind of motion {goal.kind!r}.",
+            possible="series, poses, sweeps",
+            remedy=did_you_mean(goal.kind, ("series", "poses", "sweeps")),
+        )
     if constraints.workspace is not None:
         raise ArmidError(
             f"A box for the tip can only be kept by a series, not by {goal.kind}.",

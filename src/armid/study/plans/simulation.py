@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from armid.errors import OutputError
+from armid.errors import OutputError, did_you_mean
 from armid.excitation.fourier import Excitation
 from armid.lab.known_arms import truth_of
 from armid.lab.options import LabOptions
@@ -54,7 +54,9 @@ def refuse_format(name: str) -> str:
     suffix = "." + name.lstrip(".")
     if suffix not in WRITERS:
         raise OutputError(
-            f"Recordings cannot be written in the format {name!r}.", possible=", ".join(s[1:] for s in WRITERS)
+            f"Recordings cannot be written in the format {name!r}.",
+            possible=", ".join(s[1:] for s in WRITERS),
+            remedy=did_you_mean(suffix[1:], (s[1:] for s in WRITERS)),
         )
     return suffix
 

@@ -241,6 +241,7 @@ def _checked_start(robot: Robot, limits: Limits, given: Array) -> Array:
         raise ArmidError(
             f"The start pose has {start.size} numbers, but {robot.name} has {robot.n} joints.",
             possible=f"one number for each joint, in this order: {', '.join(robot.joint_names)}",
+            remedy="give as many numbers, or leave the start pose out, so that one is found.",
         )
     for name, q, low, high in zip(robot.joint_names, start, limits.lower, limits.upper, strict=True):
         if not low < q < high:
