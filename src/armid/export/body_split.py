@@ -126,6 +126,6 @@ def _emptied(name: str, carrier: str) -> Finding:
         "mesh-mass-removed",
         "info",
         name,
-        f"other programs would compute its inertia from meshes; it is written without inertia, and {carrier} gets "
-        "the inertia of the whole link",
+        f"the description gives this body no inertia, so other programs would compute one from its meshes; {carrier} "
+        "has the identified inertia of the whole link in the file, so this body is written without inertia",
     )

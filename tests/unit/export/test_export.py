@@ -126,7 +126,7 @@ def test_an_mjcf_keeps_its_text_and_gets_attributes(tmp_path: Path):
         r"<joint name=\"a\" axis=\"0 0 1\" damping='\S+' range=\"-90 90\" frictionloss=\"\S+\" arm", found
     )
     assert '<inertial pos="0.0 0.0 0.0" mass="0.0" diaginertia="0.0 0.0 0.0"/><geom mesh="shell"/></body>' in found
-    assert codes(exported)["mesh-mass-removed"].startswith("cover: other programs would compute its inertia")
+    assert codes(exported)["mesh-mass-removed"].startswith("cover: the description gives this body no inertia")
     assert "ball keeps the inertia of the description" in codes(exported)["difference-taken"]
 
 

@@ -40,7 +40,7 @@ def read(content: bytes) -> SampledMotion:
     names = [name.strip().removeprefix("q_") for name in header.split(",") if name.startswith("q_")]
     if not names:
         raise ArmidError(
-            "This is not a motion table: its header has no column q_JOINT.",
+            "The file was read as a motion of armid excite in CSV, but its header has no column q_JOINT.",
             remedy="give a file that armid excite has written.",
         )
     values = number_rows(rows, 1 + 3 * len(names))

@@ -56,7 +56,8 @@ def read(content: bytes) -> SampledMotion:
         joints = tuple(str(name) for name in np.atleast_1d(values["joints"]))
     except (MatReadError, ValueError, KeyError, TypeError, OSError, RuntimeError) as error:
         raise ArmidError(
-            f"This is not a motion file of armid: {error}.", remedy="give a file that armid excite has written."
+            f"The file was read as a motion of armid excite in MAT, but this fails: {error}.",
+            remedy="give a file that armid excite has written.",
         ) from error
     plan = str(values["plan"]) if "plan" in values else ""
     return SampledMotion("", joints, (False,) * len(joints), Motion(time, *states), plan)

@@ -79,7 +79,8 @@ def number_rows(text: str, columns: int | None = None) -> Array:
         rows = np.array([[float(x) for x in line.split(",")] for line in text.splitlines() if line.strip()])
     except ValueError as error:
         raise ArmidError(
-            f"These are not rows of numbers: {error}.", remedy="give a file that armid excite has written."
+            f"The file was read as a motion of armid excite, but a row has something else than numbers: {error}.",
+            remedy="give a file that armid excite has written.",
         ) from error
     if rows.ndim != 2 or not len(rows) or (columns is not None and rows.shape[1] != columns):
         found = f"{len(rows)} rows of {rows.shape[1]}" if rows.ndim == 2 else "none"

@@ -53,7 +53,8 @@ def read(content: bytes) -> SampledMotion:
     found = SERVO.findall(text)
     if not found:
         raise ArmidError(
-            "This is not a URScript program with servoj.", remedy="give a file that armid excite has written."
+            "The file was read as a URScript program of armid excite, but it has no command servoj.",
+            remedy="give a file that armid excite has written.",
         )
     q = number_rows("\n".join(row for row, _ in found), JOINTS)
     motion = states_of_positions(np.arange(float(len(q))) * float(found[0][1]), q)
