@@ -81,3 +81,20 @@ def test_torque_is_checked_where_all_moved_masses_are_known(tmp_path: Path):
 def both(robot: Robot):
     model = DynamicsModel(robot, (RigidBody(),))
     return model, find_base_parameters(model)
+
+
+def test_masses_of_meshes_that_are_missing_are_said_to_be_unknown_not_absent(tmp_path):
+    path = tmp_path / "arm.xml"
+    path.write_text(
+        '<mujoco><asset><mesh name="m" file="no.stl"/></asset><worldbody><body name="a">'
+        '<joint name="j" range="-60 60" actuatorfrcrange="-9 9"/><geom type="mesh" mesh="m" mass="2"/></body>'
+        "</worldbody></mujoco>"
+    )
+    model = DynamicsModel(load_robot(path), (RigidBody(),))
+    goal = CriterionGoal(model, find_base_parameters(model))
+    _, findings = judged_torque(
+        goal, limits_of(model.robot, {("j", "velocity"): 1.0}), DesignConstraints(torque_margin=0.1)
+    )
+    (said,) = [each for each in findings if each.code == "torque-unknown"]
+    assert "has no masses" not in said.evidence and f"{tmp_path / 'no.stl'} does not exist" in said.evidence
+    assert said.channel == "a" and "--after" in said.remedy

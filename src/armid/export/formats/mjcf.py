@@ -97,7 +97,7 @@ def whole(path: Path, data: bytes, folder: Path | None = None) -> tuple[bytes, t
 
 def bodies(source: DescriptionSource, raw: Robot, robot: Robot) -> list[Body]:
     """Moving bodies of an MJCF; parents come before their children."""
-    plain = _plain(source.data, source.locked)
+    plain = _plain(source.data, source.locked, Path(source.path).resolve().parent)
     model = _model(plain)
     frames = {f.name: f for f in model.frames if f.type.name == "BODY"}
     # The plain form splits a body with several joints; only the last part is a body of the file.
@@ -151,10 +151,10 @@ def witnesses(data: bytes, content: Content, q: Array, dq: Array, ddq: Array) ->
     ]
 
 
-def _plain(data: bytes, locked: Mapping[str, float]) -> Plain:
-    """Converts a description to plain form."""
+def _plain(data: bytes, locked: Mapping[str, float], folder: Path | None = None) -> Plain:
+    """Converts a description, whose meshes lie in a folder, to plain form."""
     root = flatten(parse_xml(data.decode(), "the description"), "the description")
-    return plain_mjcf(root, "the description", locked)
+    return plain_mjcf(root, "the description", locked, folder=folder)
 
 
 def _model(plain: Plain) -> Any:

@@ -2,25 +2,26 @@
 
 Pinocchio's parser ignores includes, gravity, all trees except the first, disabled limits and some forms of
 orientation. If an inertia must be computed from a mesh, it assumes a unit mass. This conversion resolves includes and
-default classes, converts angles to radians, splits bodies with several joints into bodies with one joint each, and
-puts all bodies below one root body.
+default classes, converts angles to radians, computes inertias from meshes, splits bodies with several joints into
+bodies with one joint each, and puts all bodies below one root body.
 """
 
 from __future__ import annotations
 
-import math
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from itertools import count
 from pathlib import Path
 
-import numpy as np
-
 from armid.errors import Finding, RobotError
-from armid.maths.spatial import axis_rotation, rotation_x, rotation_y, rotation_z
+from armid.maths.inertia import vector_to_com_inertia
 from armid.robot.described_drive import DescribedDrive, drive_of
+from armid.robot.mjcf.geom_inertia import heavy_geoms, inertia_of_geoms, is_solid, stated_mass
 from armid.robot.mjcf.joints import check_equalities, joints_of
+from armid.robot.mjcf.mesh_assets import MeshAssets, mesh_assets
+from armid.robot.mjcf.mesh_files import UncomputableError
+from armid.robot.mjcf.settings import POSE, Settings, settings_of
 from armid.robot.pinocchio_model import DescribedLimits, limits_of
 from armid.robot.robot import EARTH_GRAVITY
 from armid.robot.xml import floating, identity_only, numbers, parse_xml
@@ -29,14 +30,23 @@ from armid.values import Array
 REFUSED_ELEMENTS = ("frame", "replicate", "composite", "flexcomp", "attach")
 IGNORED_COMPILER = ("boundmass", "boundinertia", "balanceinertia", "settotalmass")
 ACTUATORS = ("general", "motor", "position", "velocity", "intvelocity", "damper", "cylinder", "muscle", "adhesion")
-PRIMITIVES = ("sphere", "capsule", "ellipsoid", "cylinder", "box")
-MASSLESS = ("plane", "hfield")
-POSE = {"pos": 3, "quat": 4, "xyaxes": 6, "zaxis": 3}
-"""Attributes of a pose that Pinocchio reads correctly, with their numbers of values."""
 INERTIAL = {"mass": 1, "diaginertia": 3, "fullinertia": 6}
 DRIVE = {"rotor_inertia": "armature", "viscous": "damping", "coulomb": "frictionloss"}
 """Attributes of a joint for the values of `DescribedDrive`."""
 GEOM = {"fromto": 6, "mass": 1, "density": 1}
+
+
+@dataclass(frozen=True, slots=True)
+class Uncomputed:
+    """Inertia of a body that could not be computed.
+
+    Attributes:
+        mass: Sum of the masses that the geoms state [kg]; `None` if a mass follows from a volume.
+        reason: Reason, for messages.
+    """
+
+    mass: float | None
+    reason: str
 
 
 @dataclass(slots=True)
@@ -52,9 +62,9 @@ class Plain:
             the name of its body, which is empty for the world.
         sites: Named sites, in the same form as `geoms`. They are not in `text`, because Pinocchio misplaces sites of
             fixed bodies.
-        uncomputed: Bodies whose inertia follows from meshes or shells, so that it is not in `text`, with the sum of
-            the masses that their geoms state [kg]; `None` if a mass follows from a volume.
+        uncomputed: Bodies whose inertia follows from geoms and could not be computed, so that it is not in `text`.
         drives: Rotor inertia and friction by joint.
+        meshes: Meshes of the document.
     """
 
     text: str
@@ -63,8 +73,9 @@ class Plain:
     findings: tuple[Finding, ...]
     geoms: tuple[tuple[str, ET.Element], ...] = ()
     sites: tuple[tuple[str, ET.Element], ...] = ()
-    uncomputed: Mapping[str, float | None] = field(default_factory=dict[str, float | None])
+    uncomputed: Mapping[str, Uncomputed] = field(default_factory=dict[str, Uncomputed])
     drives: Mapping[str, DescribedDrive] = field(default_factory=dict[str, DescribedDrive])
+    meshes: MeshAssets | None = None
 
 
 def flatten(root: ET.Element, source: str) -> ET.Element:
@@ -104,13 +115,14 @@ def flatten(root: ET.Element, source: str) -> ET.Element:
     return root
 
 
-def plain_mjcf(root: ET.Element, source: str, locked: Mapping[str, float]) -> Plain:
+def plain_mjcf(root: ET.Element, source: str, locked: Mapping[str, float], *, folder: Path | None = None) -> Plain:
     """Converts a flattened document to its plain form.
 
     Args:
         root: The document.
-        source: Path of the document, for messages.
+        source: Path of the document.
         locked: Joints to be locked; those with several degrees of freedom are not in the result.
+        folder: Folder in which meshes are searched; that of the document if not given.
 
     Raises:
         RobotError: An element has no plain form, or a joint with several degrees of freedom is not locked.
@@ -122,7 +134,9 @@ def plain_mjcf(root: ET.Element, source: str, locked: Mapping[str, float]) -> Pl
                 remedy="load the file in MuJoCo, save it with mj_saveLastXML, and give the saved file.",
             )
     passed_over = check_equalities(root, source, locked)
-    writer = _Writer(root, source, locked)
+    settings = settings_of(root, source)
+    meshes = mesh_assets(root, settings, Path(source).resolve().parent if folder is None else folder)
+    writer = _Writer(root, source, locked, settings, meshes)
     writer.findings += passed_over
     plain = ET.Element("mujoco", model=root.get("model") or "robot")
     ET.SubElement(plain, "compiler", angle="radian")
@@ -144,7 +158,7 @@ def plain_mjcf(root: ET.Element, source: str, locked: Mapping[str, float]) -> Pl
             writer.findings.append(finding)
     text = ET.tostring(plain, encoding="unicode")
     geoms, sites = (tuple(each for each in writer.placed if each[1].tag == tag) for tag in ("geom", "site"))
-    return Plain(text, limits, gravity, tuple(writer.findings), geoms, sites, writer.uncomputed, drives)
+    return Plain(text, limits, gravity, tuple(writer.findings), geoms, sites, writer.uncomputed, drives, meshes)
 
 
 @dataclass(slots=True)
@@ -154,18 +168,16 @@ class _Writer:
     root: ET.Element
     source: str
     locked: Mapping[str, float]
+    settings: Settings
+    meshes: MeshAssets
     stated: dict[str, tuple[tuple[float, float] | None, float, bool, DescribedDrive]] = field(default_factory=dict)
     findings: list[Finding] = field(default_factory=list)
-    compiler: dict[str, str] = field(default_factory=dict)
-    defaults: dict[str, dict[str, dict[str, str]]] = field(default_factory=dict)
     bodies: set[str] = field(default_factory=lambda: {"world"})
     placed: list[tuple[str, ET.Element]] = field(default_factory=list[tuple[str, ET.Element]])
-    uncomputed: dict[str, float | None] = field(default_factory=dict[str, float | None])
+    uncomputed: dict[str, Uncomputed] = field(default_factory=dict[str, Uncomputed])
 
     def __post_init__(self) -> None:
-        for compiler in self.root.findall("compiler"):
-            self.compiler.update(compiler.attrib)
-        ignored = [key for key in IGNORED_COMPILER if key in self.compiler]
+        ignored = [key for key in IGNORED_COMPILER if key in self.settings.compiler]
         if ignored:
             self.findings.append(
                 Finding(
@@ -176,38 +188,6 @@ class _Writer:
                     "write the changed masses and inertias into the bodies, and remove these settings",
                 )
             )
-        sequence = self.compiler.get("eulerseq", "xyz")
-        if len(sequence) != 3 or set(sequence.lower()) - set("xyz"):
-            raise RobotError(
-                f"{self.source}: the compiler setting eulerseq is {sequence!r}.",
-                possible="three letters, each x, y, z, X, Y or Z",
-                remedy="correct the setting.",
-            )
-        self.defaults["main"] = {}
-        for section in self.root.findall("default"):
-            self._add_defaults(section, {}, "main")
-
-    def _add_defaults(self, section: ET.Element, inherited: dict[str, dict[str, str]], fallback: str) -> None:
-        own = {tag: dict(values) for tag, values in inherited.items()}
-        for element in section:
-            if element.tag != "default":
-                own[element.tag] = {**own.get(element.tag, {}), **element.attrib}
-        self.defaults[section.get("class", fallback)] = own
-        for inner in section.findall("default"):
-            self._add_defaults(inner, own, fallback)
-
-    def resolved(self, element: ET.Element, childclass: str) -> ET.Element:
-        """Element with the attributes of its default class added."""
-        name = element.get("class", childclass)
-        if name not in self.defaults:
-            raise RobotError(
-                f"{self.source} has no default class {name!r}, which an element uses.",
-                possible=", ".join(self.defaults),
-                remedy="correct the name of the class.",
-            )
-        attributes = {**self.defaults[name].get(element.tag, {}), **element.attrib}
-        attributes.pop("class", None)
-        return ET.Element(element.tag, attributes)
 
     def body(self, body: ET.Element, childclass: str) -> ET.Element:
         """Converts a body with its subtree; a body with several joints becomes a chain with massless bodies."""
@@ -216,10 +196,9 @@ class _Writer:
         if name in self.bodies:
             raise RobotError(f"{self.source} has two bodies named {name!r}.", remedy="give each body its own name.")
         self.bodies.add(name)
-        joints = [
-            plain for joint in joints_of(body) if (plain := self._joint(self.resolved(joint, childclass))) is not None
-        ]
-        outer = inner = ET.Element("body", self._pose(body, f"body {name!r}"))
+        read = (self._joint(self.settings.resolved(joint, childclass)) for joint in joints_of(body))
+        joints = [joint for joint in read if joint is not None]
+        outer = inner = ET.Element("body", self.settings.pose(body, f"body {name!r}"))
         for joint in joints[:-1]:
             inner.set("name", f"{name} after {joint.get('name')}")
             inner.append(joint)
@@ -229,9 +208,9 @@ class _Writer:
         inner.extend(self._mass(body, childclass, name))
         self.keep_geoms(name, body, childclass)
         for site in body.findall("site"):
-            site = self.resolved(site, childclass)
+            site = self.settings.resolved(site, childclass)
             if site.get("name"):
-                pose = self._pose(site, "a site")
+                pose = self.settings.pose(site, "a site")
                 self.placed.append((name, ET.Element("site", {"name": site.get("name", ""), **pose})))
         for child in body.findall("body"):
             inner.append(self.body(child, childclass))
@@ -240,32 +219,10 @@ class _Writer:
     def keep_geoms(self, name: str, body: ET.Element, childclass: str) -> None:
         """Stores the visual and collision geoms of a body, with their defaults."""
         for geom in body.findall("geom"):
-            plain = self.resolved(geom, childclass)
-            pose = self._pose(plain, f"a geom of {name or 'the world'!r}")
+            plain = self.settings.resolved(geom, childclass)
+            pose = self.settings.pose(plain, f"a geom of {name or 'the world'!r}")
             rest = {key: value for key, value in plain.attrib.items() if key not in (*POSE, "euler", "axisangle")}
             self.placed.append((name, ET.Element("geom", {**rest, **pose})))
-
-    def _pose(self, element: ET.Element, where: str) -> dict[str, str]:
-        """Position and orientation; an orientation that Pinocchio misreads is written as two axes instead."""
-        pose = self._checked(element, POSE, where)
-        euler = numbers(element, "euler", 3, self.source, where)
-        axisangle = numbers(element, "axisangle", 4, self.source, where)
-        if euler is not None:
-            pose["xyaxes"] = _axes(_euler_rotation(self._radians(euler), self.compiler.get("eulerseq", "xyz")))
-        elif axisangle is not None:
-            axis = np.array(axisangle[:3])
-            pose["xyaxes"] = _axes(
-                axis_rotation(axis / (np.linalg.norm(axis) or 1.0), self._radians(axisangle[3:])[0])
-            )
-        return pose
-
-    def _checked(self, element: ET.Element, counts: Mapping[str, int], where: str) -> dict[str, str]:
-        """Attributes that exist; their numbers of values are checked, because Pinocchio does not check them."""
-        there = [key for key, n in counts.items() if numbers(element, key, n, self.source, where) is not None]
-        return {key: element.get(key, "") for key in there}
-
-    def _radians(self, angles: list[float]) -> list[float]:
-        return angles if self.compiler.get("angle", "degree") == "radian" else [math.radians(a) for a in angles]
 
     def _joint(self, joint: ET.Element) -> ET.Element | None:
         """Hinge or slide joint in plain form; `None` for a locked joint with several degrees of freedom."""
@@ -281,16 +238,16 @@ class _Writer:
             raise RobotError(
                 f"{self.source}: {where} has an axis of zero length.", remedy="give the direction of the axis."
             )
-        plain = self._checked(joint, {"axis": 3, "pos": 3}, where)
+        plain = self.settings.checked(joint, {"axis": 3, "pos": 3}, where)
         reference = numbers(joint, "ref", 1, self.source, where)
         if reference is not None:
-            plain["ref"] = repr((self._radians(reference) if turns else reference)[0])
+            plain["ref"] = repr((self.settings.radians(reference) if turns else reference)[0])
         position = numbers(joint, "range", 2, self.source, where)
-        unstated = "false" if self.compiler.get("autolimits") == "false" else "true"
+        unstated = "false" if self.settings.compiler.get("autolimits") == "false" else "true"
         if joint.get("limited", "auto").replace("auto", unstated) == "false":
             position = None
         if position is not None and turns:
-            position = self._radians(position)
+            position = self.settings.radians(position)
         force = numbers(joint, "actuatorfrcrange", 2, self.source, where)
         effort = min(map(abs, force)) if force and joint.get("actuatorfrclimited") != "false" else 0.0
         if name in self.stated:
@@ -301,43 +258,35 @@ class _Writer:
 
     def _mass(self, body: ET.Element, childclass: str, name: str) -> list[ET.Element]:
         """The inertial element of a body, or the geoms from which Pinocchio computes the inertia."""
-        source_of_mass = self.compiler.get("inertiafromgeom", "auto")
+        source_of_mass = self.settings.compiler.get("inertiafromgeom", "auto")
         inertial = body.find("inertial")
         if inertial is not None and source_of_mass != "true":
             where = f"the inertial of {name!r}"
-            kept = self._checked(inertial, INERTIAL, where)
+            kept = self.settings.checked(inertial, INERTIAL, where)
             if "mass" not in kept:
                 raise RobotError(f"{self.source}: {where} has no mass.", remedy="give its mass [kg].")
-            return [ET.Element("inertial", {**kept, **self._pose(inertial, where)})]
-        geoms = [self.resolved(geom, childclass) for geom in body.findall("geom")]
-        heavy = [geom for geom in geoms if self._has_mass(geom)] if source_of_mass != "false" else []
-        if all(_is_solid(geom) for geom in heavy):
-            return [self._geom(geom, f"a geom of {name!r}") for geom in heavy]
-        masses = [numbers(geom, "mass", 1, self.source, f"a geom of {name!r}") for geom in heavy]
-        self.uncomputed[name] = None if None in masses else sum(mass[0] for mass in masses if mass)
-        return []
+            return [ET.Element("inertial", {**kept, **self.settings.pose(inertial, where)})]
+        heavy = heavy_geoms(body, childclass, self.settings) if source_of_mass != "false" else []
+        where = f"a geom of {name!r}"
+        if all(is_solid(geom) for geom in heavy):
+            return [self._geom(geom, where) for geom in heavy]
+        try:
+            vector = inertia_of_geoms(heavy, self.meshes, self.settings, where)
+        except UncomputableError as error:
+            self.uncomputed[name] = Uncomputed(stated_mass(heavy, self.settings), error.problem)
+            return []
+        return [_inertial(vector)]
 
     def _geom(self, geom: ET.Element, where: str) -> ET.Element:
         """Primitive geom with the attributes that determine its mass and inertia."""
         sizes = {"size": len(geom.get("size", "").split())}
-        kept = self._checked(geom, {**GEOM, **sizes}, where)
-        return ET.Element("geom", {"type": geom.get("type", "sphere"), **kept, **self._pose(geom, where)})
-
-    def _has_mass(self, geom: ET.Element) -> bool:
-        """Tests whether a geom contributes to the mass of its body."""
-        if geom.get("type") in MASSLESS:
-            return False
-        low, high = numbers(
-            ET.Element("compiler", self.compiler), "inertiagrouprange", 2, self.source, "compiler"
-        ) or (0, 5)
-        group, mass, density = (numbers(geom, key, 1, self.source, "a geom") for key in ("group", "mass", "density"))
-        # A stated mass overrides the density.
-        return low <= (group or [0.0])[0] <= high and (mass or density or [1.0])[0] != 0.0
+        kept = self.settings.checked(geom, {**GEOM, **sizes}, where)
+        return ET.Element("geom", {"type": geom.get("type", "sphere"), **kept, **self.settings.pose(geom, where)})
 
     def add_actuator_limits(self, root: ET.Element) -> None:
         """Adds effort limits of actuators to the joints that have no effort limit themselves."""
         for element in (a for section in root.findall("actuator") for a in section if a.tag in ACTUATORS):
-            actuator = self.resolved(element, "main")
+            actuator = self.settings.resolved(element, "main")
             name = actuator.get("joint", "")
             if name not in self.stated or self.stated[name][1]:
                 continue
@@ -352,22 +301,9 @@ class _Writer:
                 self.stated[name] = (position, effort, turns, drive)
 
 
-def _is_solid(geom: ET.Element) -> bool:
-    """Tests whether the inertia of a geom can be computed from its primitive shape alone."""
-    primitive = geom.get("type", "sphere") in PRIMITIVES and "mesh" not in geom.attrib
-    return primitive and geom.get("shellinertia") != "true"
-
-
-def _euler_rotation(angles: list[float], sequence: str) -> Array:
-    """Rotation by Euler angles [rad]; lower-case letters stand for body axes, upper-case ones for fixed axes."""
-    rotation = np.eye(3)
-    about = {"x": rotation_x, "y": rotation_y, "z": rotation_z}
-    for letter, angle in zip(sequence, angles, strict=True):
-        step = about[letter.lower()](angle)
-        rotation = rotation @ step if letter.islower() else step @ rotation
-    return rotation
-
-
-def _axes(rotation: Array) -> str:
-    """First and second column of a rotation, as text in full precision."""
-    return " ".join(repr(float(x)) for x in rotation[:, :2].T.ravel())
+def _inertial(vector: Array) -> ET.Element:
+    """Inertial element of ten parameters (10,) in the frame of the body, in full precision."""
+    mass, com, inertia = vector_to_com_inertia(vector)
+    full = [inertia[i, j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
+    texts = {"mass": [mass], "pos": com, "fullinertia": full}
+    return ET.Element("inertial", {key: " ".join(repr(float(x)) for x in xs) for key, xs in texts.items()})

@@ -11,15 +11,14 @@ from __future__ import annotations
 import xml.etree.ElementTree as ET
 from collections import Counter
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from armid.errors import ArmidError, Finding
-from armid.maths.spatial import homogeneous
 from armid.robot.body_names import BodyName
 from armid.robot.mjcf.plain_document import Plain
+from armid.robot.mjcf.poses import placement_of
 from armid.robot.pinocchio_model import pinocchio
 from armid.robot.shapes import (
     Kind,
@@ -27,9 +26,7 @@ from armid.robot.shapes import (
     capsule_between,
     looks_missing,
     meshes_missing,
-    rotation_with_z,
 )
-from armid.robot.xml import numbers
 from armid.values import Array
 
 FIRST_HIDDEN = 3.0
@@ -58,12 +55,12 @@ def add_sites(model: Any, plain: Plain) -> None:
     for body, site in plain.sites:
         k = bodies[body]
         on = model.frames[k]
-        place = on.placement * pin.SE3(_placement(site))
+        place = on.placement * pin.SE3(placement_of(site))
         model.addFrame(pin.Frame(site.get("name"), on.parentJoint, k, place, pin.FrameType.OP_FRAME))
 
 
 def shapes_of_mjcf(
-    root: ET.Element, plain: Plain, carriers: Mapping[str, tuple[int, Array]], source: str
+    root: ET.Element, plain: Plain, carriers: Mapping[str, tuple[int, Array]]
 ) -> tuple[tuple[Shape, ...], tuple[Shape, ...], tuple[Shape, ...], tuple[Finding, ...]]:
     """Collision geometry, visual geometry, the markers among it, and findings about geometry that is missing.
 
@@ -71,9 +68,8 @@ def shapes_of_mjcf(
         root: The document with includes resolved.
         plain: Plain form of the document, with all geoms.
         carriers: Joint and pose of each body, from `carriers_of`.
-        source: Path of the description.
     """
-    meshes = _meshes(root, source)
+    meshes = {} if plain.meshes is None else plain.meshes.existing()
     shapes: list[Shape] = []
     visuals: list[Shape] = []
     markers: list[Shape] = []
@@ -136,30 +132,10 @@ def _is_small(shape: Shape) -> bool:
     return extent.get(shape.kind, MARKER) < MARKER
 
 
-def _meshes(root: ET.Element, source: str) -> dict[str, tuple[str, Array]]:
-    """Path and scale of each mesh whose file exists, by name."""
-    compiler: dict[str, str] = {}
-    for each in root.findall("compiler"):
-        compiler.update(each.attrib)
-    folder = Path(source).resolve().parent / compiler.get("meshdir", compiler.get("assetdir", ""))
-    usual = next((m.get("scale") for d in root.findall("default") for m in d.findall("mesh")), None) or "1 1 1"
-    found: dict[str, tuple[str, Array]] = {}
-    for mesh in (m for asset in root.findall("asset") for m in asset.findall("mesh")):
-        file = mesh.get("file")
-        if file is None:
-            continue
-        path = folder / (Path(file).name if compiler.get("strippath") == "true" else file)
-        if path.is_file():
-            stated = ET.Element("mesh", scale=mesh.get("scale", usual))
-            scale = numbers(stated, "scale", 3, source, f"the mesh {file}")
-            found[mesh.get("name", Path(file).stem)] = str(path), np.array(scale)
-    return found
-
-
 def _shape(name: str, geom: ET.Element, meshes: Mapping[str, tuple[str, Array]]) -> Shape | None:
     """Geom as a shape in the frame of its body; `None` if its kind is not supported."""
     kind = geom.get("type", "mesh" if "mesh" in geom.attrib else "sphere")
-    pose = _placement(geom)
+    pose = placement_of(geom)
     if kind == "mesh":
         path, scale = meshes.get(geom.get("mesh", ""), ("", np.ones(3)))
         return Shape(name, -1, "mesh", scale, pose, path) if path else None
@@ -181,30 +157,3 @@ def _shape(name: str, geom: ET.Element, meshes: Mapping[str, tuple[str, Array]])
         return Shape(name, -1, form, np.array(edges), pose)
     except (IndexError, KeyError, ValueError, ArmidError):  # a height field, or a primitive that is fitted to a mesh
         return None
-
-
-def _placement(geom: ET.Element) -> Array:
-    """Pose of a geom or site in the frame of its body, from a position and one of three forms of orientation."""
-
-    def given(key: str) -> Array:
-        return np.array([float(x) for x in geom.get(key, "").split()])
-
-    position = given("pos") if "pos" in geom.attrib else np.zeros(3)
-    turned = np.eye(3)
-    if "quat" in geom.attrib:
-        w, x, y, z = given("quat") / np.linalg.norm(given("quat"))
-        turned = np.array(
-            [
-                [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-                [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-                [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-            ]
-        )
-    elif "xyaxes" in geom.attrib:
-        x, y = given("xyaxes").reshape(2, 3)
-        x = x / np.linalg.norm(x)
-        y = y - (y @ x) * x
-        turned = np.column_stack([x, y / np.linalg.norm(y), np.cross(x, y / np.linalg.norm(y))])
-    elif "zaxis" in geom.attrib:
-        turned = rotation_with_z(given("zaxis"))
-    return homogeneous(turned, position)

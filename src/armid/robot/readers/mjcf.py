@@ -1,4 +1,4 @@
-"""Reader of MJCF: converts a file to a plain form for Pinocchio; meshes are not opened.
+"""Reader of MJCF: converts a file to a plain form for Pinocchio; meshes are opened where inertia follows from them.
 
 Bodies with several hinges or slides become a chain of massless links. Effort limits are those of the joint, or of its
 actuator if the joint has none. Gravity is that of the file.
@@ -18,13 +18,16 @@ from armid.errors import Finding, RobotError
 from armid.robot.collision_from_visual import with_bodies
 from armid.robot.joint_selection import JointOutline
 from armid.robot.mjcf.joints import joint_names, outline_of
-from armid.robot.mjcf.plain_document import flatten, plain_mjcf
+from armid.robot.mjcf.plain_document import Uncomputed, flatten, plain_mjcf
 from armid.robot.mjcf.shapes import WORLD, add_sites, carriers_of, shapes_of_mjcf
 from armid.robot.pinocchio_model import build, pinocchio, robot_from_model
 from armid.robot.robot import Robot
 from armid.robot.xml import check_locked, parse_xml, root_tag
 
 SUFFIXES: tuple[str, ...] = (".mjcf", ".xml")
+
+LISTED = 5
+"""Number of reasons that one finding names; the others are counted."""
 
 
 def recognises(text: str) -> bool:
@@ -61,8 +64,8 @@ def read(text: str, *, source: str, locked: Mapping[str, float], tip: str | None
     add_sites(model, plain)
     carriers = carriers_of(model)
     still = {body for body, (joint, _) in carriers.items() if not _is_moved(model, joint + 1, locked)}
-    unknown = {body: mass for body, mass in plain.uncomputed.items() if body not in still}
-    shapes, visuals, markers, missing = shapes_of_mjcf(root, plain, carriers, source)
+    unknown = {body: why for body, why in plain.uncomputed.items() if body not in still}
+    shapes, visuals, markers, missing = shapes_of_mjcf(root, plain, carriers)
     robot = robot_from_model(
         model,
         name=root.get("model") or "robot",
@@ -100,21 +103,27 @@ def _is_moved(model: Any, joint: int, locked: Mapping[str, float]) -> bool:
     return joint > 0
 
 
-def _unknown_inertia(bodies: Mapping[str, float | None]) -> tuple[Finding, ...]:
-    """Finding that names the bodies whose inertia is unknown; it tells the masses [kg] that their geoms state."""
+def _unknown_inertia(bodies: Mapping[str, Uncomputed]) -> tuple[Finding, ...]:
+    """Finding that names the bodies whose inertia is unknown, the reasons, and the masses that their geoms state."""
     if not bodies:
         return ()
-    names = ", ".join(bodies)
-    stated = ", ".join(f"{body} {mass:.4g} kg" for body, mass in bodies.items() if mass is not None)
+    why: dict[str, list[str]] = {}
+    for body, each in bodies.items():
+        why.setdefault(each.reason, []).append(body)
+    told = [f"{', '.join(names)} ({reason})" for reason, names in why.items()]
+    more = f"; and {len(told) - LISTED} more" if len(told) > LISTED else ""
+    stated = ", ".join(f"{body} {each.mass:.4g} kg" for body, each in bodies.items() if each.mass is not None)
     evidence = (
-        "the inertia follows from meshes or shells, which armid does not open, so it is unknown"
+        "the inertia of these bodies follows from their geoms, but cannot be computed: "
+        + "; ".join(told[:LISTED])
+        + more
         + (f"; the masses alone, which the geoms state ({stated}), do not determine a torque" if stated else "")
     )  # fmt: skip
     remedy = (
-        "give these bodies an <inertial>: MuJoCo computes their mass, ipos, iquat and inertia (body_mass, body_ipos, "
-        "body_iquat and body_inertia of the loaded model) if the values of the description are needed"
+        "put missing files in place, or give these bodies an <inertial>: MuJoCo computes their mass, ipos, iquat and "
+        "inertia (body_mass, body_ipos, body_iquat and body_inertia of the loaded model)"
     )
-    return (Finding("inertial-missing", "info", names, evidence, remedy),)
+    return (Finding("inertial-missing", "info", ", ".join(bodies), evidence, remedy),)
 
 
 def _root(text: str, source: str) -> ET.Element:

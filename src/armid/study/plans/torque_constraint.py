@@ -59,11 +59,7 @@ def judged_torque(
             )
             findings = (*findings, Finding("torque-unknown", "warning", ", ".join(empty), evidence, remedy))
     if values is None:
-        evidence = (
-            f"torque is not checked and not limited, because the description of {goal.model.robot.name} has no masses"
-        )
-        remedy = "give the folder of an identification run with --after."
-        return None, (Finding("torque-unknown", "warning", "", evidence, remedy), *findings[: bool(unlimited)])
+        return None, (_without_masses(goal.model.robot), *findings[: bool(unlimited)])
     return torque_channel(limits, values, constraints.torque_margin, described), findings
 
 
@@ -114,6 +110,17 @@ def _unknown_load(joints: Sequence[str], robot: Robot) -> Finding:
     )
     remedy = f"add {inertial_key(robot)} to these links, or give the folder of an identification run with --after."
     return Finding("torque-unknown", "warning", ", ".join(joints), evidence, remedy)
+
+
+def _without_masses(robot: Robot) -> Finding:
+    """Finding that no torque is checked, because no link of the description has an inertia that is known."""
+    remedy = "give the folder of an identification run with --after."
+    unknown = next((each for each in robot.findings if each.code == "inertial-missing"), None)
+    why = f"the description of {robot.name} has no masses"
+    if unknown is not None:
+        why, remedy = unknown.evidence, f"{unknown.remedy}; or {remedy}"
+    evidence = f"torque is not checked and not limited, because {why}"
+    return Finding("torque-unknown", "warning", "" if unknown is None else unknown.channel, evidence, remedy)
 
 
 def _unjudged(joints: Sequence[str], robot: Robot) -> Finding:

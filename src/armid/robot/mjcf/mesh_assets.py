@@ -1,0 +1,194 @@
+"""Meshes of an MJCF: their files, placement and scale, and the inertia that MuJoCo computes from their triangles."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from armid.maths.inertia import com_inertia_to_vector
+from armid.robot.mjcf.mesh_files import Faces, UncomputableError, read_mesh
+from armid.robot.mjcf.poses import rotation_of_quaternion
+from armid.robot.mjcf.settings import Settings
+from armid.robot.xml import numbers
+from armid.values import Array
+
+MODES = ("convex", "exact", "legacy", "shell")
+"""Values of the attribute `inertia` of a mesh."""
+
+USUAL_MODE = "legacy"
+"""Mode of a mesh without that attribute."""
+
+SMALLEST = 1e-15
+"""Volume or area below which MuJoCo refuses a mesh [m³ or m²]."""
+
+
+@dataclass(frozen=True, slots=True)
+class MeshAssets:
+    """Meshes of one document.
+
+    Attributes:
+        elements: Each mesh with the attributes of its default class, by name.
+        folder: Folder in which files of meshes are searched.
+        strip: True if the folders in the names of files are ignored.
+        source: Path of the document, for messages.
+        computed: Inertias that were computed, by name of the mesh.
+    """
+
+    elements: Mapping[str, ET.Element]
+    folder: Path
+    strip: bool
+    source: str
+    computed: dict[str, Array] = field(default_factory=dict[str, Array])
+
+    def unit_inertia(self, name: str) -> Array:
+        """Ten inertial parameters of a mesh in its own frame, at density 1 [kg/m³, or kg/m² for a shell], (10,).
+
+        Args:
+            name: The mesh.
+
+        Raises:
+            UncomputableError: The mesh does not exist, its file cannot be read, or MuJoCo would refuse it.
+        """
+        if name not in self.computed:
+            if name not in self.elements:
+                raise UncomputableError(f"there is no mesh {name!r}")
+            self.computed[name] = self._unit_inertia(self.elements[name])
+        return self.computed[name]
+
+    def existing(self) -> dict[str, tuple[str, Array]]:
+        """Path and scale (3,) of each mesh whose file exists, by name."""
+        paths = {name: self.path(mesh) for name, mesh in self.elements.items()}
+        return {
+            name: (str(path), self._scale(self.elements[name]))
+            for name, path in paths.items()
+            if path is not None and path.is_file()
+        }
+
+    def path(self, mesh: ET.Element) -> Path | None:
+        """Path of the file of a mesh; `None` if the mesh has no file."""
+        file = mesh.get("file")
+        return None if file is None else self.folder / (Path(file).name if self.strip else file)
+
+    def _scale(self, mesh: ET.Element) -> Array:
+        return np.array(numbers(mesh, "scale", 3, self.source, _named(mesh)) or [1.0, 1.0, 1.0])
+
+    def _unit_inertia(self, mesh: ET.Element) -> Array:
+        where, mode = _named(mesh), mesh.get("inertia", USUAL_MODE)
+        if mode not in MODES:
+            raise UncomputableError(f"{where} has inertia={mode!r}, which is none of {', '.join(MODES)}")
+        if mode == "convex" and mesh.get("maxhullvert", "-1") != "-1":
+            raise UncomputableError(f"the hull of {where} is simplified (maxhullvert)")
+        vertices, faces = self._triangles(mesh)
+        if mode == "convex" or not len(faces):
+            faces = _hull(vertices)
+        if mode == "exact":
+            _check_closed(faces, vertices, mesh)
+        return inertia_of_triangles(vertices[faces], mode)
+
+    def _triangles(self, mesh: ET.Element) -> tuple[Array, Faces]:
+        """Vertices (V, 3) [m], moved, turned and scaled as the mesh says, and triangles (F, 3)."""
+        where = _named(mesh)
+        path = self.path(mesh)
+        if path is not None:
+            kind = mesh.get("content_type", "")
+            vertices, faces = read_mesh(path, f".{kind.rpartition('/')[2]}" if kind else path.suffix)
+        elif "vertex" in mesh.attrib:
+            vertices = np.array([float(word) for word in mesh.get("vertex", "").split()]).reshape(-1, 3)
+            faces = np.array([int(word) for word in mesh.get("face", "").split()], dtype=np.intp).reshape(-1, 3)
+        else:
+            raise UncomputableError(f"{where} has neither a file nor vertices")
+
+        def given(key: str, usual: list[float]) -> Array:
+            return np.array(numbers(mesh, key, len(usual), self.source, where) or usual)
+
+        turned = rotation_of_quaternion(given("refquat", [1.0, 0.0, 0.0, 0.0]))
+        vertices = (vertices - given("refpos", [0.0, 0.0, 0.0])) @ turned * (scale := self._scale(mesh))
+        return vertices, faces if scale.prod() > 0.0 else faces[:, ::-1]  # a reflection turns triangles inside out
+
+
+def _named(mesh: ET.Element) -> str:
+    return f"the mesh {mesh.get('name')!r}"
+
+
+def inertia_of_triangles(corners: Array, mode: str) -> Array:
+    """Ten inertial parameters, at density 1, of the body that triangles bound, shape (10,).
+
+    The body is the sum of pyramids from a common point to the triangles; that of a shell, the triangles themselves.
+    MuJoCo takes the pyramids of `legacy` as positive, so that the sum depends on the point: for the centre of mass it
+    is the centroid of the surface, for mass and inertia the centre of mass.
+
+    Args:
+        corners: Corners of each triangle, counterclockwise from outside, shape (F, 3, 3) [m].
+        mode: Value of the attribute `inertia` of a mesh.
+
+    Raises:
+        UncomputableError: The volume or area is not positive.
+    """
+    shell = mode == "shell"
+    normals = 0.5 * np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    areas, centres = np.linalg.norm(normals, axis=1), corners.mean(axis=1)
+    area = float(areas.sum())
+    if area < SMALLEST:
+        raise UncomputableError("the surface of a mesh is too small")
+    middle = areas @ centres / area
+
+    def weights(origin: Array) -> Array:
+        signed = areas if shell else ((centres - origin) * normals).sum(axis=1) / 3.0
+        return np.abs(signed) if mode == "legacy" else signed
+
+    volumes = weights(middle)
+    if volumes.sum() < SMALLEST:
+        raise UncomputableError("the volume of a mesh is too small, or its triangles are turned inside out")
+    com = middle if shell else middle + 0.75 * (volumes @ (centres - middle)) / volumes.sum()
+    volumes = weights(com)
+    about = corners - com
+    total = about.sum(axis=1)
+    # Second moments of a triangle, or of the pyramid from the centre of mass to it.
+    second = np.einsum("f,fci,fcj->ij", volumes, about, about) + np.einsum("f,fi,fj->ij", volumes, total, total)
+    second /= 12.0 if shell else 20.0
+    return com_inertia_to_vector(float(volumes.sum()), com, np.trace(second) * np.eye(3) - second)
+
+
+def _hull(vertices: Array) -> Faces:
+    """Triangles of the convex hull of vertices (V, 3), counterclockwise from outside."""
+    from scipy.spatial import ConvexHull, QhullError  # the import takes 0.2 s
+
+    try:
+        hull = ConvexHull(vertices)
+    except (QhullError, ValueError) as error:
+        raise UncomputableError("the vertices of a mesh have no convex hull of a volume") from error
+    faces = hull.simplices.astype(np.intp)
+    corners = vertices[faces]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    inward = (normals * hull.equations[:, :3]).sum(axis=1) < 0.0
+    faces[inward] = faces[inward, ::-1]
+    return faces
+
+
+def _check_closed(faces: Faces, vertices: Array, mesh: ET.Element) -> None:
+    """Raises an error if triangles are not consistently oriented; MuJoCo refuses such a mesh in the mode `exact`."""
+    _, label = np.unique(vertices, axis=0, return_inverse=True)
+    edges = np.concatenate([label.reshape(-1)[faces[:, [i, (i + 1) % 3]]] for i in range(3)])
+    if len(np.unique(edges, axis=0)) != len(edges):
+        raise UncomputableError(f"the triangles of {_named(mesh)} are not consistently oriented")
+
+
+def mesh_assets(root: ET.Element, settings: Settings, folder: Path) -> MeshAssets:
+    """Meshes of a document.
+
+    Args:
+        root: The document.
+        settings: Its settings.
+        folder: Folder of the document.
+    """
+    found: dict[str, ET.Element] = {}
+    for mesh in (m for asset in root.findall("asset") for m in asset.findall("mesh")):
+        full = settings.resolved(mesh, "main")
+        full.set("name", full.get("name") or Path(full.get("file", "")).stem)
+        found[full.get("name", "")] = full
+    place = folder / settings.compiler.get("meshdir", settings.compiler.get("assetdir", ""))
+    return MeshAssets(found, place, settings.compiler.get("strippath") == "true", settings.source)
