@@ -54,12 +54,15 @@ class DownsampledLog:
         band: Low-pass for torque and columns.
         cutoff: Cut-off of the band [Hz]; if nothing is filtered, the cut-off that suits the motion.
         rate: Sample rate of the original recording [Hz].
+        noise: Standard deviation of the noise of each position in the original recording, shape (n,) [rad or m]; zero
+            if the rows are not consecutive.
     """
 
     runs: tuple[ObservedRun, ...]
     band: Band
     cutoff: float
     rate: float
+    noise: Array
 
     def reordered(self, motion: NDArray[np.intp], torque: NDArray[np.intp]) -> DownsampledLog:
         """The same log with reordered channels; a row is used for a joint if it is used for both of its channels."""
@@ -69,7 +72,7 @@ class DownsampledLog:
             moved = Motion(m.time, m.q[:, motion], m.dq[:, motion], m.ddq[:, motion])
             return replace(run, motion=moved, torque=run.torque[:, torque], mask=mask)
 
-        return replace(self, runs=tuple(changed(run) for run in self.runs))
+        return replace(self, runs=tuple(changed(run) for run in self.runs), noise=self.noise[motion])
 
     @property
     def mask(self) -> NDArray[np.bool_]:
@@ -106,7 +109,7 @@ class DownsampledLog:
             m = run.motion
             return replace(run, motion=Motion(m.time, m.q * motion, m.dq * motion, m.ddq * motion))
 
-        return replace(self, runs=tuple(changed(run) for run in self.runs))
+        return replace(self, runs=tuple(changed(run) for run in self.runs), noise=self.noise * np.abs(motion))
 
 
 def downsample(recording: Recording, cutoff: float | None = None) -> DownsampledLog:
@@ -128,7 +131,7 @@ def downsample(recording: Recording, cutoff: float | None = None) -> Downsampled
         piece = stretches(whole, None)[0][0]
         processing = ProcessingOptions(family="none", derivatives="given")
         run = separate_rows(piece, differentiate(piece, processing, given=True), processing)
-        return DownsampledLog((run,), Band(), 1.0, 1.0)
+        return DownsampledLog((run,), Band(), 1.0, 1.0, np.zeros(recording.q.shape[1]))
     pieces, _ = stretches(recording, CUTOFFS[0])
     noise = np.max([position_noise(piece.q, piece.time) for piece in pieces], axis=0)
     longest = max(range(len(pieces)), key=lambda k: pieces[k].samples)
@@ -150,7 +153,7 @@ def downsample(recording: Recording, cutoff: float | None = None) -> Downsampled
             runs.append(run)
             still.append(_any_near(standing(piece.q, piece.rate, noise), step))
     runs, _ = moving(runs, still, processing)
-    return DownsampledLog(tuple(runs), processing.band, cutoff, rate)
+    return DownsampledLog(tuple(runs), processing.band, cutoff, rate, noise)
 
 
 def _ends(pieces: Sequence[Stretch]) -> list[Stretch]:

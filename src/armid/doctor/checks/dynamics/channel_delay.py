@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from armid.doctor.check_input import WIDTH, Explanation, LogEvidence
-from armid.doctor.downsample import downsample
+from armid.doctor.downsample import DownsampledLog, downsample
 from armid.doctor.log_check import LogCheck
 from armid.doctor.log_interpretation import LogState
 from armid.doctor.quick_fit import QuickRows, solve
@@ -45,9 +45,17 @@ SURE = 6.0
 STEPS, SETTLED = 8, 0.1
 """Largest number of Gauss-Newton steps, and step, in standard deviations, below which the iteration ends."""
 
+LEAST_SHARE = 0.2
+"""Smallest share of a delay that a Gauss-Newton step is assumed to remove."""
+
 SHARP = 15.0
-"""Cut-off with which a detected delay is measured on all rows [Hz]. If friction reverses with the velocity,
+"""Highest cut-off with which a detected delay is measured on all rows [Hz]. If friction reverses with the velocity,
 reversals determine the delay better in a wider band, up to frequencies where noise of the positions dominates."""
+
+NOISY = 0.05
+"""Largest ratio of noise to acceleration in the wider band. Noise hides a share of the inertial torque, the square of
+this ratio; viscous friction then seems to run ahead of the velocity. A light arm with rotors that are heavier than
+its links seemed to be 0.2 ms ahead at this ratio, 0.7 ms at 0.1 and 7 ms at 0.25."""
 
 SAME = 0.5
 """Largest relative difference of the delays measured in the two bands. True delays differ by some percent, effects of
@@ -93,13 +101,22 @@ def _in_wider_band(evidence: LogEvidence) -> LogState | None:
     """The log in a wider band with a Stribeck term in the model; `None` if the log is too short."""
     state, recording = evidence.state, evidence.recording
     assert state is not None and recording is not None  # it was compared with a model
-    log = downsample(without_stuck(recording, evidence.stuck), SHARP)
+    log = downsample(without_stuck(recording, evidence.stuck), _wider_cutoff(state.log))
     if not log.runs:
         return None
     names = {term.name for term in state.model.terms}
     added = () if Stribeck.name in names else (Stribeck(velocity=RISE, width=WIDTH),)
     model = DynamicsModel(state.model.robot, state.model.terms + added)
     return LogState(model, find_base_parameters(model), log)
+
+
+def _wider_cutoff(log: DownsampledLog) -> float:
+    """Cut-off up to which noise of the positions is small against the accelerations of most joints [Hz]."""
+    acceleration = np.sqrt(np.mean(np.concatenate([run.motion.ddq for run in log.runs]) ** 2, axis=0))
+    share = NOISY * acceleration / np.maximum(log.noise, np.finfo(float).eps)
+    # White noise of the positions causes a variance of the accelerations of 2 noise² / rate (2 pi)⁴ f⁵ / 5 below f.
+    highest = 2.5 * log.rate * float(np.median(share)) ** 2 / (2.0 * np.pi) ** 4
+    return max(log.cutoff, min(SHARP, highest**0.2))
 
 
 def explain(state: LogState) -> Explanation | None:
@@ -175,17 +192,21 @@ def delay_of(state: LogState) -> tuple[float, float, LogState]:
     """Estimates the delay of the torque against the positions [s], its standard deviation, and the corrected log.
 
     The derivative of the model's torque is used, because noise in the derivative of the measured torque would bias
-    each step towards zero. If the delays of single joints differ by more than their standard deviations, for instance
+    each step towards zero. Noise of the positions still makes steps smaller, all by the same share; it is estimated
+    from two steps. If the delays of single joints differ by more than their standard deviations, for instance
     because of noisy positions or unmodelled friction, the standard deviation is enlarged.
     """
-    delay, deviation = 0.0, np.inf
+    delay, deviation, share, before, step = 0.0, np.inf, 1.0, 0.0, 0.0
     for _ in range(STEPS):
         rows = state.rows
         fit = solve(rows, extra=_slopes(rows, rows.torque - state.fit.residual)[None])
-        late, deviation = -float(fit.values[-1]), float(fit.deviation[-1])
-        delay += late
-        state = _with_torque_advanced(state, late)
-        if abs(late) < SETTLED * deviation:
+        late = -float(fit.values[-1])
+        if step:
+            share = min(max((before - late) / step, LEAST_SHARE), 1.0)
+        before, step, deviation = late, late / share, float(fit.deviation[-1]) / share
+        delay += step
+        state = _with_torque_advanced(state, step)
+        if abs(step) < SETTLED * deviation:
             break
     return delay, deviation * _disagreement(state), state
 
