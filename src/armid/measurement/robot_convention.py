@@ -12,8 +12,9 @@ from armid.errors import Finding, RecordingError
 from armid.maths.median import median
 from armid.measurement.columns.joint_assignment import in_joint_order
 from armid.measurement.columns.pattern_matching import shortened
+from armid.measurement.limit_check import check_limits
 from armid.measurement.log_format import LogFormat
-from armid.measurement.log_format_remedies import lines, naming
+from armid.measurement.log_format_remedies import naming
 from armid.measurement.processing.delay import compensate_delay
 from armid.measurement.processing.row_checks import clean
 from armid.measurement.readers import load_recording
@@ -25,11 +26,6 @@ WRAP_TOLERANCE = 0.5
 """Largest difference between a jump and whole turns at which the jump is a wrap of the angle [rad]. It allows for
 the motion of the joint from sample to sample, also over a short gap. If the typical step of a channel is larger,
 wraps cannot be detected."""
-
-FAR = 0.5
-"""Excess over the limits of a joint, divided by their span, above which limits that are only inaccurate cannot be
-the cause."""
-
 
 COMMON = ("torque_sign", "position_sign", "delay", "drive_gain_deviation")
 """Fields of the log format that may be one number for all joints."""
@@ -70,7 +66,7 @@ def to_robot_convention(recording: Recording, log_format: LogFormat, robot: Robo
     _check_gains(recording, log_format)
     recording, wrapped = _on_joint_side(recording, log_format, robot)
     recording = compensate_delay(recording, log_format)
-    offset = _check_limits(recording, log_format, robot)
+    offset = check_limits(recording, log_format, robot)
     return ConvertedRecording(recording, (*seen, *others, *findings, *standing, *wrapped, *offset))
 
 
@@ -230,47 +226,3 @@ def _unwrapped(q: Array, turns: NDArray[np.bool_], robot: Robot) -> tuple[Array,
         )
         findings.append(Finding("position-wrapped", "info", robot.joint_names[i], evidence))
     return q, tuple(findings)
-
-
-def _check_limits(recording: Recording, log_format: LogFormat, robot: Robot) -> tuple[Finding, ...]:
-    """Raises an error if degrees were read as radians; reports joints far outside their limits."""
-    limits = np.array([joint.position_limits for joint in robot.joints])
-    span = limits[:, 1] - limits[:, 0]
-    known = np.isfinite(span) & (span > 0)
-    turns = np.array([not joint.is_prismatic for joint in robot.joints]) & known
-    low, high = recording.q.min(axis=0), recording.q.max(axis=0)
-    beyond = np.maximum(limits[:, 0] - low, high - limits[:, 1])
-    far = known & (beyond > FAR * np.where(known, span, 1.0))
-    if not far.any():
-        return ()
-    scaled_low, scaled_high = np.radians(low), np.radians(high)
-    as_degrees = turns & (scaled_low >= limits[:, 0]) & (scaled_high <= limits[:, 1])
-    plain = ~log_format.degrees(robot.n)
-    worst = int(np.argmax(np.where(far, beyond, -np.inf)))
-    evidence = (
-        f"joint {robot.joint_names[worst]} moves from {low[worst]:.4g} to {high[worst]:.4g} "
-        f"{robot.joints[worst].unit}, far outside its limits [{limits[worst, 0]:.4g}, {limits[worst, 1]:.4g}]"
-    )
-    if (far & turns & plain & as_degrees).sum() == far.sum():
-        several = 2 * far.sum() > turns.sum() and plain.all() and as_degrees[turns].all()
-        units = "deg" if several else ["deg" if each else "rad" for each in far | ~plain]
-        others = "all joints would be inside" if several else f"{_listed(robot, far)} would be inside"
-        raise recording_error(
-            "degrees",
-            recording,
-            f"{evidence}; if the angles were degrees, {others}.",
-            lines("or transmission and joint_offset, if the log is on the motor side", units=units),
-        )
-    return (
-        Finding(
-            "position-offset",
-            "warning",
-            robot.joint_names[worst],
-            f"J{evidence[1:]}.",
-            "find out units, joint_offset, transmission, the order of the channels and the position limits.",
-        ),
-    )
-
-
-def _listed(robot: Robot, which: NDArray[np.bool_]) -> str:
-    return ", ".join(name for name, one in zip(robot.joint_names, which, strict=True) if one)

@@ -12,7 +12,7 @@ import numpy as np
 from armid.doctor import CHECKS, SEVERITIES, LogEvidence, checks_of, effects, examine, explanations_of
 from armid.doctor.checks.signals.motor_side import explain as explain_scale
 from armid.doctor.log_check import Scope
-from armid.doctor.log_interpretation import LogState
+from armid.doctor.motor_positions import reconsidered
 from armid.errors import ArmidError, EstimationError, Finding, RecordingError
 from armid.measurement.log_format import LogFormat
 from armid.measurement.processing.options import ProcessingOptions
@@ -32,20 +32,10 @@ from armid.validation.gravity_sign import gravity_finding
 TRIES = 4
 """Largest number of faults for which workarounds are tried one after the other."""
 
-PLAUSIBLE_CONFLICT, PLAUSIBLE_CORRELATION, PLAUSIBLE_SCALE = 0.6, 0.7, 0.3
-"""Limits within which angles are accepted as degrees: largest conflict between the joints, smallest correlation
-with the torque of the description, and smallest share of this torque. Angles of motors fail them even inside the
-joint limits."""
-
-
 USUAL = ProcessingOptions()
 """Default processing options."""
 
-GEARED = 3.0
-"""Range of a motion divided by the range of the limits, from which positions are positions of motors."""
-
-
-FAR_OUTSIDE = ("position-limits", "position-sign", "position-offset")
+FAR_OUTSIDE = ("position-limits", "position-sign", "position-offset", "degrees")
 """Codes of errors that say why a joint is far outside its limits, of which the reader has only a suspicion."""
 
 
@@ -133,7 +123,7 @@ def diagnose_recording(
     evidence = LogEvidence(robot, raw, how, recording, tuple(noted), model, explanations_of(), processing.saturation)
     if any(f.code == "current-without-gain" and f.severity == "error" for f in noted):
         return _of_currents(evidence)
-    found = examine(_reconsidered(evidence))
+    found = examine(reconsidered(evidence))
     return tuple(finding for _, finding in _told_once([(0, finding) for finding in found]))
 
 
@@ -209,7 +199,8 @@ def findings_of_each(
         for (c, _), found in zip(recordings, read, strict=True)
     ]
     of_readers = [(k, finding) for k, found in enumerate(read) for finding in found]
-    return _told_once([*of_readers, *run_checks(model, recordings, known_codes)])
+    kinds = [_kind(choice) for choice, _ in recordings]
+    return _told_once([*of_readers, *run_checks(model, recordings, known_codes)], kinds)
 
 
 def merged(recordings: Sequence[RecordingChoice], findings: Sequence[tuple[int, Finding]]) -> list[Finding]:
@@ -336,48 +327,24 @@ def _implied_rate(log: Recording) -> float | None:
     return rate if np.isfinite(rate) and rate > 0.0 else None
 
 
-def _told_once(findings: Sequence[tuple[int, Finding]]) -> list[tuple[int, Finding]]:
-    """Findings without the reader's suspicion about a joint far outside its limits where its cause is known."""
-    known = {k for k, finding in findings if finding.code in FAR_OUTSIDE and finding.severity == "error"}
-    doubted = ("position-offset", "warning")
-    return [(k, finding) for k, finding in findings if (finding.code, finding.severity) != doubted or k not in known]
+def _told_once(findings: Sequence[tuple[int, Finding]], kinds: Sequence[str] = ("",)) -> list[tuple[int, Finding]]:
+    """Findings without the reader's suspicion about a joint far outside its limits where its cause is known.
+
+    Args:
+        findings: Findings, each with the index of its recording.
+        kinds: Log format of each recording; a cause that is known for one recording is known for all of its kind.
+    """
+    known = [(kinds[k], finding) for k, finding in findings]
+    return [
+        (k, finding)
+        for k, finding in findings
+        if (finding.code, finding.severity) != ("position-offset", "warning")
+        or not any(kind == kinds[k] and _says_why(cause, finding.channel) for kind, cause in known)
+    ]
 
 
-def _reconsidered(evidence: LogEvidence) -> LogEvidence:
-    """Reports as angles of motors: angles far outside all limits, and degrees that contradict the torque."""
-    degrees = next((f for f in evidence.noted if f.code == "degrees"), None)
-    far = next((f for f in evidence.noted if f.code == "position-offset"), None)
-    if degrees is not None and evidence.state is not None and not _believable(evidence.state):
-        doubted, why = degrees, "If they were degrees, they would contradict the torque"
-    elif far is not None and _turns_too_far(evidence):
-        doubted, why = far, "Other joints move as far as this one"
-    else:
-        return evidence
-    motor = Finding(
-        "motor-side",
-        "error",
-        "q",
-        f"{doubted.evidence} {why}, so they are probably positions of motors on the motor side of the gears.",
-        "find out the matrix N with q_motor = N (q - joint_offset), and give it: transmission = [[N1, 0, …], …]",
-    )
-    noted = tuple(motor if f is doubted else f for f in evidence.noted)
-    return replace(evidence, noted=noted, recording=None)
-
-
-def _turns_too_far(evidence: LogEvidence) -> bool:
-    """True if most joints move over several times the range of their limits."""
-    recording = evidence.recording
-    assert recording is not None  # findings about limits need it
-    span = np.array([high - low for low, high in (joint.position_limits for joint in evidence.robot.joints)])
-    known = np.isfinite(span) & (span > 0.0)
-    moved = np.ptp(recording.q, axis=0)
-    return bool(known.any() and np.median(moved[known] / span[known]) > GEARED)
-
-
-def _believable(state: LogState) -> bool:
-    """True if a model explains the log in the way it is read."""
-    if state.nominal is not None:
-        loaded = int(np.argmax(state.nominal.size))
-        alike = abs(float(state.nominal.correlation[loaded])) > PLAUSIBLE_CORRELATION
-        return alike and abs(float(state.nominal.scale[loaded])) > PLAUSIBLE_SCALE
-    return state.conflict < PLAUSIBLE_CONFLICT
+def _says_why(cause: Finding, joint: str) -> bool:
+    """True if a finding says why a joint is far outside its limits."""
+    if cause.code == "joint-order":
+        return cause.severity != "info" and joint in cause.channel.split(", ")
+    return cause.code in FAR_OUTSIDE and cause.severity == "error"

@@ -135,7 +135,7 @@ def test_the_name_of_a_joint_is_written_as_it_is():
     result = read(recorded(q=Q + np.array([0.0, 0.0, 900.0]), dq=None, ddq=None))
     (finding,) = (f for f in result.findings if f.code == "position-offset")
     assert finding.evidence.startswith("Joint elbow moves from")
-    refused("run.csv: joint elbow moves from", recorded(q=Q + np.array([0.0, 0.0, 9.0]), dq=None, ddq=None))
+    refused("run.csv: joint elbow moves from", recorded(q=Q * np.array([1.0, 1.0, 57.3]), dq=None, ddq=None))
 
 
 def test_lists_must_be_as_long_as_the_robot_has_joints():

@@ -9,6 +9,7 @@ from armid.doctor.check_input import Explanation, LogEvidence
 from armid.doctor.log_check import LogCheck
 from armid.doctor.log_interpretation import LogState
 from armid.errors import Finding
+from armid.measurement.limit_check import WIDEST
 from armid.measurement.log_format import LogFormat
 from armid.measurement.log_format_remedies import lines
 from armid.values import Array
@@ -17,8 +18,8 @@ CODE = "degrees"
 
 DEGREES = 180.0 / np.pi
 
-WIDEST, NARROWEST = 7.0, 0.1
-"""Largest plausible angle of a joint, about one turn, and smallest plausible range of a motion [rad]."""
+NARROWEST = 0.1
+"""Smallest plausible range of a motion [rad]."""
 
 GAIN = 0.3
 """Smallest decrease of the mean log residual for the other unit. A wrong unit changes the shape of gravity torques,
@@ -62,7 +63,7 @@ def explain(state: LogState) -> Explanation | None:
 def _suspects(state: LogState) -> list[tuple[NDArray[np.bool_], float, str]]:
     """Joints that may have the other unit, factor on their angles, and unit in which they are read.
 
-    Candidates are all revolute joints, or only those that leave their limits or hardly move.
+    Candidates are all revolute joints, or only those that leave their limits by turns or hardly move.
     """
     joints = state.model.robot.joints
     turns = np.array([not joint.is_prismatic for joint in joints])
@@ -77,7 +78,7 @@ def _suspects(state: LogState) -> list[tuple[NDArray[np.bool_], float, str]]:
         suspects.append((turns, 1.0 / DEGREES, "radians"))
     limits = np.array([joint.position_limits for joint in joints])
     widest = np.where(np.isfinite(limits).all(axis=1), np.abs(limits).max(axis=1), WIDEST)
-    beyond = turns & (size > widest)
+    beyond = turns & (size > np.maximum(widest, WIDEST))
     moves: Array = np.ptp(state.rows.motion.q, axis=0)
     hardly_moving = turns & (size * DEGREES <= np.minimum(widest, WIDEST)) & (moves > 0.0)
     for which, factor, unit in ((beyond, 1.0 / DEGREES, "radians"), (hardly_moving, DEGREES, "degrees")):

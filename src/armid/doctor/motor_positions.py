@@ -1,0 +1,108 @@
+"""Decision between degrees and positions of motors, for angles far outside the limits of the joints."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from armid.doctor.check_input import LogEvidence
+from armid.doctor.log_interpretation import LogState
+from armid.errors import Finding
+from armid.measurement.log_format_remedies import lines
+from armid.values import Array
+
+PLAUSIBLE_CONFLICT, PLAUSIBLE_CORRELATION, PLAUSIBLE_SCALE = 0.6, 0.7, 0.3
+"""Limits within which angles are accepted as degrees: largest conflict between the joints, smallest correlation
+with the torque of the description, and smallest share of this torque. Angles of motors fail them even inside the
+joint limits."""
+
+GEARED = 3.0
+"""Range of a motion divided by the range of the limits, from which positions are degrees or positions of motors."""
+
+BESIDE = ("position-sign", "torque-sign", "position-offset", "joint-order")
+"""Codes of faults that a log in degrees may have besides; with them corrected, a model must explain the torque."""
+
+
+def reconsidered(evidence: LogEvidence) -> LogEvidence:
+    """The evidence with degrees or motor positions reported where other angles or degrees were suspected.
+
+    Degrees that contradict the torque are positions of motors. Angles far outside all limits are degrees if the
+    torque agrees with this, and otherwise positions of motors.
+
+    Args:
+        evidence: The log and the findings of the reader.
+    """
+    degrees = next((f for f in evidence.noted if f.code == "degrees"), None)
+    far = next((f for f in evidence.noted if f.code == "position-offset"), None)
+    if degrees is not None and evidence.state is not None and not _explains_torque(evidence):
+        doubted, why = degrees, "If they were degrees, they would contradict the torque"
+    elif far is not None and _turns_too_far(evidence):
+        read_so = _as_degrees(evidence)
+        if read_so is not None and _explains_torque(read_so):
+            return _replaced(read_so, far, _degrees(far))
+        doubted, why = far, "Other joints move as far as this one"
+    else:
+        return evidence
+    motor = Finding(
+        "motor-side",
+        "error",
+        "q",
+        f"{doubted.evidence} {why}, so they are probably positions of motors on the motor side of the gears.",
+        "find out the matrix N with q_motor = N (q - joint_offset), and give it: transmission = [[N1, 0, …], …]",
+    )
+    return replace(_replaced(evidence, doubted, motor), recording=None)
+
+
+def _replaced(evidence: LogEvidence, old: Finding, new: Finding) -> LogEvidence:
+    return replace(evidence, noted=tuple(new if each is old else each for each in evidence.noted))
+
+
+def _degrees(far: Finding) -> Finding:
+    text = f"{far.evidence} Other joints move as far as this one. In degrees, the angles agree with the torque."
+    remedy = lines("or transmission and joint_offset, if the log is on the motor side", units="deg")
+    return Finding("degrees", "error", "", text, remedy)
+
+
+def _as_degrees(evidence: LogEvidence) -> LogEvidence | None:
+    """The evidence with all angles read as degrees; `None` if the log format makes something else of them."""
+    reading, recording = evidence.reading, evidence.recording
+    assert recording is not None  # findings about limits need it
+    if reading.transmission is not None or reading.degrees(recording.n).any():
+        return None
+    unit = np.where([joint.is_prismatic for joint in evidence.robot.joints], 1.0, np.pi / 180.0)
+    offset = np.zeros(recording.n) if reading.joint_offset is None else np.asarray(reading.joint_offset)
+
+    def scaled(values: Array | None) -> Array | None:
+        return None if values is None else values * unit
+
+    q = (recording.q - offset) * unit + offset
+    again = replace(recording, q=q, dq=scaled(recording.dq), ddq=scaled(recording.ddq))
+    return replace(evidence, recording=again, reading=replace(reading, units="deg"))
+
+
+def _turns_too_far(evidence: LogEvidence) -> bool:
+    """True if most joints move over several times the range of their limits."""
+    recording = evidence.recording
+    assert recording is not None  # findings about limits need it
+    span = np.array([high - low for low, high in (joint.position_limits for joint in evidence.robot.joints)])
+    known = np.isfinite(span) & (span > 0.0)
+    moved = np.ptp(recording.q, axis=0)
+    return bool(known.any() and np.median(moved[known] / span[known]) > GEARED)
+
+
+def _explains_torque(evidence: LogEvidence) -> bool:
+    """True if a model explains the log in the way it is read, or with a usual fault of the format corrected."""
+    if evidence.state is None or _agrees(evidence.state):
+        return evidence.state is not None
+    found = {each.code for each in evidence.explanations}
+    return bool(found) and found <= {*BESIDE} and evidence.corrected is not None and _agrees(evidence.corrected)
+
+
+def _agrees(state: LogState) -> bool:
+    """True if the torque agrees with the description, or the joints with each other."""
+    if state.nominal is not None:
+        loaded = int(np.argmax(state.nominal.size))
+        alike = abs(float(state.nominal.correlation[loaded])) > PLAUSIBLE_CORRELATION
+        return alike and abs(float(state.nominal.scale[loaded])) > PLAUSIBLE_SCALE
+    return state.conflict < PLAUSIBLE_CONFLICT

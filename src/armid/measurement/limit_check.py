@@ -1,0 +1,115 @@
+"""Comparison of positions with the limits of the joints: angles in degrees, and joints far outside their limits."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armid.errors import Finding
+from armid.maths.median import median
+from armid.measurement.log_format import LogFormat
+from armid.measurement.log_format_remedies import lines
+from armid.measurement.recording import Recording, recording_error
+from armid.robot.robot import Robot
+from armid.values import Array
+
+FAR = 0.5
+"""Excess over the limits of a joint, divided by their span, above which limits that are only inaccurate cannot be
+the cause."""
+
+OVERSHOOT = 0.1
+"""Excess over the limits, divided by their span, up to which positions count as inside. On ten recorded arms a joint
+goes beyond its described limits by up to 0.03."""
+
+WIDEST = 7.0
+"""Largest plausible angle of a joint, about one turn [rad]."""
+
+COMPARABLE = 0.25
+"""Smallest share of its limits that a joint in degrees moves over, relative to the share of the other joints in
+radians. Angles of another arm that are read in degrees hardly move: their relative share is some hundredths."""
+
+
+def check_limits(recording: Recording, log_format: LogFormat, robot: Robot) -> tuple[Finding, ...]:
+    """Raises an error if degrees were read as radians; reports joints far outside their limits.
+
+    Args:
+        recording: Recording in the robot's convention.
+        log_format: Log format with which it was read.
+        robot: The arm that was recorded.
+
+    Raises:
+        RecordingError: Angles are in degrees instead of radians.
+    """
+    beyond, span = _beyond(robot, recording.q)
+    far = beyond > FAR * span
+    if not far.any():
+        return ()
+    worst = int(np.argmax(np.where(far, beyond, -np.inf)))
+    joint, q = robot.joints[worst], recording.q[:, worst]
+    low, high = joint.position_limits
+    evidence = (
+        f"joint {joint.name} moves from {q.min():.4g} to {q.max():.4g} {joint.unit}, far outside its limits "
+        f"[{low:.4g}, {high:.4g}]"
+    )
+    read_so = log_format.degrees(robot.n)
+    degrees = in_degrees(robot, recording.q, read_so)
+    if degrees.any():
+        turns = np.array([not joint.is_prismatic for joint in robot.joints])
+        everywhere = bool(degrees[turns].all())
+        units = "deg" if everywhere else ["deg" if each else "rad" for each in degrees | read_so]
+        inside = "all joints" if everywhere else _listed(robot, degrees)
+        raise recording_error(
+            "degrees",
+            recording,
+            f"{evidence}; if the angles were degrees, {inside} would be inside.",
+            lines("or transmission and joint_offset, if the log is on the motor side", units=units),
+        )
+    return (
+        Finding(
+            "position-offset",
+            "warning",
+            robot.joint_names[worst],
+            f"J{evidence[1:]}.",
+            "find out units, joint_offset, transmission, the order of the channels and the position limits.",
+        ),
+    )
+
+
+def in_degrees(robot: Robot, q: Array, read_so: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Joints that are far outside their limits and inside if their angles are degrees, shape (n,).
+
+    One log has one unit: all revolute joints are in degrees, or none. Only some are if their angles are larger than a
+    turn and, in degrees, they move over as much of their limits as the other joints do in radians.
+
+    Args:
+        robot: The arm.
+        q: Positions, shape (N, n) [rad or m].
+        read_so: Joints whose angles are read as degrees already, shape (n,).
+    """
+    nobody = np.zeros(robot.n, dtype=np.bool_)
+    turns = np.array([not joint.is_prismatic for joint in robot.joints])
+    beyond, span = _beyond(robot, q)
+    far, known = beyond > FAR * span, np.isfinite(span)
+    as_degrees = np.where(turns, np.radians(q), q)
+    fits = turns & (_beyond(robot, as_degrees)[0] <= OVERSHOOT * span)
+    if not far.any() or not (fits & ~read_so)[far].all():
+        return nobody
+    large = np.abs(q).max(axis=0) > WIDEST
+    if 2 * far.sum() > turns.sum() and not read_so.any() and fits[turns & known].all() and large.any():
+        return turns
+    share = np.ptp(np.where(far, as_degrees, q), axis=0) / span
+    others = known & ~far
+    usual = float(median(share[others])) if others.any() else 0.0
+    return far if (large & (share >= COMPARABLE * usual))[far].all() else nobody
+
+
+def _beyond(robot: Robot, q: Array) -> tuple[Array, Array]:
+    """Largest excess of positions (N, n) over the limits and span of the limits, (n,) each; infinite if unknown."""
+    low, high = np.array([joint.position_limits for joint in robot.joints]).reshape(-1, 2).T
+    known = np.isfinite(low) & np.isfinite(high) & (high > low)
+    beyond = np.maximum(low - q.min(axis=0), q.max(axis=0) - high)
+    return np.where(known, beyond, -np.inf), np.where(known, high - low, np.inf)
+
+
+def _listed(robot: Robot, which: NDArray[np.bool_]) -> str:
+    return ", ".join(name for name, one in zip(robot.joint_names, which, strict=True) if one)

@@ -1,0 +1,51 @@
+"""Angles far outside all limits: degrees, also beside another fault, or positions of motors."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from armid.errors import Finding
+from armid.study.diagnosis import diagnose_recording
+from armid.values import Array
+from sick import Case, sound
+
+UR = 4  # the seed of a UR10e, whose description has inertias
+
+
+def in_degrees(factor: float | Array = 1.0, offset: float | Array = 0.0) -> Case:
+    """A log in degrees, or in multiples of them, without a unit in its columns [°]."""
+    case = sound(UR)
+    return case.logged(q=np.degrees(case.motion.q) * factor + offset, dq=None)
+
+
+def errors(case: Case) -> list[Finding]:
+    return [f for f in diagnose_recording(case.robot, case.recording, case.reading) if f.severity == "error"]
+
+
+def one(joint: int, value: float, others: float) -> Array:
+    values = np.full(6, others)
+    values[joint] = value
+    return values
+
+
+@pytest.mark.parametrize(
+    ("case", "codes"),
+    [
+        (in_degrees(), {"degrees"}),
+        (in_degrees(offset=one(2, 120.0, 0.0)), {"degrees", "position-offset"}),
+        (in_degrees(factor=one(2, -1.0, 1.0)), {"degrees", "position-sign"}),
+    ],
+    ids=["alone", "another zero", "another direction"],
+)
+def test_a_log_in_degrees_is_one_whatever_else_is_wrong(case: Case, codes: set[str]):
+    found = errors(case)
+    assert {f.code for f in found} == codes
+    (degrees,) = (f for f in found if f.code == "degrees")
+    assert degrees.remedy.startswith('units = "deg"')
+
+
+def test_positions_of_motors_are_no_degrees():
+    found = errors(in_degrees(factor=np.array([1.4, 1.7, 2.1, 2.8, 1.7, 2.1])))  # gear ratios of 80 to 160
+    assert [f.code for f in found] == ["motor-side"]
+    assert found[0].remedy.startswith("find out the matrix N")
