@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations, permutations
+from itertools import permutations
 
 import numpy as np
 from numpy.typing import NDArray
 
+from armid.doctor.channel_orders import BEYOND, LimitExcess, exchanges, limit_excess, shifts, usual_orders
 from armid.doctor.check_input import Explanation, LogEvidence
 from armid.doctor.checks.signals import velocity_mismatch
+from armid.doctor.checks.signals.position_limits import outside_limits
 from armid.doctor.downsample import DownsampledLog
 from armid.doctor.log_check import LogCheck
 from armid.doctor.log_interpretation import LogState
@@ -50,9 +52,9 @@ fit may exceed that of the logged order."""
 FEW = 7
 """Joints up to which all orders are tried, which takes some milliseconds."""
 
-BEYOND = 0.1
-"""Share of the range of a joint by which its positions may exceed the range, because limits of descriptions are
-approximate."""
+AGREES = 0.005
+"""Decrease of the mean log residual from which the torque supports an order that puts all joints inside their limits,
+and largest increase with which it does not contradict it. On sound logs, such orders increase it by more."""
 
 
 Flags = NDArray[np.bool_]
@@ -74,16 +76,69 @@ def check(evidence: LogEvidence) -> list[Finding]:
 
 def explain(state: LogState) -> Explanation | None:
     """Explanation by another order of channels; `None` if the order is right."""
-    n, coarse = state.rows.n, state.log.coarse()
-    same = np.arange(n)
-    best = begin = _Order(same, same, cost_of(state.rows, products(state.rows)))
+    same, limits = np.arange(state.rows.n), limit_excess(state)
+    begin = _Order(same, same, cost_of(state.rows, products(state.rows)))
+    best, others = _searched(state, begin, limits)
+    gain = begin.cost - best.cost
+    if gain < (GAIN if state.conflict < CALM else min(SURE, SHARE * state.conflict)):
+        return None if limits.given_fits else _by_limits(state, begin, limits)
+    equal = [order for order in others if order.cost < best.cost + GAIN]
+    within = [order for order in (best, *equal) if limits.fits(order.motion)]
+    if within and not limits.given_fits:  # limits decide what the torque does not
+        best, *equal = sorted(within, key=lambda order: order.cost)
+    gain, doubt = begin.cost - best.cost, [_order_text(order) for order in equal]
+    evidence = (
+        f"With {_order_text(best)}, the error of one model for all joints is {1 - np.exp(-gain):.0%} smaller"
+        + (f"; with {' or '.join(doubt)} it is equally small, so the log cannot decide." if doubt else ".")
+    )
+    return _explanation(state, best, gain, evidence, decided=not doubt)
+
+
+def _explanation(
+    state: LogState,
+    best: _Order,
+    gain: float,
+    evidence: str,
+    *,
+    decided: bool = True,
+    supported: bool = True,
+) -> Explanation:
+    """Explanation by an order.
+
+    Args:
+        state: The log.
+        best: The order.
+        gain: Decrease of the mean log residual.
+        evidence: Observation, with numbers.
+        decided: False if other orders explain the log equally well.
+        supported: False if the torque agrees equally well with the given order.
+    """
+    same, names = np.arange(state.rows.n), state.model.robot.joint_names
+    moved = np.flatnonzero((best.torque != same) | (best.motion != same))
+    return Explanation(
+        CODE,
+        gain,
+        "info" if not decided else "error" if supported else "warning",
+        ", ".join(names[j] for j in moved),
+        evidence,
+        lambda evidence: _remedy(evidence, best),
+        state.on(state.log.reordered(best.motion, best.torque)),
+        by_error_alone=supported,
+    )
+
+
+def _searched(state: LogState, begin: _Order, limits: LimitExcess) -> tuple[_Order, list[_Order]]:
+    """Order with the smallest residual, found by exchanges of pairs, and others that were fitted to all rows."""
+    same, coarse = begin.motion, state.log.coarse()
+    takes = limits.allowed, limits.excess < np.inf
     near = _evaluated(state, coarse, same, same).cost + NEAR
-    others: list[_Order] = []
-    takes = _allowed(state)
+    best, others = begin, list[_Order]()
     for step in range(EXCHANGES):
         trials = list(_exchanged(state, coarse, best, takes))
         if step == 0:
             guesses = [(same, _assigned(state)), (same[::-1], same[::-1]), (same[::-1], same)]
+            if state.conflict >= CALM or not limits.given_fits:
+                guesses += [(shift, torque) for shift in shifts(len(same)) for torque in (shift, same)]
             trials += [_evaluated(state, coarse, *order) for order in guesses if _possible(takes, *order)]
         trials = sorted((t for t in _distinct(trials) if t.cost < near), key=lambda order: order.cost)[:LOOKED_AT]
         close = [_evaluated(state, state.log, t.motion, t.torque) for t in trials]
@@ -91,23 +146,37 @@ def explain(state: LogState) -> Explanation | None:
         if better.cost > best.cost - GAIN:
             break
         best, others = better, [order for order in close if order is not better]
-    gain = begin.cost - best.cost
-    if gain < (GAIN if state.conflict < CALM else min(SURE, SHARE * state.conflict)):
+    return best, others
+
+
+def _by_limits(state: LogState, begin: _Order, limits: LimitExcess) -> Explanation | None:
+    """Explanation by the order with which all joints are inside their limits, if the torque does not contradict it.
+
+    Where the torque does not support it either, a joint must be far outside its limits and move over more than these:
+    inaccurate limits, another zero or another direction would explain less than that as well.
+    """
+    same, coarse = begin.motion, state.log.coarse()
+    fitting = [order for order in usual_orders(len(same)) if limits.fits(order)]
+    trials = sorted((_evaluated(state, coarse, order, order) for order in fitting), key=lambda order: order.cost)
+    close = [_evaluated(state, state.log, trial.motion, trial.torque) for trial in trials[:LOOKED_AT]]
+    close.sort(key=lambda order: order.cost)
+    if not close or any(order.cost < close[0].cost + GAIN for order in close[1:]):
         return None
-    names = state.model.robot.joint_names
-    moved = np.flatnonzero((best.torque != same) | (best.motion != same))
-    doubt = [_order_text(order) for order in others if order.cost < best.cost + GAIN]
-    return Explanation(
-        CODE,
-        gain,
-        "info" if doubt else "error",
-        ", ".join(names[j] for j in moved),
-        f"With {_order_text(best)}, the error of one model for all joints is {1 - np.exp(-gain):.0%} smaller"
-        + (f"; with {' or '.join(doubt)} it is equally small, so the log cannot decide." if doubt else "."),
-        lambda evidence: _remedy(evidence, best),
-        state.on(state.log.reordered(best.motion, best.torque)),
-        by_error_alone=True,
+    best, gain = close[0], begin.cost - close[0].cost
+    far = [j for j in same if limits.excess[j, j] > BEYOND]
+    supported = gain > AGREES
+    if not supported and (gain < -AGREES or not limits.far.any()):
+        return None
+    told = "; ".join(outside_limits(state.model.robot, state.rows.motion.q, j) for j in far)
+    torque = (
+        f"the error of one model for all joints is {1 - np.exp(-gain):.1%} smaller"
+        if supported
+        else "the torque agrees equally well; if the given order is right, the limits of the description are wrong"
     )
+    evidence = (
+        f"In the given order, {told}. With {_order_text(best)}, all joints are inside their limits, and {torque}."
+    )
+    return _explanation(state, best, gain, evidence, supported=supported)
 
 
 def _order_text(order: _Order) -> str:
@@ -202,9 +271,7 @@ def _picked(P: Array, n: int, k: int) -> Array:
 def _exchanged(state: LogState, log: DownsampledLog, order: _Order, takes: tuple[Flags, Flags]) -> Iterator[_Order]:
     """Orders in which two more channels are exchanged: only positions, all quantities, or only torques."""
     same = np.arange(len(order.motion))
-    pairs = [same.copy() for _ in combinations(same, 2)]
-    for exchange, (i, j) in zip(pairs, combinations(same, 2), strict=True):
-        exchange[[i, j]] = j, i
+    pairs = exchanges(len(same))
     torques = [order.torque[exchange] for exchange in pairs]
     for motion, torque in zip((order.motion[exchange] for exchange in pairs), torques, strict=True):
         possible = [each for each in (order.torque, torque) if _possible(takes, motion, each)]
@@ -213,22 +280,6 @@ def _exchanged(state: LogState, log: DownsampledLog, order: _Order, takes: tuple
     possible = [each for each in torques if _possible(takes, order.motion, each)]
     rows = make_rows(state.source, log.reordered(order.motion, same))
     yield from _with_torques(rows, log, order.motion, possible)
-
-
-def _allowed(state: LogState) -> tuple[Flags, Flags]:
-    """Flags of the channels whose positions and whose torque each joint may have, (n, n) each.
-
-    Channels of prismatic and revolute joints are not exchanged. A joint does not get positions far beyond its limits,
-    unless its logged positions are equally far beyond.
-    """
-    joints = state.model.robot.joints
-    slides = np.array([joint.is_prismatic for joint in joints])
-    alike = slides[:, None] == slides
-    q = np.concatenate([run.motion.q[run.rows] for run in state.log.runs])
-    low, high = np.array([joint.position_limits for joint in joints]).T[:, :, None]
-    beyond = np.maximum(low - q.min(axis=0), q.max(axis=0) - high)
-    span = np.where(np.isfinite(high - low) & (high > low), high - low, np.inf)
-    return alike & (beyond <= np.maximum(BEYOND * span, np.diag(beyond)[:, None])), alike
 
 
 def _possible(takes: tuple[Flags, Flags], motion: NDArray[np.intp], torque: NDArray[np.intp]) -> bool:

@@ -44,7 +44,7 @@ def check(evidence: LogEvidence) -> list[Finding]:
     if not outside.any():
         return []
     joints = np.flatnonzero(outside)
-    told = [_range(robot, q, j) for j in joints[:NAMED]]
+    told = [outside_limits(robot, q, j) for j in joints[:NAMED]]
     more = f"; {len(joints) - NAMED} more" if len(joints) > NAMED else ""
     mirrored = not always_outside(robot, -q)[outside].any()
     why = (
@@ -76,7 +76,14 @@ def always_outside(robot: Robot, q: Array) -> NDArray[np.bool_]:
     return result
 
 
-def _range(robot: Robot, q: Array, j: np.intp) -> str:
+def outside_limits(robot: Robot, q: Array, j: np.intp | int) -> str:
+    """Text about the range of joint j, which is outside its limits.
+
+    Args:
+        robot: The arm.
+        q: Positions, shape (N, n) [rad or m].
+        j: Index of the joint.
+    """
     low, high = robot.joints[j].position_limits
     return (
         f"{robot.joint_names[j]} goes from {q[:, j].min():.4g} to {q[:, j].max():.4g} {robot.joints[j].unit}, "
@@ -91,6 +98,5 @@ CHECK = LogCheck(
         CODE: "The log is not of this arm, or read at wrong angles; an estimate may fit and still be of another arm."
     },
     follows=("degrees", "motor-side"),
-    fails=(CODE,),
     needs_torque=False,
 )

@@ -1,0 +1,97 @@
+"""Orders of channels that occur in logs, and the joints whose limits they respect."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armid.doctor.log_interpretation import LogState
+from armid.measurement.limit_check import FAR
+from armid.values import Array
+
+BEYOND = 0.1
+"""Share of the range of a joint by which its positions may exceed the range, because limits of descriptions are
+approximate."""
+
+Order = NDArray[np.intp]
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class LimitExcess:
+    """Excess of each channel's positions over the limits of each joint.
+
+    Attributes:
+        excess: Excess of channel k over the limits of joint j, divided by their span, shape (n, n); minus infinity if
+            the joint has no limits, infinity if one of j and k turns and the other slides.
+        far: Joints that are far outside their limits and move over more than their span, so that neither inaccurate
+            limits nor another zero explain it, shape (n,).
+    """
+
+    excess: Array
+    far: NDArray[np.bool_]
+
+    @property
+    def given_fits(self) -> bool:
+        """True if all joints are inside their limits in the given order."""
+        return self.fits(np.arange(len(self.excess)))
+
+    @property
+    def allowed(self) -> NDArray[np.bool_]:
+        """Channels whose positions each joint may have, shape (n, n).
+
+        A joint does not get positions far beyond its limits, unless its logged positions are equally far beyond.
+        """
+        return (self.excess < np.inf) & (self.excess <= np.maximum(BEYOND, np.diag(self.excess)[:, None]))
+
+    def fits(self, order: Order) -> bool:
+        """True if all joints are inside their limits with the positions of the channels of an order (n,)."""
+        return bool((self.excess[np.arange(len(order)), order] <= BEYOND).all())
+
+
+def limit_excess(state: LogState) -> LimitExcess:
+    """Compares the positions of all channels of a log with the limits of all joints."""
+    joints = state.model.robot.joints
+    slides = np.array([joint.is_prismatic for joint in joints])
+    q = np.concatenate([run.motion.q[run.rows] for run in state.log.runs])
+    low, high = np.array([joint.position_limits for joint in joints]).T[:, :, None]
+    known = np.isfinite(low) & np.isfinite(high) & (high > low)
+    span = np.where(known, high - low, 1.0)
+    excess = np.where(known, np.maximum(low - q.min(axis=0), q.max(axis=0) - high) / span, -np.inf)
+    far = (np.diag(excess) > FAR) & (np.ptp(q, axis=0) > (1.0 + BEYOND) * span[:, 0])
+    return LimitExcess(np.where(slides[:, None] == slides, excess, np.inf), far)
+
+
+def usual_orders(n: int) -> list[Order]:
+    """Orders in which two channels are exchanged, all are reversed, or some in a row are shifted by one place.
+
+    Args:
+        n: Number of channels.
+    """
+    same = np.arange(n)
+    return [*exchanges(n), *([same[::-1]] if n > 3 else []), *shifts(n)]
+
+
+def exchanges(n: int) -> list[Order]:
+    """Orders (n,) in which two channels are exchanged."""
+    result: list[Order] = []
+    for pair in combinations(range(n), 2):
+        order = np.arange(n)
+        order[list(pair)] = pair[::-1]
+        result.append(order)
+    return result
+
+
+def shifts(n: int) -> list[Order]:
+    """Orders (n,) in which three or more channels in a row are shifted by one place, in either direction."""
+    result: list[Order] = []
+    for first, last in combinations(range(n), 2):
+        if last - first < 2:
+            continue
+        for step in (-1, 1):
+            order = np.arange(n)
+            order[first : last + 1] = np.roll(order[first : last + 1], step)
+            result.append(order)
+    return result
