@@ -24,7 +24,6 @@ __all__ = [
     "effects",
     "examine",
     "explanations_of",
-    "failing_codes",
 ]
 
 SEVERITIES = ("error", "warning", "info")
@@ -46,11 +45,6 @@ def explanations_of(scopes: Collection[Scope] = EVERYWHERE) -> tuple[Explain, ..
 def effects() -> dict[str, str]:
     """Effect of each fault on an estimate, by the code of its findings."""
     return {code: text for check in CHECKS.values() for code, text in check.effects.items()}
-
-
-def failing_codes() -> tuple[str, ...]:
-    """Codes of errors with which the verdict of an identification is `fail`."""
-    return tuple(code for check in CHECKS.values() for code in check.fails)
 
 
 def examine(evidence: LogEvidence, checks: Collection[str] | None = None) -> tuple[Finding, ...]:

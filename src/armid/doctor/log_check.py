@@ -27,8 +27,6 @@ class LogCheck:
         untested: Reason why the remedy is not tested on left-out motion, by code.
         hides: Codes of findings that are consequences of this fault; they are not reported together with it.
         follows: Codes of faults that cause the findings of this check; these findings are then not reported.
-        fails: Codes of errors of this check for which the verdict of an identification is `fail`, although its
-            recordings agree with each other.
         needs_torque: False if the check is also valid for a log of motor currents.
     """
 
@@ -39,5 +37,4 @@ class LogCheck:
     untested: Mapping[str, str] = field(default_factory=dict[str, str])
     hides: tuple[str, ...] = ()
     follows: tuple[str, ...] = ()
-    fails: tuple[str, ...] = ()
     needs_torque: bool = True

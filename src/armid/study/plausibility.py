@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from armid.doctor import failing_codes
+from armid.doctor import effects
 from armid.doctor.checks.dynamics.excitation_weak import WEAK_CONDITION, excitation_severity, poorly_determined
 from armid.errors import Finding
 from armid.estimation.crossvalidation import FOLDS
@@ -300,21 +300,21 @@ def negative_finding(model: DynamicsModel, fit: Fit) -> Finding | None:
 
 
 def contradicted(validation: Validation, findings: Sequence[Finding]) -> Validation:
-    """Validation that fails where the description contradicts the recordings as a whole.
+    """Validation that fails where the doctor found an error in a recording.
 
-    Training and validation recordings in one wrong unit, or of another arm, agree with each other, so that no error
-    shows it.
+    Such an error makes most of an estimate wrong. Training and validation recordings with the same fault, such as a
+    wrong unit or order of channels, agree with each other, so that no error on held-out motion shows it.
 
     Args:
         validation: Scores, checks and verdict.
         findings: Findings on the recordings.
     """
-    codes = failing_codes()
+    codes = effects()
     errors = [each.code for each in findings if each.severity == "error" and each.code in codes]
     if not errors or not validation.recordings:
         return validation
     checks = [
-        Check(f"findings against the description ({code})", float(errors.count(code)), 0.0, False)
+        Check(f"errors in the recordings ({code})", float(errors.count(code)), 0.0, False)
         for code in dict.fromkeys(errors)
     ]
     return replace(validation, verdict="fail", checks=(*validation.checks, *checks))

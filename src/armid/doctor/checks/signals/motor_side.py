@@ -195,5 +195,4 @@ CHECK = LogCheck(
     },
     explain=explain,
     hides=("saturation",),
-    fails=(UNIT,),
 )
