@@ -20,9 +20,6 @@ joint limits."""
 GEARED = 3.0
 """Range of a motion divided by the range of the limits, from which positions are degrees or positions of motors."""
 
-BESIDE = ("position-sign", "torque-sign", "position-offset", "joint-order")
-"""Codes of faults that a log in degrees may have besides; with them corrected, a model must explain the torque."""
-
 
 def reconsidered(evidence: LogEvidence) -> LogEvidence:
     """The evidence with degrees or motor positions reported where other angles or degrees were suspected.
@@ -92,11 +89,11 @@ def _turns_too_far(evidence: LogEvidence) -> bool:
 
 
 def _explains_torque(evidence: LogEvidence) -> bool:
-    """True if a model explains the log in the way it is read, or with a usual fault of the format corrected."""
+    """True if a model explains the log in the way it is read, or with faults of single joints corrected."""
     if evidence.state is None or _agrees(evidence.state):
         return evidence.state is not None
-    found = {each.code for each in evidence.explanations}
-    return bool(found) and found <= {*BESIDE} and evidence.corrected is not None and _agrees(evidence.corrected)
+    of_all_joints = any(each.channel in ("q", "effort") for each in evidence.explanations)
+    return not of_all_joints and evidence.corrected is not None and _agrees(evidence.corrected)
 
 
 def _agrees(state: LogState) -> bool:

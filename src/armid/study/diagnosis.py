@@ -35,8 +35,8 @@ TRIES = 4
 USUAL = ProcessingOptions()
 """Default processing options."""
 
-FAR_OUTSIDE = ("position-limits", "position-sign", "position-offset", "degrees")
-"""Codes of errors that say why a joint is far outside its limits, of which the reader has only a suspicion."""
+FAR_OUTSIDE = ("position-limits", "position-sign", "position-offset", "degrees", "joint-order")
+"""Codes of findings that say why a joint is far outside its limits, of which the reader has only a suspicion."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -339,12 +339,11 @@ def _told_once(findings: Sequence[tuple[int, Finding]], kinds: Sequence[str] = (
         (k, finding)
         for k, finding in findings
         if (finding.code, finding.severity) != ("position-offset", "warning")
-        or not any(kind == kinds[k] and _says_why(cause, finding.channel) for kind, cause in known)
+        or not any(kind == kinds[k] and _says_why(cause) for kind, cause in known)
     ]
 
 
-def _says_why(cause: Finding, joint: str) -> bool:
+def _says_why(cause: Finding) -> bool:
     """True if a finding says why a joint is far outside its limits."""
-    if cause.code == "joint-order":
-        return cause.severity != "info" and joint in cause.channel.split(", ")
-    return cause.code in FAR_OUTSIDE and cause.severity == "error"
+    severities = ("error", "warning") if cause.code == "joint-order" else ("error",)
+    return cause.code in FAR_OUTSIDE and cause.severity in severities
