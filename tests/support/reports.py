@@ -13,7 +13,7 @@ from armid.study.config import load_study
 from armid.study.identify import identify
 from labs import write_recordings, write_study
 
-VOID = {"meta", "link", "br", "img", "input", "path", "line", "circle", "rect"}
+VOID = {"meta", "wbr", "link", "br", "img", "input", "path", "line", "circle", "rect"}
 
 
 def make_run(folder: Path, method: str = "wls") -> Run:

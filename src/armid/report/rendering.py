@@ -42,7 +42,15 @@ def environment() -> Environment:
         lstrip_blocks=True,
     )
     jinja.filters["coded"] = _coded
+    jinja.filters["breakable"] = _breakable
     return jinja
+
+
+def _breakable(name: str) -> str:
+    """Name as HTML that a narrow screen breaks after a separator, not inside a word."""
+    from markupsafe import Markup, escape
+
+    return Markup(re.sub(r"(?<=[_.])(?=[^_.])", "<wbr>", str(escape(name))))
 
 
 def _coded(text: str) -> str:
