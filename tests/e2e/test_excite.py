@@ -250,7 +250,8 @@ def test_poses_and_sweeps(kind, tmp_path, capsys):
     assert max(each["certified_share"] for each in checked["limits"]) < 1.0
     assert checked["approaches"] and all(each["distance"] >= each["asked"] - 1e-6 for each in checked["approaches"])
     text = (out / "preflight.txt").read_text()
-    assert text.startswith("✓ every limit holds, and bodies keep apart") and "info floor-assumed" in text
+    assert text.startswith("✓ every limit holds (torque without friction and rotor inertia), and checked bodies keep")
+    assert "info floor-assumed" in text
     assert (out / "preflight.html").is_file() and "condition" not in checked
 
 

@@ -106,9 +106,11 @@ def test_bodies_keep_apart_by_default(arm, tmp_path, capsys):
     pairs = {each["pair"] for each in report["approaches"]}
     assert {"hand - base", "middle - base", "hand - assumed floor"} <= pairs
     assert "floor-assumed" in {each["code"] for each in report["findings"]}
-    assert "✓ every limit holds, and bodies keep apart" in text
+    assert (
+        "✓ every limit holds (torque without friction and rotor inertia), and" in text and "bodies keep apart" in text
+    )
     page = prose(tmp_path / "plan" / "preflight.html")
-    assert "✓ every limit holds, and bodies keep apart" in page
+    assert "✓ every limit holds (torque without friction and rotor inertia), and" in page
     assert page.index("Motion") < page.index("Expected accuracy")
     assert "1 times" not in text and "with the ways" not in text and "…3.0000 rad" in text
     assert "change its height with --floor HEIGHT" in told
@@ -131,7 +133,8 @@ def test_what_is_left_out_is_called_unchecked_everywhere(arm, tmp_path, capsys):
     folder = tmp_path / "plan"
     code, text, err = run(["excite", arm, *QUICK, "--no-collision", "--out", folder], capsys)
     assert code == 0
-    said = "every limit holds; collisions not checked: the check was left out (--no-collision)"
+    limits = "every limit holds (torque without friction and rotor inertia)"
+    said = f"{limits}; collisions not checked: the check was left out (--no-collision)"
     report = json.loads((folder / "preflight.json").read_text())
     assert (report["verdict"], report["said"]) == ("not checked", said)
     for account in (text, (folder / "preflight.txt").read_text(), prose(folder / "preflight.html")):

@@ -12,13 +12,14 @@ import numpy as np
 from armid.errors import Finding
 from armid.excitation.certification import Margin, fine_grid, margins
 from armid.excitation.collision.closest_approach import RATE, ClosestApproach, closest_approaches
-from armid.excitation.collision.collision_model import CollisionOptions, IgnoredPair
+from armid.excitation.collision.collision_model import CollisionOptions
+from armid.excitation.collision.ignored_pairs import IgnoredPair
 from armid.excitation.collision.left_out_contacts import LeftOutContact, contacts_found, left_out_contacts
 from armid.excitation.design.objective import CriterionGoal, Objective
 from armid.excitation.design.regressor_gradients import Columns
 from armid.excitation.design.sqp import DescentProblem
 from armid.model.parameter_name import ParameterName
-from armid.robot.kinematics import forward_kinematics
+from armid.notebook import plural
 from armid.values import Array
 
 Verdict = Literal["pass", "fail", "weak", "not checked"]
@@ -62,6 +63,8 @@ class Preflight:
         weak: Finding that the motion is too weak to identify the arm; `None` if it is not.
         wider: Finding that limits are wider than those of the description; `None` if they are not.
         touching: Contacts between bodies of pairs that are not checked.
+        torque_lacks: What the torque that is compared with the limits does not contain, for instance `friction`;
+            empty if torque is not checked or contains all.
     """
 
     margins: tuple[Margin, ...]
@@ -72,6 +75,7 @@ class Preflight:
     weak: Finding | None = None
     wider: Finding | None = None
     touching: tuple[LeftOutContact, ...] = ()
+    torque_lacks: str = ""
 
     @property
     def verdict(self) -> Verdict:
@@ -103,9 +107,28 @@ class Preflight:
             return "; ".join(failures[:NAMED]) + more
         weak = "" if self.weak is None else f"; but the motion is too weak to identify {_some(self.weak.channel)}"
         wider = "" if self.wider is None else f"; limits of {_some(self.wider.channel)} are wider than described"
+        limits = f"every limit holds{f' (torque without {self.torque_lacks})' if self.torque_lacks else ''}"
         if self.unchecked:
-            return f"every limit holds; collisions not checked: {self.unchecked}{wider}{weak}"
-        return f"every limit holds, and bodies keep apart{wider}{weak}"
+            return f"{limits}; collisions not checked: {self.unchecked}{wider}{weak}"
+        return f"{limits}, and {self._apart}{wider}{weak}"
+
+    @property
+    def _apart(self) -> str:
+        """Statement on the bodies, with the numbers of pairs that are not checked by reason."""
+        if not self.skipped:
+            return "bodies keep apart"
+        asked = sum(bool(each.reason) for each in self.skipped)
+        adjacent = sum(not each.reason and each.adjacent for each in self.skipped)
+        others = len(self.skipped) - asked - adjacent
+        counts = {"of adjacent links": adjacent, "as requested": asked, "close by construction": others}
+        parts = [f"{plural(count, 'pair')} {reason}" for reason, count in counts.items() if count]
+        touch = (
+            f"; in this plan {len(self.touching)} of these touch{'es' * (len(self.touching) == 1)}"
+            if self.touching
+            else ""
+        )
+        checked = "checked bodies keep apart" if self.approaches else "no pair of bodies is checked"
+        return f"{checked} (not checked: {', '.join(parts)}{touch})"
 
     @property
     def contacts(self) -> Finding | None:
@@ -178,13 +201,13 @@ def preflight(
     touching: tuple[LeftOutContact, ...] = ()
     if collision is not None:
         times = basis.times(max(100, round(RATE * basis.period)))
-        poses = forward_kinematics(goal.model.robot, basis.excitation(x).at(times).q)
-        approaches = closest_approaches(collision, times, poses)
-        touching = left_out_contacts(collision, times, poses)
+        q = basis.excitation(x).at(times).q
+        approaches = closest_approaches(collision, goal.model.robot, times, q)
+        touching = left_out_contacts(collision, goal.model.robot, times, q)
     return Preflight(
         margins(problem, fine_grid(problem), x) if limits is None else limits,
         approaches,
-        () if collision is None else collision.skipped,
+        () if collision is None else collision.unchecked,
         expectation(goal, Objective(goal, basis, samples), x),
         unchecked,
         touching=touching,

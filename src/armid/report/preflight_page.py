@@ -26,7 +26,14 @@ from armid.report.rendering import require_extra
 from armid.report.section import Section
 from armid.report.tables import Column, Table, TableCell
 from armid.study.plans.designed import Designed
-from armid.study.plans.preflight_text import NOT_LOOKED_AT, Checked, findings_of, margins_text, mark_of, start_text
+from armid.study.plans.preflight_text import (
+    Checked,
+    findings_of,
+    margins_text,
+    mark_of,
+    skipped_pairs,
+    start_text,
+)
 from armid.values import Array, replace_file
 
 PLOT_RATE = 100.0
@@ -152,7 +159,7 @@ def _value_and_bound(margin: Margin, designed: Checked) -> tuple[TableCell, Tabl
 def show_approaches(designed: Checked) -> Section | None:
     """Section of the closest approach of each pair; `None` if collisions were not checked."""
     report = designed.preflight
-    if not report.approaches:
+    if not report.approaches and not report.skipped:
         return None
     required = {margin.label: margin for margin in report.margins if margin.limit == COLLISION}
     rows: list[tuple[TableCell, ...]] = []
@@ -196,8 +203,7 @@ def show_approaches(designed: Checked) -> Section | None:
     )
     title = f"Closest approach of each of {len(rows)} pairs of links, nearest pairs first, constant distances last"
     table = Table("approaches", title, columns, rows, note, folded=len(rows) > MANY)
-    skipped = [each.account for each in report.skipped]
-    return Section("Closest approaches", {"skipped": skipped, "why": NOT_LOOKED_AT}, (table,))
+    return Section("Closest approaches", skipped_pairs(report), (table,) if rows else ())
 
 
 def nearest_of_links(approaches: Sequence[ClosestApproach]) -> list[ClosestApproach]:

@@ -16,7 +16,6 @@ from armid.report.preview.clip import clip_of_motion
 from armid.report.preview.page import Preview, render_preview
 from armid.robot import Robot, load_robot
 from armid.robot.body_names import BodyName, BodyPair
-from armid.robot.kinematics import forward_kinematics
 from armid.study.plans.preflight_text import constant_text
 
 GAP = 0.002
@@ -58,7 +57,7 @@ def motion() -> Motion:
 def test_the_list_begins_with_the_closest_pair_whose_distance_changes(robot: Robot, motion: Motion):
     watched = bodies_to_watch(robot)
     assert watched is not None
-    found = closest_approaches(watched, motion.time, forward_kinematics(robot, motion.q))
+    found = closest_approaches(watched, robot, motion.time, motion.q)
     *changing, last = found
     assert last.constant and last.distance == pytest.approx(GAP, abs=MEASURED) and last.kept
     assert changing and not any(each.constant for each in changing)
@@ -82,7 +81,7 @@ def test_a_pair_that_is_too_close_in_every_pose_heads_the_list(robot: Robot, mot
     assert watched is not None
     near = watched.every.margins < watched.every.margins.max()
     closer = replace(watched.every, margin=np.where(near, 2.0 * GAP, watched.every.margins))
-    found = closest_approaches(replace(watched, every=closer), motion.time, forward_kinematics(robot, motion.q))
+    found = closest_approaches(replace(watched, every=closer), robot, motion.time, motion.q)
     assert not found[0].constant and found[0].distance == pytest.approx(GAP, abs=MEASURED)
     assert Preflight((), found, (), None).verdict == "fail"
 
@@ -90,7 +89,7 @@ def test_a_pair_that_is_too_close_in_every_pose_heads_the_list(robot: Robot, mot
 def test_an_arm_in_one_pose_has_no_constant_distances(robot: Robot, motion: Motion):
     watched = bodies_to_watch(robot)
     assert watched is not None
-    found = closest_approaches(watched, motion.time[:1], forward_kinematics(robot, motion.q[:1]))
+    found = closest_approaches(watched, robot, motion.time[:1], motion.q[:1])
     assert not any(each.constant for each in found)
 
 

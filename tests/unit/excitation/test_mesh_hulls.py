@@ -257,4 +257,4 @@ def test_the_last_word_is_no_less_than_what_a_plan_was_certified_with(tmp_path):
     certified = collision.every.bodies.distances(poses).min()
     by_hulls = coal.distances(collision.shapes, collision.pairs, poses, parts_of).min()
     assert by_hulls < certified - 1e-4
-    assert closest_approaches(collision, np.arange(30.0), poses)[0].distance >= certified
+    assert closest_approaches(collision, robot, np.arange(30.0), q)[0].distance >= certified

@@ -21,7 +21,6 @@ from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics import DynamicsModel
 from armid.model.terms import RigidBody
 from armid.robot import Robot, load_robot
-from armid.robot.kinematics import forward_kinematics
 from armid.study.plans.design import design_plan
 from armid.study.plans.goals import DesignConstraints, DesignGoal, SearchBudget
 from armid.study.plans.poses_and_sweeps import MovesGoal, design_moves
@@ -137,7 +136,7 @@ def test_pairs_that_are_left_out_and_touch_in_the_plan_are_named_with_the_time(t
     assert len(placed.collision.skipped) == 1
     times = np.linspace(0.0, 10.0, 2001)
     turning = np.column_stack([np.linspace(math.pi, 0.0, len(times)), np.zeros(len(times))])
-    (contact,) = left_out_contacts(placed.collision, times, forward_kinematics(robot, turning))
+    (contact,) = left_out_contacts(placed.collision, robot, times, turning)
     first = (1.0 - share) * 10.0  # bodies overlap below this share of half a turn
     assert first <= contact.time <= first + 2 * EVERY * times[1] and not contact.throughout
     assert contact.account.startswith("hub - rim (")
@@ -146,8 +145,8 @@ def test_pairs_that_are_left_out_and_touch_in_the_plan_are_named_with_the_time(t
     assert f"hub - rim ({'--ignore-pair' if given else '8'}" in finding.evidence
     assert f"at {contact.time:.2f} s" in finding.evidence
     apart = np.full((100, 2), 0.5 * math.pi) + 0.1
-    assert left_out_contacts(placed.collision, times[:100], forward_kinematics(robot, apart)) == ()
-    (contact,) = left_out_contacts(placed.collision, times[:100], forward_kinematics(robot, np.zeros((100, 2))))
+    assert left_out_contacts(placed.collision, robot, times[:100], apart) == ()
+    (contact,) = left_out_contacts(placed.collision, robot, times[:100], np.zeros((100, 2)))
     assert contact.throughout and "all the time: hub - rim" in contacts_found([contact]).evidence
 
 

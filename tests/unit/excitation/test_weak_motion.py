@@ -85,7 +85,9 @@ def test_every_account_says_what_a_weak_plan_is(held):
     assert "97 % of the torque limit of shoulder_lift_joint" in finding.evidence
     assert "--limit JOINT.effort=VALUE" in finding.remedy and "--start" in finding.remedy
     unchecked = "collisions not checked: the check was left out (--no-collision)"
-    sentence = f"every limit holds; {unchecked}; but the motion is too weak"
+    sentence = (
+        f"every limit holds (torque without friction and rotor inertia); {unchecked}; but the motion is too weak"
+    )
     text, page, record = report_text(held), render_preflight(held), report_record(held)
     assert text.startswith(f"! {sentence}") and "at most 3 is usable" in text
     assert f'<p class="verdict fail"><b>! {sentence}' in page and "at most 3 is usable" in page

@@ -3,7 +3,8 @@
 The search and its certificate use capsules and hulls on their own grids. Here the distance of every pair is computed
 again, pose by pose. Primitive shapes (sphere, box, capsule) are represented exactly. A cylinder is enclosed in a
 prism. A mesh is cut into slices; it is replaced by the convex hulls of the slices, which together contain the mesh.
-For the few pairs whose hulls overlap although the bodies do not, the triangles of the meshes are used. Preflight
+For the few pairs whose hulls overlap although the bodies do not, the triangles of the meshes are used. The distance
+of adjacent links is computed for positions of the joint between them, because it depends on nothing else. Preflight
 pages and the exit code report these distances.
 """
 
@@ -14,10 +15,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from armid.excitation.collision.adjacent_links import AdjacentPair, spread_positions
 from armid.excitation.collision.coal import distances, too_close, whole
 from armid.excitation.collision.collision_model import CollisionOptions
 from armid.excitation.collision.convex_hulls import parts_of
 from armid.robot.body_names import BodyPair
+from armid.robot.kinematics import forward_kinematics
+from armid.robot.robot import Robot
 from armid.values import Array
 
 RATE = 250.0
@@ -40,6 +44,9 @@ constant, the distance of their hulls changes by up to 2.5 mm (measured at the w
 
 MOMENTS = 24
 """Number of poses in which a pair is tested for a constant distance."""
+
+CLOSER = 16
+"""Number of further positions of a joint, next to the closest one, in which adjacent links are measured."""
 
 ROUNDING = 1e-6
 """Tolerance [m] for the difference between the iterative distances of Coal and those of the certificate."""
@@ -73,16 +80,18 @@ class ClosestApproach:
 
 
 def closest_approaches(
-    collision: CollisionOptions, times: Array, poses: tuple[Array, Array]
+    collision: CollisionOptions, robot: Robot, times: Array, q: Array
 ) -> tuple[ClosestApproach, ...]:
     """Closest approach of every checked pair, nearest first; pairs with a constant distance come last.
 
     Args:
         collision: Pairs of bodies that must be kept apart.
+        robot: The arm.
         times: Times of the poses, shape (N,) [s].
-        poses: Rotations (N, n, 3, 3) and origins (N, n, 3) of the links at these times.
+        q: Positions of the joints at these times, shape (N, n) [rad or m].
     """
-    found: list[ClosestApproach] = []
+    poses = forward_kinematics(robot, q)
+    found = [_of_adjacent(collision, each, times, q[:, each.joint], poses) for each in collision.adjacent.checked]
     bound = collision.every.bodies.distances(poses) if len(collision.pairs) else np.zeros((len(times), 0))
     constant = np.isfinite(constant_distances(collision, poses, bound)).tolist()
     if len(collision.pairs):
@@ -97,6 +106,66 @@ def closest_approaches(
         label = BodyPair(*(collision.shapes[i].name for i in pair))
         found.append(ClosestApproach(label, distance, float(times[at]), float(kept), "triangles", constant[k]))
     return tuple(sorted(found, key=lambda each: (each.constant, each.distance)))
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class AdjacentDistances:
+    """Distances of two bodies of adjacent links over the range of the joint between them.
+
+    Attributes:
+        which: Indices of the poses, in ascending order of the joint's positions, shape (k,).
+        distance: Distances in these poses, shape (k,) [m].
+        by_hulls: Whether the convex hulls of meshes were measured, because these are far apart.
+    """
+
+    which: NDArray[np.intp]
+    distance: Array
+    by_hulls: bool
+
+    @property
+    def constant(self) -> bool:
+        """Tests whether the distance is small and the same in all poses, as across the gap of a joint."""
+        return len(self.which) > 1 and bool(np.ptp(self.distance) <= CONSTANT and self.distance.min() < NEAR)
+
+
+def adjacent_distances(
+    collision: CollisionOptions, pair: AdjacentPair, q: Array, poses: tuple[Array, Array]
+) -> AdjacentDistances:
+    """Distances of two bodies of adjacent links along a motion.
+
+    Args:
+        collision: Pairs of bodies that must be kept apart.
+        pair: The two bodies.
+        q: Positions of the joint between them, shape (N,) [rad or m].
+        poses: Rotations (N, n, 3, 3) and origins (N, n, 3) of the links.
+    """
+    which = spread_positions(q)
+    some = poses[0][which], poses[1][which]
+    found = distances(collision.shapes, np.array([pair.bodies]), some, parts_of)[:, 0]
+    if found.min() > 2.0 * pair.kept:
+        return AdjacentDistances(which, found, by_hulls=True)
+    found = distances(collision.shapes, np.array([pair.bodies]), some)[:, 0]
+    return AdjacentDistances(which, found, by_hulls=False)
+
+
+def _of_adjacent(
+    collision: CollisionOptions, pair: AdjacentPair, times: Array, q: Array, poses: tuple[Array, Array]
+) -> ClosestApproach:
+    """Closest approach of two bodies of adjacent links; `q` are the positions (N,) of the joint between them."""
+    found = adjacent_distances(collision, pair, q, poses)
+    at = int(found.distance.argmin())
+    low, high = q[found.which[max(at - 1, 0)]], q[found.which[min(at + 1, len(found.which) - 1)]]
+    near = np.flatnonzero((q >= low) & (q <= high))
+    near = near[q[near].argsort(kind="stable")][np.unique(np.linspace(0, len(near) - 1, CLOSER).astype(np.intp))]
+    some, parts = (poses[0][near], poses[1][near]), parts_of if found.by_hulls else whole
+    closer = distances(collision.shapes, np.array([pair.bodies]), some, parts)[:, 0]
+    which = np.concatenate([found.which, near])
+    distance = np.concatenate([found.distance, closer])
+    k = int(distance.argmin())
+    meshes = any(collision.shapes[i].kind in ("mesh", "cylinder") for i in pair.bodies)
+    by = ("hulls" if found.by_hulls else "triangles") if meshes else "bodies"
+    constant = found.constant and float(distance[k]) >= pair.kept
+    return ClosestApproach(pair.pair, float(distance[k]), float(times[which[k]]), pair.kept, by, constant)
 
 
 def constant_distances(collision: CollisionOptions, poses: tuple[Array, Array], bound: Array) -> Array:

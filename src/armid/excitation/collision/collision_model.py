@@ -9,11 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armid.errors import ArmidError
+from armid.excitation.collision.adjacent_links import NO_ADJACENT, AdjacentLinks, adjacent_links
 from armid.excitation.collision.coal import distances, too_close
 from armid.excitation.collision.convex_hulls import Hulls
 from armid.excitation.collision.distances import Clearance, CollisionBodies
-from armid.excitation.collision.ignored_pairs import IgnoredBodies, ignored_pairs
-from armid.excitation.collision.pairs import pairs_of_bodies
+from armid.excitation.collision.ignored_pairs import IgnoredBodies, IgnoredPair, ignored_pairs
+from armid.excitation.collision.pairs import pairs_of_bodies, stands
 from armid.excitation.collision.required_distances import (
     BY_CAPSULES,
     CONSTRUCTION,
@@ -56,30 +57,6 @@ ROUNDING = 1e-9
 """Tolerance of comparisons of distances [m]."""
 
 
-@dataclass(frozen=True, slots=True)
-class IgnoredPair:
-    """Two bodies that are not checked: they touch by construction, or the user has excluded the pair.
-
-    Attributes:
-        pair: Names of the two bodies.
-        share: Share of random poses (0 to 1) in which the two bodies overlap. For the first link and the body on
-            which the arm is mounted: share in which they are closer than the required distance. NaN if it was not
-            computed.
-        reason: Option or file that excludes the pair; empty if the bodies touch by construction.
-        bodies: Indices of the two bodies among the shapes.
-    """
-
-    pair: str
-    share: float
-    reason: str
-    bodies: tuple[int, int]
-
-    @property
-    def account(self) -> str:
-        """The pair, and in parentheses the share of poses or the option or file that excludes it."""
-        return f"{self.pair} ({self.reason or f'{100.0 * self.share:.0f} %'})"
-
-
 @dataclass(frozen=True, eq=False, slots=True)
 class CollisionOptions:
     """Pairs of bodies that a plan must keep apart.
@@ -87,13 +64,14 @@ class CollisionOptions:
     Attributes:
         searched: Pairs that can come close to each other, for the search; `None` if there are none.
         every: All pairs that are checked with bounding volumes, for the certificate.
-        skipped: Pairs that are not checked.
+        skipped: Pairs that are not checked, but for those of adjacent links.
         shapes: The bodies themselves, the surroundings last.
         pairs: Indices into `shapes` of the pairs of `every`, shape (m, 2).
         own: Number of shapes that belong to the arm.
         measured: Indices into `shapes` of the pairs that are checked with the bodies themselves, shape (r, 2).
         kept: Required distances of the pairs of `measured`, shape (r,) [m].
         left_out: Bounding volumes of the pairs of `skipped`.
+        adjacent: Pairs of adjacent links.
     """
 
     searched: Clearance | None
@@ -105,6 +83,12 @@ class CollisionOptions:
     measured: NDArray[np.intp]
     kept: Array
     left_out: CollisionBodies
+    adjacent: AdjacentLinks = NO_ADJACENT
+
+    @property
+    def unchecked(self) -> tuple[IgnoredPair, ...]:
+        """All pairs that are not checked."""
+        return (*self.skipped, *self.adjacent.left_out)
 
     @property
     def surroundings(self) -> tuple[Shape, ...]:
@@ -142,6 +126,7 @@ class CollisionModel:
         touching: Share of these poses in which each pair is closer than the required distance, shape (m,).
         tried: Some of these random poses, shape (k, n) [rad or m].
         ignored: Pairs that the user has excluded: from the index of the pair to the option or file that excludes it.
+        adjacent: Pairs of adjacent links, which are not among `pairs`.
     """
 
     robot: Robot
@@ -153,6 +138,7 @@ class CollisionModel:
     touching: Array
     tried: Array
     ignored: Mapping[int, str] = field(default_factory=dict[int, str])
+    adjacent: AdjacentLinks = NO_ADJACENT
 
     def excess_distance(self, q: Array) -> Array:
         """Smallest excess of the distance over the required one in poses (N, n), shape (N,) [m]; negative if closer.
@@ -287,7 +273,8 @@ def make_collision_model(
     touching = np.where(looked, cell.touching, 0.0)
     required = adjusted_distances(required, robot, shapes, pairs, cell.tried, around, touching)
     required = replace(required, kind=np.where(looked, required.kind, LEFT_OUT))
-    return replace(cell, touching=touching, required=required, ignored=reasons)
+    adjacent = adjacent_links(robot, shapes, limits, margin, ignored)
+    return replace(cell, touching=touching, required=required, ignored=reasons, adjacent=adjacent)
 
 
 def empty_collision_model(robot: Robot) -> CollisionModel:
@@ -310,9 +297,10 @@ def collision_of(
 def kept_apart(cell: CollisionModel, start: Array) -> CollisionOptions:
     """Pairs of bodies that a plan must keep apart if it begins in a given start pose.
 
-    Adjacent links are not checked. For links two joints apart that are closer than the margin in most poses, the
-    required distance is half of their usual distance. Pairs that overlap in nearly all poses are not checked and are
-    listed as skipped (`armid.excitation.collision.required_distances`).
+    Adjacent links are kept apart by narrower position limits (`AdjacentLinks.narrowed`). For links two joints apart
+    that are closer than the margin in most poses, the required distance is half of their usual distance. Pairs that
+    overlap in nearly all poses are not checked and are listed as skipped
+    (`armid.excitation.collision.required_distances`).
 
     Args:
         cell: Arm and surroundings.
@@ -366,6 +354,7 @@ def looked_at(cell: CollisionModel) -> CollisionOptions:
                 np.nan if k in cell.ignored else float(required.touching[k]),
                 cell.ignored.get(k, ""),
                 (int(cell.pairs[k, 0]), int(cell.pairs[k, 1])),
+                _cause(cell, k),
             )
             for k in left_out.tolist()
         ),
@@ -375,4 +364,13 @@ def looked_at(cell: CollisionModel) -> CollisionOptions:
         cell.pairs[own],
         required.margin[own],
         cell.bodies.only(left_out),
+        cell.adjacent,
     )
+
+
+def _cause(cell: CollisionModel, k: int) -> str:
+    """Reason why a pair with the surroundings is not checked; empty for other pairs."""
+    if not stands(cell.robot, cell.shapes, int(cell.pairs[k].max())):
+        return ""
+    often = "all" if cell.required.touching[k] >= 1.0 else "most"
+    return f"turning on its mount, closer than the clearance of {1000.0 * cell.margin:.1f} mm in {often} random poses"

@@ -19,7 +19,7 @@ class IgnoredBodies:
     Attributes:
         first: Name of the first, or a pattern (`*`, `?`, `[…]`).
         second: Name of the second, or a pattern.
-        reason: Option or file that excludes the pair.
+        reason: Option that excludes the pair, or file with the reason that it states.
         strict: Whether it is an error if no body has such a name.
     """
 
@@ -27,6 +27,63 @@ class IgnoredBodies:
     second: str
     reason: str
     strict: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class IgnoredPair:
+    """Two bodies that are not checked: they touch by construction, or the user has excluded the pair.
+
+    Attributes:
+        pair: Names of the two bodies.
+        share: Share of random poses (0 to 1) in which the two bodies overlap. For the first link and the body on
+            which the arm is mounted: share in which they are closer than the required distance. NaN if it was not
+            computed.
+        reason: Option or file that excludes the pair; empty if the user has not excluded it.
+        bodies: Indices of the two bodies among the shapes.
+        cause: Reason why bodies that the user has not excluded are not checked; empty if they overlap in most poses.
+        adjacent: Whether one joint connects the links of the bodies.
+    """
+
+    pair: BodyPair
+    share: float
+    reason: str
+    bodies: tuple[int, int]
+    cause: str = ""
+    adjacent: bool = False
+
+    @property
+    def account(self) -> str:
+        """The pair, and in parentheses the share of poses or the option or file that excludes it."""
+        return f"{self.pair} ({self.reason or f'{100.0 * self.share:.0f} %'})"
+
+    @property
+    def why(self) -> str:
+        """Reason why the pair is not checked."""
+        cause = self.cause or "overlapping in most random poses"
+        return self.reason or (f"adjacent links, {cause}" if self.adjacent else cause)
+
+
+def pairs_by_reason(skipped: Sequence[IgnoredPair]) -> dict[str, list[str]]:
+    """Pairs that are not checked, by the reason; several bodies of the same two links are counted.
+
+    Returns:
+        For each reason the names of bodies or links, with the share of random poses in which they overlap where that
+        is the reason.
+    """
+    found: dict[str, dict[BodyPair, list[IgnoredPair]]] = {}
+    for each in skipped:
+        found.setdefault(each.why, {}).setdefault(each.pair.links, []).append(each)
+    return {
+        why: [
+            f"{links} ({len(bodies)} pairs of bodies)"
+            if len(bodies) > 1
+            else bodies[0].account
+            if not bodies[0].reason and not bodies[0].cause
+            else bodies[0].pair
+            for links, bodies in by_links.items()
+        ]
+        for why, by_links in found.items()
+    }
 
 
 def parse_ignored(text: str) -> IgnoredBodies:
@@ -58,7 +115,12 @@ def ignored_of_srdf(path: Path | str) -> tuple[IgnoredBodies, ...]:
             f"{path} is not an SRDF file: {error}.", remedy="give the SRDF file of the arm's MoveIt package."
         ) from error
     found = tuple(
-        IgnoredBodies(each.get("link1", ""), each.get("link2", ""), path.name, strict=False)
+        IgnoredBodies(
+            each.get("link1", ""),
+            each.get("link2", ""),
+            ": ".join(filter(None, (path.name, each.get("reason", "")))),
+            strict=False,
+        )
         for each in root.iter("disable_collisions")
     )
     if not found:

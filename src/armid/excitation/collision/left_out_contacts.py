@@ -11,12 +11,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from armid.errors import Finding
+from armid.excitation.collision.adjacent_links import spread_positions
 from armid.excitation.collision.coal import too_close
 from armid.excitation.collision.collision_model import CollisionOptions
-from armid.excitation.collision.required_distances import ALWAYS
+from armid.excitation.collision.ignored_pairs import IgnoredPair
+from armid.excitation.collision.required_distances import ALWAYS, HALF
 from armid.notebook import plural
+from armid.robot.kinematics import forward_kinematics
+from armid.robot.robot import Robot
 from armid.values import Array
 
 EVERY = 5
@@ -42,28 +47,46 @@ class LeftOutContact:
 
 
 def left_out_contacts(
-    collision: CollisionOptions, times: Array, poses: tuple[Array, Array]
+    collision: CollisionOptions, robot: Robot, times: Array, q: Array
 ) -> tuple[LeftOutContact, ...]:
     """First contact of each pair that is left out and touches during a motion, in the order of time.
 
     Args:
         collision: Pairs of bodies, with those that are left out.
+        robot: The arm.
         times: Times of the poses, shape (N,) [s].
-        poses: Rotations (N, n, 3, 3) and origins (N, n, 3) of the links at these times.
+        q: Positions of the joints at these times, shape (N, n) [rad or m].
     """
-    examined = [k for k, each in enumerate(collision.skipped) if each.reason or each.share < ALWAYS]
-    if not examined:
-        return ()
-    times, poses = times[::EVERY], (poses[0][::EVERY], poses[1][::EVERY])
-    bound = collision.left_out.distances(poses)
+    times, q = times[::EVERY], q[::EVERY]
+    poses = forward_kinematics(robot, q)
     found: list[LeftOutContact] = []
-    for k in examined:
-        near = np.flatnonzero(bound[:, k] <= 0.0)
-        each, some = collision.skipped[k], (poses[0][near], poses[1][near])
-        touching = near[too_close(collision.shapes, np.array(each.bodies), 0.0, some)] if len(near) else near
+
+    def add(each: IgnoredPair, touching: NDArray[np.intp]) -> None:
         if len(touching):
             found.append(LeftOutContact(each.account, float(times[touching[0]]), len(touching) == len(times)))
+
+    examined = [k for k, each in enumerate(collision.skipped) if each.reason or each.share < ALWAYS]
+    bound = collision.left_out.distances(poses) if examined else np.zeros((len(times), 0))
+    for k in examined:
+        near = np.flatnonzero(bound[:, k] <= 0.0)
+        add(
+            collision.skipped[k], near[_touching(collision, collision.skipped[k], poses, near)] if len(near) else near
+        )
+    for each in collision.adjacent.left_out:
+        if each.reason or each.share < HALF:
+            position = q[:, max(collision.shapes[k].link for k in each.bodies)]
+            which = spread_positions(position)
+            flags = _touching(collision, each, poses, which)
+            add(each, np.flatnonzero(flags[np.searchsorted(position[which], position).clip(max=len(which) - 1)]))
     return tuple(sorted(found, key=lambda contact: contact.time))
+
+
+def _touching(
+    collision: CollisionOptions, each: IgnoredPair, poses: tuple[Array, Array], which: NDArray[np.intp]
+) -> NDArray[np.bool_]:
+    """Tests whether the bodies of a pair touch in some of the poses."""
+    some = poses[0][which], poses[1][which]
+    return too_close(collision.shapes, np.array(each.bodies), 0.0, some)
 
 
 def contacts_found(contacts: Sequence[LeftOutContact]) -> Finding | None:

@@ -14,7 +14,23 @@ from armid.robot.shapes import Shape
 
 
 def pairs_of_bodies(robot: Robot, shapes: Sequence[Shape]) -> tuple[CollisionBodies, NDArray[np.intp]]:
-    """Capsules and solids with their pairs, and for each pair of bodies the indices into `shapes`."""
+    """Capsules and solids with their pairs, and for each pair of bodies the indices into `shapes`.
+
+    Pairs of adjacent links are not among them (`armid.excitation.collision.adjacent_links`).
+    """
+    chosen: list[tuple[int, int]] = []
+    for a in range(len(shapes)):
+        for b in range(a + 1, len(shapes)):
+            nearest = 1 if stands(robot, shapes, b) else 2
+            if joints_between(robot, shapes[a].link, shapes[b].link) >= nearest:
+                chosen.append((a, b))
+    return bounding_volumes(shapes, chosen)
+
+
+def bounding_volumes(
+    shapes: Sequence[Shape], chosen: Sequence[tuple[int, int]]
+) -> tuple[CollisionBodies, NDArray[np.intp]]:
+    """Capsules and solids of chosen pairs of bodies, and the indices of each pair; two solids are no pair."""
     solid = [shape.kind in ("box", "half-space") and shape.link < 0 for shape in shapes]
     capsules: list[Shape] = []
     solids = [shape for shape, apart in zip(shapes, solid, strict=True) if apart]
@@ -25,17 +41,11 @@ def pairs_of_bodies(robot: Robot, shapes: Sequence[Shape]) -> tuple[CollisionBod
         capsules += made
     for number, k in enumerate(np.flatnonzero(solid)):
         places[k] = [len(capsules) + number]
-    chosen: list[tuple[int, int]] = []
-    for a in range(len(shapes)):
-        for b in range(a + 1, len(shapes)):
-            nearest = 1 if stands(robot, shapes, b) else 2
-            apart = joints_between(robot, shapes[a].link, shapes[b].link)
-            if apart >= nearest and not (solid[a] and solid[b]):
-                chosen.append((b, a) if solid[a] else (a, b))
-    own = [(i, j, group) for group, (a, b) in enumerate(chosen) for i in places[a] for j in places[b]]
+    pairs = [(b, a) if solid[a] else (a, b) for a, b in chosen if not (solid[a] and solid[b])]
+    own = [(i, j, group) for group, (a, b) in enumerate(pairs) for i in places[a] for j in places[b]]
     index = np.array(own, dtype=np.intp).reshape(-1, 3)
     bodies = CollisionBodies(tuple(capsules), tuple(solids), index[:, :2], index[:, 2])
-    return bodies, np.array(chosen, dtype=np.intp).reshape(-1, 2)
+    return bodies, np.array(pairs, dtype=np.intp).reshape(-1, 2)
 
 
 def stands(robot: Robot, shapes: Sequence[Shape], k: int) -> bool:

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from armid.excitation.collision.closest_approach import constant_distances
+from armid.excitation.collision.closest_approach import adjacent_distances, constant_distances
 from armid.excitation.collision.coal import nearest, whole
 from armid.excitation.collision.collision_model import CollisionOptions, looked_at, make_collision_model
 from armid.excitation.collision.convex_hulls import parts_of
@@ -73,14 +73,22 @@ def closest(robot: Robot, clip: Clip, collision: CollisionOptions) -> NearestBod
         collision: Bodies, and pairs that are checked.
     """
     shapes, count = collision.shapes, len(collision.pairs)
-    pairs = np.vstack([collision.pairs, collision.measured])
+    adjacent = collision.adjacent.checked
+    pairs = np.vstack([collision.pairs, collision.measured, *(each.bodies for each in adjacent)])
     if not len(pairs):
         return None
     moments = np.unique(np.linspace(0, len(clip.time) - 1, MOMENTS).astype(np.intp))
-    turned, placed = forward_kinematics(robot, clip.q[moments])
+    q = clip.q[moments]
+    turned, placed = forward_kinematics(robot, q)
     bound = np.full((len(moments), len(pairs)), -np.inf)
     bound[:, :count] = collision.every.bodies.distances((turned, placed)) if count else 0.0
-    gaps = constant_distances(collision, (turned, placed), bound[:, :count])
+    gaps = np.full(len(pairs), np.nan)
+    apart = len(pairs) - len(adjacent)
+    gaps[:apart] = constant_distances(collision, (turned, placed), bound[:, :count])
+    for k, each in enumerate(adjacent, apart):
+        found = adjacent_distances(collision, each, q[:, each.joint], (turned, placed))
+        bound[:, k] = np.interp(q[:, each.joint], q[found.which, each.joint], found.distance)
+        gaps[k] = found.distance.min() if found.constant else np.nan
     bound[:, np.isfinite(gaps)] = np.inf
     samples = len(moments)
     distance, pair, points = np.full(samples, np.inf), np.zeros(samples, np.intp), np.zeros((samples, 2, 3))
@@ -90,7 +98,7 @@ def closest(robot: Robot, clip: Clip, collision: CollisionOptions) -> NearestBod
             if bound[k, m] >= distance[k]:
                 break
             measured, first, second, _ = nearest(shapes, pairs[m : m + 1], pose, parts_of if m < count else whole)
-            separation = max(measured[0, 0], bound[k, m])  # both are lower bounds of the bodies' distance
+            separation = max(measured[0, 0], bound[k, m])  # lower bounds, and interpolated ones of adjacent links
             if separation < distance[k]:
                 distance[k], pair[k], points[k] = separation, m, (first[0, 0], second[0, 0])
     names = tuple(f"{shapes[a].name} – {shapes[b].name}" for a, b in pairs)

@@ -34,7 +34,7 @@ from armid.study.plans.designed import SPREAD, Designed
 from armid.study.plans.goals import LIMIT_KINDS, DesignConstraints, DesignGoal, SearchBudget, constrained_limits
 from armid.study.plans.leads import add_leads, check_leads
 from armid.study.plans.start_pose import place_motion
-from armid.study.plans.torque_constraint import judged_torque, pose_holds
+from armid.study.plans.torque_constraint import judged_torque, pose_holds, torque_lacks
 from armid.values import Array
 
 DRAWN, DRAWN_BY = 0.1, 0.85
@@ -79,7 +79,7 @@ def design_plan(
     torque, torque_findings = judged_torque(criterion, limits, constraints)
     stage("start pose")
     placed = place_motion(robot, limits, constraints, goal.start, pose_holds(criterion, torque))
-    collision = placed.collision
+    collision, limits = placed.collision, placed.limits
     basis = SeriesBasis(
         2.0 * math.pi / goal.duration,
         goal.harmonics,
@@ -102,7 +102,7 @@ def design_plan(
     unfinished = unsettled(found, criterion.criterion, budget.budget)
     weak = weak_motion(whole, x, limits, collision, settled=unfinished is None)
     wider = limits_wider_than_described(robot, limits)
-    report = replace(report, weak=weak, wider=wider)
+    report = replace(report, weak=weak, wider=wider, torque_lacks=torque_lacks(robot, constraints, torque))
     free = _unlimited(plan, limits, robot)
     remarks = (wider, weak, report.contacts, unfinished, soft_limits_used(robot, limits), free)
     findings = (*placed.findings, *torque_findings, *filter(None, remarks))

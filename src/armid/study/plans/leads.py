@@ -12,7 +12,6 @@ from armid.excitation.limits.joint_limits import (
 )
 from armid.excitation.plan import Plan, seconds_for
 from armid.excitation.rest_to_rest_basis import SeriesBasis
-from armid.robot.kinematics import forward_kinematics
 from armid.robot.robot import Robot
 from armid.study.plans.goals import DesignGoal
 from armid.values import Array
@@ -61,7 +60,7 @@ def check_leads(plan: Plan, robot: Robot, collision: CollisionOptions | None) ->
             continue
         q = plan.at(since + np.linspace(0.0, seconds, max(50, round(LEAD_CHECKS * seconds)))).q
         times = since + np.linspace(0.0, seconds, len(q))
-        nearest = closest_approaches(collision, times, forward_kinematics(robot, q))
+        nearest = closest_approaches(collision, robot, times, q)
         close = [each for each in nearest if not each.kept]
         if close:
             raise ArmidError(

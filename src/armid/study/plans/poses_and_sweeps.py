@@ -11,6 +11,7 @@ from armid.errors import ArmidError, Finding, did_you_mean
 from armid.excitation.certification import UNITS, Margin
 from armid.excitation.collision.closest_approach import ClosestApproach, closest_approaches
 from armid.excitation.collision.collision_model import CollisionOptions
+from armid.excitation.collision.ignored_pairs import IgnoredPair
 from armid.excitation.collision.left_out_contacts import LeftOutContact, left_out_contacts
 from armid.excitation.design.objective import CriterionGoal
 from armid.excitation.limits.joint_limits import Limits, limits_wider_than_described, soft_limits_used
@@ -27,11 +28,10 @@ from armid.excitation.preflight import Preflight
 from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics import DynamicsModel
 from armid.model.motion import Motion
-from armid.robot.kinematics import forward_kinematics
 from armid.robot.robot import Robot
 from armid.study.plans.goals import DesignConstraints, constrained_limits
 from armid.study.plans.start_pose import place_motion
-from armid.study.plans.torque_constraint import judged_torque, pose_holds
+from armid.study.plans.torque_constraint import judged_torque, pose_holds, torque_lacks
 from armid.values import Array
 
 CHECK_RATE, APPROACH_RATE = 1000.0, 100.0
@@ -139,7 +139,7 @@ def design_moves(model: DynamicsModel, goal: MovesGoal, constraints: DesignConst
     torque, torque_findings = judged_torque(criterion, limits, constraints)
     holds = pose_holds(criterion, torque)
     placed = place_motion(robot, limits, constraints, goal.start, holds)
-    start, collision = placed.start, placed.collision
+    start, collision, limits = placed.start, placed.collision, placed.limits
 
     def collision_free(q: Array) -> NDArray[np.bool_]:
         return np.ones(len(q), dtype=np.bool_) if collision is None else collision.clear(robot, q)
@@ -162,24 +162,24 @@ def design_moves(model: DynamicsModel, goal: MovesGoal, constraints: DesignConst
             remedy="give narrower position limits with --limit JOINT.position=LOW:HIGH, or choose another --start "
             "or --seed.",
         )
-    approaches, touching = _distances(collision, robot, motion)
-    skipped = () if collision is None else collision.skipped
+    approaches, touching, skipped = _distances(collision, robot, motion)
     found = _margins(moves.sample(CHECK_RATE), robot, limits, torque, criterion)
     wider = limits_wider_than_described(robot, limits)
-    report = Preflight(found, approaches, skipped, None, placed.unchecked, wider=wider, touching=touching)
-    remarks = (wider, report.contacts, soft_limits_used(robot, limits))
-    findings = (*placed.findings, *torque_findings, *filter(None, remarks))
+    lacks = torque_lacks(robot, constraints, torque)
+    report = Preflight(found, approaches, skipped, None, placed.unchecked, None, wider, touching, lacks)
+    remarks = filter(None, (wider, report.contacts, soft_limits_used(robot, limits)))
+    findings = (*placed.findings, *torque_findings, *remarks)
     return DesignedMoves(goal.kind, moves, model, limits, torque, report, findings, collision)
 
 
 def _distances(
     collision: CollisionOptions | None, robot: Robot, motion: Motion
-) -> tuple[tuple[ClosestApproach, ...], tuple[LeftOutContact, ...]]:
-    """Closest approaches along a motion, and contacts of pairs that are left out."""
+) -> tuple[tuple[ClosestApproach, ...], tuple[LeftOutContact, ...], tuple[IgnoredPair, ...]]:
+    """Closest approaches along a motion, contacts of pairs that are left out, and these pairs."""
     if collision is None:
-        return (), ()
-    poses = forward_kinematics(robot, motion.q)
-    return closest_approaches(collision, motion.time, poses), left_out_contacts(collision, motion.time, poses)
+        return (), (), ()
+    approaches = closest_approaches(collision, robot, motion.time, motion.q)
+    return approaches, left_out_contacts(collision, robot, motion.time, motion.q), collision.unchecked
 
 
 def _margins(

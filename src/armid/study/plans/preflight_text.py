@@ -10,7 +10,9 @@ import numpy as np
 from armid.errors import Finding
 from armid.excitation.certification import Margin
 from armid.excitation.collision.closest_approach import ClosestApproach
+from armid.excitation.collision.ignored_pairs import pairs_by_reason
 from armid.excitation.preflight import Expectation, Preflight
+from armid.notebook import plural
 from armid.study.plans.designed import Designed
 from armid.study.plans.poses_and_sweeps import DesignedMoves
 from armid.study.storage.records import finding_record
@@ -23,12 +25,6 @@ MOST_LINES = 12
 
 MARKS = {"pass": "✓", "fail": "✗", "weak": "!", "not checked": "–"}
 """Marks that precede the verdicts."""
-
-NOT_LOOKED_AT = (
-    "(share of random poses in which they touch, see the findings pairs-touching-always and "
-    "pairs-touching-mostly; or the option or file that leaves them out, see the finding pairs-ignored)"
-)
-"""Explanation of the pairs of bodies that are not checked."""
 
 MEASURED = "distances between the shapes of the description, their convex hulls, or triangles of meshes"
 """Explanation of the kinds of distances in the rows of closest approaches."""
@@ -50,6 +46,7 @@ def report_record(designed: Checked) -> dict[str, Any]:
     return {
         "verdict": report.verdict,
         "said": report.sentence,
+        "torque_lacks": report.torque_lacks,
         "collisions": f"not checked: {report.unchecked}" if report.unchecked else "checked",
         "limits": [
             {
@@ -77,7 +74,7 @@ def report_record(designed: Checked) -> dict[str, Any]:
             for a in report.approaches
         ],
         "skipped_pairs": [
-            {"pair": each.pair, "touching": None if each.reason else each.share, "reason": each.reason or "touching"}
+            {"pair": each.pair, "touching": None if each.reason else each.share, "reason": each.why}
             for each in report.skipped
         ],
         **(_expected_record(designed.expected) if isinstance(designed, Designed) else {}),
@@ -124,13 +121,20 @@ def report_text(designed: Checked, *, findings: bool = True) -> str:
     if report.approaches:
         lines += _approach_lines(report)
     if report.skipped:
-        left = "; ".join(each.account for each in report.skipped)
-        lines += ["", f"not checked {NOT_LOOKED_AT}: {left}"]
+        lines += ["", "pairs of bodies that are not checked, by reason"]
+        lines += [f"  {why}: {'; '.join(pairs)}" for why, pairs in pairs_by_reason(report.skipped).items()]
     if isinstance(designed, Designed):
         lines += _expected_lines(designed)
     if findings:
         lines += ["", *(_finding_line(finding) for finding in findings_of(designed))]
     return "\n".join(lines).rstrip() + "\n"
+
+
+def skipped_pairs(report: Preflight) -> dict[str, Any]:
+    """Number of the pairs that are not checked as a sentence (`counted`), and the pairs by reason (`skipped`)."""
+    count = len(report.skipped)
+    counted = f"{plural(count, 'pair')} of bodies {'is' if count == 1 else 'are'} not checked"
+    return {"counted": counted, "skipped": pairs_by_reason(report.skipped)}
 
 
 def _approach_lines(report: Preflight) -> list[str]:

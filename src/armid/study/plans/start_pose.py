@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from armid.errors import ArmidError, Finding
+from armid.excitation.collision.adjacent_links import adjacent_ranges
 from armid.excitation.collision.collision_model import (
     CollisionModel,
     CollisionOptions,
-    IgnoredPair,
     empty_collision_model,
     kept_apart,
     make_collision_model,
 )
+from armid.excitation.collision.ignored_pairs import IgnoredPair, pairs_by_reason
 from armid.excitation.collision.required_distances import ALWAYS
 from armid.excitation.limits.joint_limits import Limits
 from armid.excitation.start_pose import Holds, Start, any_pose, choose_start, find_start, free_range, usual_pose
@@ -36,12 +37,14 @@ class Placement:
     Attributes:
         start: The pose, shape (n,) [rad or m].
         collision: Bodies that are kept apart; `None` where collisions are not checked.
+        limits: Limits of the joints, with positions in which adjacent links are apart.
         findings: Findings on start pose, floor and collisions.
         unchecked: Reason why collisions are not checked; empty if they are checked.
     """
 
     start: Array
     collision: CollisionOptions | None
+    limits: Limits
     findings: tuple[Finding, ...]
     unchecked: str = ""
 
@@ -69,17 +72,17 @@ def place_motion(
     if constraints.clearance is None:
         why = "the check was left out (--no-collision)" if robot.shapes else "the description has no shapes of bodies"
         start, findings = (given, ()) if given is not None else _without_bodies(robot, limits, holds)
-        return Placement(start, None, (*findings, _unseen(why)), why)
+        return Placement(start, None, limits, (*findings, _unseen(why)), why)
     floor = None if constraints.floor is None else constraints.floor.shape
     remark = None if constraints.floor is None else _no_floor(constraints.floor.why)
     if floor is not None:
         try:
             found = _among_bodies(robot, limits, constraints, (*constraints.surroundings, floor), given, holds)
-            return Placement(found.start, found.collision, (*found.findings, _floor(floor)))
+            return replace(found, findings=(*found.findings, _floor(floor)))
         except ArmidError as error:
             remark = _no_floor(f"the arm does not start above the plane through its base ({error.problem})")
     found = _among_bodies(robot, limits, constraints, constraints.surroundings, given, holds)
-    return found if remark is None else Placement(found.start, found.collision, (*found.findings, remark))
+    return found if remark is None else replace(found, findings=(*found.findings, remark))
 
 
 def _among_bodies(
@@ -93,7 +96,8 @@ def _among_bodies(
     """Start pose among bodies."""
     assert constraints.clearance is not None
     cell = make_collision_model(robot, limits, around, margin=constraints.clearance, ignored=constraints.ignored)
-    findings: tuple[Finding, ...] = ()
+    described, limits = limits, cell.adjacent.narrowed(limits, given)
+    findings = adjacent_ranges(robot, cell.adjacent, described, limits)
     start = given
     if start is not None:
         if (cell.too_close(start[None])[0] & cell.required.dispensable).any():
@@ -108,9 +112,9 @@ def _among_bodies(
                 f"starts from {_positions(robot, start)}; on average, random moves from this pose are free of "
                 f"collisions for {100 * chosen.free_share:.0f} % of their length"
             )
-            findings = (_chosen(evidence),)
+            findings = (_chosen(evidence), *findings)
     collision = kept_apart(cell, start)
-    return Placement(start, collision, (*findings, *_without_shapes(robot), *_skipped_pairs(collision)))
+    return Placement(start, collision, limits, (*findings, *_without_shapes(robot), *_skipped_pairs(collision)))
 
 
 def _choose(cell: CollisionModel, limits: Limits, holds: Holds) -> tuple[CollisionModel, Start]:
@@ -195,19 +199,22 @@ def _without_shapes(robot: Robot) -> tuple[Finding, ...]:
 
 def _skipped_pairs(collision: CollisionOptions) -> tuple[Finding, ...]:
     """Findings about pairs of bodies that are not checked, because they were left out or touch in most poses."""
-    asked = [each for each in collision.skipped if each.reason]
-    always = [each for each in collision.skipped if not each.reason and each.share >= ALWAYS]
-    mostly = [each for each in collision.skipped if not each.reason and each.share < ALWAYS]
+    asked = [each for each in collision.unchecked if each.reason]
+    built = [each for each in collision.skipped if not each.reason]
+    mounts = [each for each in built if each.cause]
+    always = [each for each in built if not each.cause and each.share >= ALWAYS]
+    mostly = [each for each in built if not each.cause and each.share < ALWAYS]
     findings: list[Finding] = []
     if asked:
-        said = (
-            f"{_bodies(asked)} {_are(asked)} not checked, as requested: {'; '.join(each.account for each in asked)}"
-        )
+        said = f"{_bodies(asked)} {_are(asked)} not checked, as requested: {'; '.join(_by_reason(asked))}"
         findings.append(Finding("pairs-ignored", "info", "", said))
     if always:
         said = (
             f"{_bodies(always)} touch in nearly all poses and {_are(always)} therefore not checked: {_shares(always)}"
         )
+        findings.append(Finding("pairs-touching-always", "info", "", said))
+    if mounts:
+        said = f"{_bodies(mounts)} {_are(mounts)} not checked: {'; '.join(_by_reason(mounts))}"
         findings.append(Finding("pairs-touching-always", "info", "", said))
     if mostly:
         said = (
@@ -228,6 +235,14 @@ def _bodies(pairs: Sequence[IgnoredPair]) -> str:
 
 def _are(pairs: Sequence[IgnoredPair]) -> str:
     return "is" if len(pairs) == 1 else "are"
+
+
+def _by_reason(pairs: Sequence[IgnoredPair]) -> list[str]:
+    """For each reason the reason itself, with the pair of links or the number of pairs; the report lists all."""
+    return [
+        f"{why} ({found[0] if len(found) == 1 else plural(len(found), 'pair') + ' of links'})"
+        for why, found in pairs_by_reason(pairs).items()
+    ]
 
 
 def _shares(pairs: Sequence[IgnoredPair]) -> str:

@@ -101,6 +101,23 @@ def _counted(robot: Robot) -> str:
     return f"{links}, and from its {', '.join(parts)}{without}"
 
 
+def torque_lacks(robot: Robot, constraints: DesignConstraints, torque: Torque | None) -> str:
+    """Friction and rotor inertia that a torque which is compared with limits does not contain; empty if it has all.
+
+    Args:
+        robot: The arm.
+        constraints: Constraints of a design; with estimated parameters, torque contains what these contain.
+        torque: Constraint on torque, if any.
+    """
+    if torque is None or constraints.parameters is not None:
+        return ""
+    drives = described_drives(robot)
+    missing = [name for term, (name, _) in COUNTED.items() if not drives[term].any()]
+    if {"viscous friction", "Coulomb friction"} <= set(missing):
+        missing = ["friction", *(name for name in missing if "friction" not in name)]
+    return " and ".join(missing)
+
+
 def _unknown_load(joints: Sequence[str], robot: Robot) -> Finding:
     """Finding that the torque of joints is not checked because they move links of unknown mass."""
     links = ", ".join(robot.links[i].name for i in links_without_inertia(robot))

@@ -1,0 +1,325 @@
+"""Bodies of adjacent links: their distance depends on the position of one joint alone.
+
+Adjacent links are connected by a joint, so most of their bodies touch in all poses, or turn about each other across a
+gap that never changes. Others can collide, such as the jaws of a gripper or a forearm that folds onto the upper arm.
+Since one joint determines their distance, it is computed over the range of this joint, and a plan keeps within the
+positions in which they are apart. A search needs nothing but narrower position limits for this.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armid.errors import ArmidError, Finding
+from armid.excitation.collision.coal import distances, too_close
+from armid.excitation.collision.convex_hulls import parts_of
+from armid.excitation.collision.ignored_pairs import IgnoredBodies, IgnoredPair, ignored_pairs
+from armid.excitation.collision.pairs import bounding_volumes, joints_between, stands
+from armid.excitation.collision.required_distances import ALWAYS, HALF, LEAST, MOSTLY, RARE
+from armid.excitation.limits.joint_limits import Limits
+from armid.robot.body_names import BodyPair
+from armid.robot.kinematics import forward_kinematics
+from armid.robot.robot import Robot
+from armid.robot.shapes import Shape
+from armid.values import Array
+
+STEP, FEWEST = 0.05, 60
+"""Step of the positions of a revolute joint [rad], and smallest number of positions, in which distances are
+computed."""
+
+POSITIONS = 128
+"""Largest number of positions of a joint, over its range in a motion, in which adjacent links are examined."""
+
+ROUGH = 16
+"""Number of these positions in which the triangles of all pairs are measured, to find those that always touch."""
+
+HALVED = 7
+"""Number of times by which the step is halved to find the position in which two bodies reach their distance."""
+
+FAVOURED = 0.85
+"""Width of the range about the usual position, relative to the widest range, from which it is preferred."""
+
+Interval = tuple[float, float]
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class AdjacentPair:
+    """Two bodies of adjacent links that a plan must keep apart.
+
+    Attributes:
+        pair: Names of the two bodies.
+        bodies: Indices of the two bodies among the shapes.
+        joint: Index of the joint between their links.
+        kept: Required distance [m].
+        free: Ranges of the joint's position in which the bodies keep this distance, in ascending order [rad or m].
+    """
+
+    pair: BodyPair
+    bodies: tuple[int, int]
+    joint: int
+    kept: float
+    free: tuple[Interval, ...]
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class AdjacentLinks:
+    """Pairs of bodies of adjacent links.
+
+    Attributes:
+        checked: Pairs that are kept apart.
+        left_out: Pairs that are not checked: they touch in most positions, or the user has excluded them. Their
+            `share` is that of the positions in which they touch or are less than a millimetre apart.
+        reach: Range of each joint in which `checked` was computed, shape (n, 2) [rad or m].
+    """
+
+    checked: tuple[AdjacentPair, ...]
+    left_out: tuple[IgnoredPair, ...]
+    reach: Array
+
+    def narrowed(self, limits: Limits, start: Array | None) -> Limits:
+        """Limits whose position ranges keep adjacent links apart: about a start pose, or the widest ones.
+
+        Args:
+            limits: Limits of the joints.
+            start: Given start pose, shape (n,) [rad or m], if any.
+
+        Raises:
+            ArmidError: Bodies are too close to each other in the start pose.
+        """
+        lower, upper = limits.lower.copy(), limits.upper.copy()
+        for joint in dict.fromkeys(each.joint for each in self.checked):
+            pairs = [each for each in self.checked if each.joint == joint]
+            first, last = self.reach[joint]
+            free = _common([(first, last)], pairs)
+            at = None if start is None else float(start[joint])
+            if at is None:
+                low, high = _widest(free)
+            elif any(low < at < high for low, high in free):
+                low, high = next(each for each in free if each[0] < at < each[1])
+            else:
+                close = next(each for each in pairs if not any(low < at < high for low, high in each.free))
+                raise ArmidError(
+                    f"In the start pose, {close.pair} touch or are closer than the required "
+                    f"{1000.0 * close.kept:.1f} mm.",
+                    remedy=f"choose another position of {limits.joints[joint]} with --start, or leave the pair "
+                    "out of the collision check with --ignore-pair A,B.",
+                )
+            if (low, high) != (first, last):
+                lower[joint], upper[joint] = low, high
+        return replace(limits, lower=lower, upper=upper)
+
+
+NO_ADJACENT = AdjacentLinks((), (), np.zeros((0, 2)))
+"""No pairs."""
+
+
+def adjacent_links(
+    robot: Robot, shapes: Sequence[Shape], limits: Limits, margin: float, ignored: Sequence[IgnoredBodies] = ()
+) -> AdjacentLinks:
+    """Pairs of bodies of adjacent links, with the positions of the joint between them in which they are apart.
+
+    The required distance is half of the distance that the bodies exceed in nearly all positions in which they do not
+    touch, and at most the margin. Pairs that touch in nearly all positions, that are usually closer than a
+    millimetre, or that are apart in less than a third of the range are not checked.
+
+    Args:
+        robot: The arm.
+        shapes: The bodies, the surroundings last.
+        limits: Limits of the joints.
+        margin: Largest required distance [m].
+        ignored: Pairs that the user has excluded.
+    """
+    reach = np.column_stack(
+        [
+            np.where(np.isfinite(limits.lower), limits.lower, -np.pi),
+            np.where(np.isfinite(limits.upper), limits.upper, np.pi),
+        ]
+    )
+    chosen = [
+        (a, b)
+        for a in range(len(shapes))
+        for b in range(a + 1, len(shapes))
+        if not stands(robot, shapes, b) and joints_between(robot, shapes[a].link, shapes[b].link) == 1
+    ]
+    volumes, pairs = bounding_volumes(shapes, chosen)
+    labels = [BodyPair(shapes[a].name, shapes[b].name) for a, b in pairs]
+    reasons = ignored_pairs([replace(each, strict=False) for each in ignored], labels, [s.name for s in shapes])
+    checked: list[AdjacentPair] = []
+    left_out: list[IgnoredPair] = []
+    for k, (a, b) in enumerate(pairs.tolist()):
+        joint = max(shapes[a].link, shapes[b].link)
+        low, high = reach[joint]
+        looked = _AdjacentBodies(robot, tuple(shapes), (a, b), joint, 0.5 * reach.sum(axis=1))
+        count = FEWEST + 1 if robot.joints[joint].is_prismatic else max(FEWEST, math.ceil((high - low) / STEP)) + 1
+        q = np.linspace(low, high, count)
+        bound = volumes.only([k]).distances(looked.poses(q))[:, 0]
+        found = _judged(looked, q, bound, margin, labels[k])
+        if isinstance(found, IgnoredPair):
+            left_out.append(found)
+        elif k in reasons:
+            left_out.append(IgnoredPair(labels[k], math.nan, reasons[k], (a, b), adjacent=True))
+        else:
+            checked.append(found)
+    return _with_room(checked, left_out, reach)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class _AdjacentBodies:
+    """Two bodies, with the joint between them and a pose for the positions of the other joints."""
+
+    robot: Robot
+    shapes: tuple[Shape, ...]
+    bodies: tuple[int, int]
+    joint: int
+    middle: Array
+
+    def poses(self, q: Array) -> tuple[Array, Array]:
+        """Rotations and origins of the links at positions (k,) of the joint."""
+        every = np.tile(self.middle, (len(q), 1))
+        every[:, self.joint] = q
+        return forward_kinematics(self.robot, every)
+
+    def apart(self, q: Array) -> Array:
+        """Distances of the bodies themselves at positions (k,) of the joint [m]."""
+        return distances(self.shapes, np.array([self.bodies]), self.poses(q))[:, 0]
+
+    def clear(self, q: Array, kept: float) -> NDArray[np.bool_]:
+        """Tests whether the bodies keep a distance [m] at positions (k,) of the joint; faster than `apart`."""
+        return ~too_close(self.shapes, np.array(self.bodies), kept, self.poses(q))
+
+    def hulls(self, q: Array) -> Array:
+        """Distances of convex bodies around the two bodies at positions (k,) of the joint [m]."""
+        return distances(self.shapes, np.array([self.bodies]), self.poses(q), parts_of)[:, 0]
+
+
+def adjacent_ranges(robot: Robot, adjacent: AdjacentLinks, limits: Limits, narrowed: Limits) -> tuple[Finding, ...]:
+    """Finding that names the joints whose range is narrowed because adjacent links would come too close beyond it.
+
+    Args:
+        robot: The arm.
+        adjacent: Pairs of adjacent links.
+        limits: Limits of the joints before.
+        narrowed: Limits with narrowed positions.
+    """
+    parts: list[str] = []
+    for j, joint in enumerate(robot.joints):
+        low, high = float(narrowed.lower[j]), float(narrowed.upper[j])
+        if (low, high) == (limits.lower[j], limits.upper[j]):
+            continue
+        close = [
+            f"{each.pair} ({1000.0 * each.kept:.1f} mm)"
+            for each in adjacent.checked
+            if each.joint == j and {low, high} & set(np.ravel(each.free)) - set(adjacent.reach[j])
+        ]
+        parts.append(f"{joint.name} {low:.4g} to {high:.4g} {joint.unit}, because of {' and '.join(close)}")
+    if not parts:
+        return ()
+    evidence = f"adjacent links keep apart within narrower position limits (required distance): {'; '.join(parts)}"
+    remedy = "if they may touch, leave the pair out of the collision check with --ignore-pair A,B."
+    return (Finding("adjacent-range", "info", "", evidence, remedy),)
+
+
+def spread_positions(q: Array) -> NDArray[np.intp]:
+    """Indices of poses that spread over the range of the positions (N,) of a joint, in ascending order of these."""
+    order = q.argsort(kind="stable")
+    low, high = q[order[[0, -1]]]
+    places = np.searchsorted(q[order], np.linspace(low, high, POSITIONS))
+    return order[np.unique(places.clip(max=len(q) - 1))]
+
+
+def _judged(
+    looked: _AdjacentBodies, q: Array, bound: Array, margin: float, label: BodyPair
+) -> AdjacentPair | IgnoredPair:
+    """Required distance of a pair and the positions that keep it, or the reason why the pair is not checked.
+
+    Args:
+        looked: The two bodies.
+        q: Positions of the joint, shape (k,) [rad or m].
+        bound: Lower bounds of the distance at these positions, shape (k,) [m].
+        margin: Largest required distance [m].
+        label: Names of the bodies.
+    """
+    far = margin / HALF
+
+    def pair(kept: float, free: tuple[Interval, ...]) -> AdjacentPair:
+        return AdjacentPair(label, looked.bodies, looked.joint, kept, free)
+
+    def left_out(share: float, cause: str) -> IgnoredPair:
+        return IgnoredPair(label, share, "", looked.bodies, cause, adjacent=True)
+
+    everywhere = ((float(q[0]), float(q[-1])),)
+    if bound.min() > far:
+        return pair(margin, everywhere)
+    some = q[np.unique(np.linspace(0, len(q) - 1, ROUGH).astype(np.intp))]
+    touching = ~looked.clear(some, 0.0)
+    share = float(touching.mean())
+    if share >= ALWAYS:
+        return left_out(share, "touching in all positions of their joint")
+    gaps = looked.apart(some[~touching])
+    close = (int(touching.sum()) + int((gaps <= LEAST).sum())) / len(some)
+    if close >= HALF:
+        return left_out(
+            close, f"touching or less than {1000.0 * LEAST:.0f} mm apart in most positions of their joint"
+        )
+    kept = min(margin, HALF * float(np.quantile(gaps, RARE)))
+    clear = looked.hulls(q) > far
+    clear[~clear] = looked.clear(q[~clear], kept)
+    free = _intervals(lambda position: bool(looked.clear(np.array([position]), kept)[0]), q, clear)
+    if max((high - low for low, high in free), default=0.0) < (1.0 - MOSTLY) * (q[-1] - q[0]):
+        return left_out(share, "apart in less than a third of the range of their joint")
+    return pair(kept, free)
+
+
+def _intervals(is_clear: Callable[[float], bool], q: Array, clear: NDArray[np.bool_]) -> tuple[Interval, ...]:
+    """Ranges of the positions (k,) at which bodies are clear; their ends are found by bisection."""
+
+    def end(inside: float, outside: float) -> float:
+        for _ in range(HALVED):
+            middle = 0.5 * (inside + outside)
+            inside, outside = (middle, outside) if is_clear(middle) else (inside, middle)
+        return inside
+
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], clear, [False]]).astype(np.int8)))
+    found: list[Interval] = []
+    for first, beyond in edges.reshape(-1, 2).tolist():
+        low, high = float(q[first]), float(q[beyond - 1])
+        low = low if first == 0 else end(low, float(q[first - 1]))
+        high = high if beyond == len(q) else end(high, float(q[beyond]))
+        found.append((low, high))
+    return tuple(found)
+
+
+def _common(free: Sequence[Interval], pairs: Sequence[AdjacentPair]) -> list[Interval]:
+    """Ranges of a joint's position that are among given ones and free for all pairs."""
+    found = list(free)
+    for each in pairs:
+        shared = [(max(a, c), min(b, d)) for a, b in found for c, d in each.free]
+        found = [(low, high) for low, high in shared if low < high]
+    return found
+
+
+def _widest(free: Sequence[Interval]) -> Interval:
+    """Widest range, or the one about zero if it is nearly as wide."""
+    widest = max(free, key=lambda each: each[1] - each[0])
+    enough = FAVOURED * (widest[1] - widest[0])
+    return next((each for each in free if each[0] < 0.0 < each[1] and each[1] - each[0] >= enough), widest)
+
+
+def _with_room(checked: Sequence[AdjacentPair], left_out: Sequence[IgnoredPair], reach: Array) -> AdjacentLinks:
+    """Pairs of adjacent links; those that together leave a joint less than a third of its range are left out."""
+    kept: list[AdjacentPair] = []
+    others = list(left_out)
+    for each in sorted(checked, key=lambda pair: min(low - high for low, high in pair.free)):
+        low, high = reach[each.joint]
+        free = _common([(low, high)], [*(pair for pair in kept if pair.joint == each.joint), each])
+        if max((b - a for a, b in free), default=0.0) < (1.0 - MOSTLY) * (high - low):
+            cause = "apart together with others in less than a third of the range of their joint"
+            others.append(IgnoredPair(each.pair, 0.0, "", each.bodies, cause, adjacent=True))
+        else:
+            kept.append(each)
+    return AdjacentLinks(tuple(sorted(kept, key=lambda pair: pair.bodies)), tuple(others), reach)
