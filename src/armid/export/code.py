@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -162,6 +163,7 @@ def _written(files: Mapping[str, str], folder: Path) -> tuple[Path, ...]:
             replace_file(path, text)
     except OutputError:
         for path in new:
-            path.unlink(missing_ok=True)
+            with suppress(OSError):  # the folder itself may be a file
+                path.unlink(missing_ok=True)
         raise
     return tuple(paths)

@@ -15,13 +15,13 @@ from typing import Any
 from armid.report.comparison import COMPARISON, pair_of
 from armid.report.data.page_data import PageData, gather, stored
 from armid.report.heading import Heading, heading_of_run
+from armid.report.page_file import write_html
 from armid.report.plots.encoding import embedded, packed_plotly
 from armid.report.plots.style import plot_record
 from armid.report.rendering import environment, require_extra, text_of
 from armid.report.section import Section
 from armid.report.sections import SECTIONS
 from armid.runs.run import Run
-from armid.values import replace_file
 
 
 def write_report(run: Run, path: Path | str, *, data: Path | str | None = None) -> Path:
@@ -46,7 +46,7 @@ def write_page(page_data: PageData, path: Path | str) -> Path:
     Raises:
         ArmidError: The file cannot be written.
     """
-    return replace_file(path, render(page_data))
+    return write_html(path, render(page_data))
 
 
 def write_comparison(before: Run, after: Run, path: Path | str) -> Path:
@@ -65,7 +65,7 @@ def write_comparison(before: Run, after: Run, path: Path | str) -> Path:
     pair = pair_of(stored(before), stored(after))
     sections = {name: show(pair) for name, show in COMPARISON.items()}
     title = f"{after.estimate.robot}: changes"
-    return replace_file(path, assemble(title, f"from {before.folder} to {after.folder}", sections, with_plots=False))
+    return write_html(path, assemble(title, f"from {before.folder} to {after.folder}", sections, with_plots=False))
 
 
 def render(page_data: PageData) -> str:

@@ -21,6 +21,7 @@ from armid.model.motion import Motion
 from armid.report.data.joint_names import groups_of, heading_of, label_of
 from armid.report.data.number_format import fixed, share, short
 from armid.report.page import assemble
+from armid.report.page_file import write_html
 from armid.report.plots.plot_data import Plot, PlotTrace, line
 from armid.report.rendering import require_extra
 from armid.report.section import Section
@@ -34,7 +35,7 @@ from armid.study.plans.preflight_text import (
     skipped_pairs,
     start_text,
 )
-from armid.values import Array, replace_file
+from armid.values import Array
 
 PLOT_RATE = 100.0
 """Sampling rate of the plots [Hz]; 40 samples in a period of the highest harmonics that arms can follow."""
@@ -61,7 +62,7 @@ def write_preflight(designed: Checked, path: Path | str) -> Path:
         ArmidError: The file cannot be written.
     """
     require_extra()
-    return replace_file(path, render_preflight(designed))
+    return write_html(path, render_preflight(designed))
 
 
 def render_preflight(designed: Checked) -> str:

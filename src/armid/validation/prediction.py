@@ -189,6 +189,12 @@ def validate(joints: Sequence[str], scores: Sequence[Score], estimate: Estimate)
         checks.append(Check(name, total, bound, total <= bound))
         worst = float(each.relative[known].max(initial=0.0))
         checks.append(Check(f"NRMSE of every joint below 1{where}", worst, 1.0, worst < 1.0))
+    if scores:
+        compared = np.any([np.isfinite(each.rms) for each in scores], axis=0)
+        lacking = [joint for joint, known in zip(joints, compared, strict=True) if not known]
+        if lacking:
+            name = f"joints without rows for validation ({', '.join(lacking)})"
+            checks.append(Check(name, float(len(lacking)), 0.0, ok=False))
     verdict = "not judged" if not scores else "pass" if all(check.ok for check in checks) else "fail"
     return Validation(tuple(joints), tuple(scores), verdict, tuple(checks))
 

@@ -152,3 +152,11 @@ def test_a_matrix_bears_the_name_that_its_comment_explains(language: str):
     base = text[text.index("Y_b: torque = Y_b times base parameters") :]
     end = re.search(r"(inverse_dynamics|func_pi|: torque = Y times)", base)
     assert not re.search(r"\bY\b", base[: end.start()] if end else base)
+
+
+def test_a_file_in_the_place_of_the_folder_is_told(run: Run, tmp_path: Path):
+    taken = tmp_path / "code"
+    taken.write_text("mine", encoding="utf-8")
+    with pytest.raises(OutputError, match="could not be written"):
+        export_code(run, "c", taken)
+    assert taken.read_text(encoding="utf-8") == "mine"

@@ -9,6 +9,7 @@ import pytest
 
 from armid.errors import OutputError
 from armid.study.plans.design_files import refuse_plan_folder
+from armid.study.storage.atomic_folder import whole_folder
 
 
 def test_a_file_system_that_takes_no_folder_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
@@ -22,3 +23,13 @@ def test_a_file_system_that_takes_no_folder_is_refused(tmp_path: Path, monkeypat
     monkeypatch.setattr(tempfile, "mkdtemp", refused)
     with pytest.raises(OutputError, match="is not writable"):
         refuse_plan_folder(tmp_path / "plan")
+
+
+@pytest.mark.parametrize("where", ["study.toml", "missing/../study.toml", "missing/further/../../study.toml"])
+def test_a_file_is_never_replaced_by_a_folder(tmp_path: Path, where: str):
+    """`missing/..` exists for no file system as long as `missing` does not; the file behind it does."""
+    study = tmp_path / "study.toml"
+    study.write_text("[study]", encoding="utf-8")
+    with pytest.raises(OutputError, match="this is a file"), whole_folder(tmp_path / where, "plan.json", "plan"):
+        pass
+    assert study.read_text(encoding="utf-8") == "[study]" and list(tmp_path.iterdir()) == [study]

@@ -119,7 +119,7 @@ def test_a_description_without_masses_says_nothing():
     assert score(model, true_estimate(), raw(run_of(2))).prior_rms is None
 
 
-def test_a_joint_of_which_no_row_counts_has_no_error_and_does_not_judge():
+def test_a_joint_of_which_no_row_counts_has_no_error():
     run = run_of(2)
     blind = replace(run, mask=run.mask & (np.arange(3) != 1))
     found = score(small_model(), true_estimate(), raw(blind))
@@ -129,7 +129,7 @@ def test_a_joint_of_which_no_row_counts_has_no_error_and_does_not_judge():
         assert np.isnan(one[1]), name
         np.testing.assert_array_equal(one[[0, 2]], other[[0, 2]])
     judged = validate("abc", [found], true_estimate())
-    assert judged.verdict == "pass" and all(np.isfinite([check.value, check.bound]).all() for check in judged.checks)
+    assert all(np.isfinite([check.value, check.bound]).all() for check in judged.checks)
     written = json.loads(to_json(validation_record(judged)))["recordings"][0]
     assert written["rms"][1] is None and written["prior_rms"][1] is None and written["rms"][0] == found.rms[0]
 
@@ -248,6 +248,15 @@ def test_one_joint_worse_than_its_mean_fails():
     scored = replace(a_score(0.1), spread=np.array([4.0, 4.0, 0.05]))
     judged, checks = verdict(scored)
     assert judged == "fail" and not checks[MEAN]
+
+
+def test_a_joint_that_no_recording_compares_fails():
+    unseen = replace(a_score(0.1), rms=np.array([0.1, np.nan, 0.1]))
+    judged, checks = verdict(unseen)
+    assert judged == "fail" and [name for name, ok in checks.items() if not ok] == [
+        "joints without rows for validation (b)"
+    ]
+    assert verdict(unseen, a_score(0.1, path="another.csv"))[0] == "pass"
 
 
 def test_without_unseen_motion_nothing_is_judged():

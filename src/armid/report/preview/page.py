@@ -14,6 +14,7 @@ import numpy as np
 from armid.errors import Finding
 from armid.excitation.collision.collision_model import CollisionOptions
 from armid.excitation.limits.joint_limits import Limits, described_limits
+from armid.report.page_file import write_html
 from armid.report.plots.encoding import compressed, embedded, packed
 from armid.report.preview.approach import NearestBodies, closest
 from armid.report.preview.clip import Clip
@@ -23,7 +24,7 @@ from armid.report.rendering import environment, require_extra, text_of
 from armid.robot.kinematics import forward_kinematics, frame_pose
 from armid.robot.robot import Robot
 from armid.robot.shapes import Shape
-from armid.values import Array, replace_file
+from armid.values import Array
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -61,7 +62,7 @@ def write_preview(preview: Preview, path: Path | str) -> tuple[Path, tuple[Findi
     """
     require_extra("jinja2")
     html, missing = _page(preview)
-    return replace_file(path, html), missing
+    return write_html(path, html), missing
 
 
 def render_preview(preview: Preview) -> str:

@@ -24,9 +24,8 @@ def whole_folder(folder: Path | str, marker: str, kind: str) -> Generator[Path]:
     Raises:
         OutputError: The folder cannot be written, or has other contents.
     """
-    folder = Path(folder)
     refuse(folder, marker, kind)
-    target = folder.resolve()
+    target = Path(folder).resolve()
     draft: Path | None = None
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
@@ -57,32 +56,33 @@ def refuse(folder: Path | str, marker: str, kind: str) -> None:
     Raises:
         OutputError: The folder has other contents, is the current working folder, or is not writable.
     """
-    folder = Path(folder)
+    given, folder = folder, Path(folder).resolve()  # `new/../old` is `old`, also where `new` does not exist yet
     try:
         taken = folder.exists() and not (folder / marker).is_file()
         taken = taken and (not folder.is_dir() or any(folder.iterdir()))
     except OSError as error:
         raise OutputError(
-            f"{folder} cannot be used: {error.strerror}.", remedy="choose another folder with --out."
+            f"{given} cannot be used: {error.strerror}.", remedy="choose another folder with --out."
         ) from error
     if taken:
         raise OutputError(
-            f"The result cannot be written to {folder}, because the folder exists and is not a {kind} of armid.",
+            f"The result cannot be written to {given}, because "
+            + (f"the folder exists and is not a {kind} of armid." if folder.is_dir() else "this is a file."),
             remedy="choose another folder with --out.",
         )
-    if folder.resolve() == Path.cwd():
+    if folder == Path.cwd().resolve():
         raise OutputError(
-            f"The result cannot be written to {folder}, because this is the current working folder.",
+            f"The result cannot be written to {given}, because this is the current working folder.",
             remedy="choose another folder with --out, for instance a new folder inside this one.",
         )
-    nearest = next(parent for parent in folder.resolve().parents if parent.exists())
+    nearest = next(parent for parent in folder.parents if parent.exists())
     try:
         with tempfile.TemporaryDirectory(prefix=".armid-", dir=nearest):
             pass
     except OSError as error:
         why = "is not writable" if nearest.is_dir() else "is a file"
         raise OutputError(
-            f"{folder} cannot be written: {nearest} {why}.", remedy="choose another folder with --out."
+            f"{given} cannot be written: {nearest} {why}.", remedy="choose another folder with --out."
         ) from error
 
 
