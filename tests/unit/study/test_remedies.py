@@ -297,6 +297,21 @@ def test_at_the_prompt_options_of_the_command_go_before_keys_of_a_study(remedy: 
     assert at_the_prompt(Remedy.read(remedy), ("slow", "standstill")) == said
 
 
+def test_torque_beyond_its_limit_is_no_saturation():
+    """One drive in mN·m: leaving out what is beyond the limit would leave nearly nothing of that joint."""
+    case = sound(4)
+    assert case.recording.effort is not None
+    effort, j = case.recording.effort.copy(), 1
+    limit = 1.3 * float(np.abs(effort[:, j]).max())
+    joints = tuple(replace(each, effort_limit=limit) if k == j else each for k, each in enumerate(case.robot.joints))
+    effort[:, j] *= 1000.0
+    robot = replace(case.robot, joints=joints)
+    found = diagnose_recording(robot, case.logged(effort=effort).recording, case.reading)
+    (beyond,) = [each for each in found if each.code == "torque-beyond-limit"]
+    assert beyond.channel == robot.joint_names[j] and "drive_gain" in beyond.remedy
+    assert not [each for each in found if each.code == "saturation" and each.channel == robot.joint_names[j]]
+
+
 def test_saturated_joints_share_one_line_to_leave_out():
     case = sound(11)
     assert case.recording.effort is not None

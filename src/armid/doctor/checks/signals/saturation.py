@@ -1,4 +1,4 @@
-"""Saturated torque: a plateau, or torque at the limit of the description."""
+"""Saturated torque: a plateau, or torque at the limit of the description; and torque beyond this limit."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from armid.doctor.check_input import LogEvidence
 from armid.doctor.log_check import LogCheck
 from armid.errors import Finding
 from armid.measurement.log_format_remedies import excluding, lines
+from armid.robot.robot import Joint
 from armid.values import Array
 
 FEWEST, SHARE = 10, 0.002
@@ -28,9 +29,12 @@ APART = 0.25
 LIMIT = 0.98
 """Share of the limit of the description from which the limit counts as reached."""
 
+BEYOND = 1.5
+"""Ratio of torque to the limit of the description from which this limit cannot have been in force."""
+
 
 def check(evidence: LogEvidence) -> list[Finding]:
-    """Reports each joint whose torque saturates."""
+    """Reports each joint whose torque saturates or is beyond its limit."""
     recording = evidence.recording
     if recording is None or recording.effort is None:
         return []
@@ -50,6 +54,9 @@ def check(evidence: LogEvidence) -> list[Finding]:
             flat = counted & (np.abs(np.abs(recording.effort[:, j]) - level) <= 1e-9 * max(level, float(np.ptp(tau))))
             left_out += _stretches(flat, evidence)
             remedy = ""
+        elif at_limit >= FEWEST and np.sort(np.abs(tau))[-FEWEST] > BEYOND * joint.effort_limit:
+            findings.append(_beyond(joint, tau))
+            continue
         elif at_limit >= max(FEWEST, SHARE * len(tau)):
             text = (
                 f"{at_limit} of {len(tau)} samples reach {LIMIT:.0%} of the effort limit of the description, "
@@ -62,6 +69,20 @@ def check(evidence: LogEvidence) -> list[Finding]:
     # One line leaves out what stands at an extreme value of any joint: a study has the key once.
     exclude = excluding(evidence.reading, left_out)
     return [each if each.remedy else replace(each, remedy=exclude) for each in findings]
+
+
+def _beyond(joint: Joint, tau: Array) -> Finding:
+    """Finding of torque that no drive with the limit of the description gives."""
+    unit, limit, size = joint.effort_unit, joint.effort_limit, np.abs(tau)
+    return Finding(
+        "torque-beyond-limit",
+        "warning",
+        joint.name,
+        f"{int((size > limit).sum())} of {len(tau)} samples are beyond the effort limit of the description, "
+        f"{limit:.4g} {unit}; the largest is {size.max():.4g} {unit}.",
+        f"check the unit of this torque (drive_gain, one number for each joint, converts it to {unit}) and the limit "
+        "in the description.",
+    )
 
 
 def _stretches(flat: NDArray[np.bool_], evidence: LogEvidence) -> list[tuple[float, float]]:
@@ -93,6 +114,8 @@ CHECK = LogCheck(
     scope="recording",
     effects={
         "saturation": "The largest torques are too small, and inertias and friction with them.",
+        "torque-beyond-limit": "If the unit is wrong, the friction of this joint is wrong by its factor, and "
+        "inertial parameters that other joints share are a compromise.",
     },
     untested={
         "saturation": "the rows that it leaves out contain no measurement",
