@@ -194,5 +194,5 @@ CHECK = LogCheck(
         "it.",
     },
     explain=explain,
-    hides=("saturation",),
+    hides=("saturation", "torque-beyond-limit"),
 )
