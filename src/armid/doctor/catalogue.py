@@ -24,6 +24,7 @@ CHECKS: Catalogue[LogCheck] = Catalogue(
         "channel-delay": "armid.doctor.checks.dynamics.channel_delay:CHECK",
         "position-offset": "armid.doctor.checks.dynamics.position_offset:CHECK",
         "torque-gain": "armid.doctor.checks.dynamics.torque_gain:CHECK",
+        "description-does-not-match": "armid.doctor.checks.dynamics.description_does_not_match:CHECK",
         "rotor-inertia-missing": "armid.doctor.checks.dynamics.rotor_inertia_missing:CHECK",
         "excitation-weak": "armid.doctor.checks.dynamics.excitation_weak:CHECK",
         "temperature-drift": "armid.doctor.checks.dynamics.temperature_drift:CHECK",

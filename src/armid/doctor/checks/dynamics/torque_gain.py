@@ -6,6 +6,8 @@ the links that it carries, which other joints carry, too. The common scale itsel
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+
 import numpy as np
 
 from armid.doctor.check_input import Explanation, LogEvidence
@@ -20,6 +22,9 @@ CODE = "torque-gain"
 
 FACTORS = np.exp(np.linspace(-1.2, 1.2, 13))
 """Factors on the torque of a joint that are tried; a minimum at the first or last one is none."""
+
+NEAREST = (FACTORS[4], FACTORS[8])
+"""Factors of which at least one must lower the cost before the others are tried."""
 
 LEAST = 1.35
 """Smallest factor, or one over it, that is reported. On recorded arms the torque of a loaded joint fits those of the
@@ -55,7 +60,7 @@ def explain(state: LogState) -> Explanation | None:
         return None
     pairs = products(state.rows)
     begin = cost_of(state.rows, pairs)
-    found = [_best_factor([cost_of(state.rows, pairs, f) for f in _of_joint(n, j)], n) for j in range(n)]
+    found = [_best_factor(lambda f, j=j: _cost(state, pairs, j, f), begin) for j in range(n)]
     gains = np.array([begin - cost for _, cost in found])
     best = int(np.argmax(gains))
     factor = found[best][0]
@@ -85,21 +90,23 @@ def explain(state: LogState) -> Explanation | None:
     )
 
 
-def _of_joint(n: int, j: int) -> list[Array]:
-    """Factors (n,) on the torques of all joints, in which only that of joint j differs from 1."""
-    tried = np.ones((len(FACTORS), n))
-    tried[:, j] = FACTORS
-    return list(tried)
+def _cost(state: LogState, pairs: Sequence[Array], j: int, factor: float) -> float:
+    """Mean log residual, in units of the log, with the torque of joint j multiplied by a factor."""
+    factors = np.ones(state.rows.n)
+    factors[j] = factor
+    return cost_of(state.rows, pairs, factors) - float(np.log(factor)) / state.rows.n
 
 
-def _best_factor(costs: list[float], n: int) -> tuple[float, float]:
+def _best_factor(cost_with: Callable[[float], float], begin: float) -> tuple[float, float]:
     """Factor on a joint's torque with the smallest cost, and that cost; infinite if the log does not determine it.
 
     Args:
-        costs: Mean log residual for each of `FACTORS`, which contains the logarithm of the factor.
-        n: Number of joints.
+        cost_with: Function that returns the mean log residual with a factor.
+        begin: Mean log residual with the factor 1.
     """
-    cost = np.asarray(costs) - np.log(FACTORS) / n
+    if min(cost_with(factor) for factor in NEAREST) >= begin:
+        return 1.0, np.inf
+    cost = np.array([cost_with(factor) for factor in FACTORS])
     k = int(np.argmin(cost))
     if not 0 < k < len(cost) - 1 or min(cost[max(k - 2, 0)], cost[min(k + 2, len(cost) - 1)]) < cost[k] + SHARP:
         return 1.0, np.inf

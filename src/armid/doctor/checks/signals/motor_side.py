@@ -88,7 +88,7 @@ def explain(state: LogState) -> Explanation | None:
         return None
     typical = float(median(np.abs(nominal.scale[known])))
     if typical > LARGE:
-        return None if _placeholders(state) else _too_large(state, known, typical)
+        return None if has_placeholder_masses(state) else _too_large(state, known, typical)
     if typical >= SMALL or typical <= 0.0:
         return None
     scale = np.where(known, np.abs(nominal.scale), typical)
@@ -156,7 +156,7 @@ def _too_large(state: LogState, known: NDArray[np.bool_], typical: float) -> Exp
     )
 
 
-def _placeholders(state: LogState) -> bool:
+def has_placeholder_masses(state: LogState) -> bool:
     """True if the masses of the description are placeholders, so that its torque has no known scale."""
     theta = state.model.nominal_parameters()
     if theta is None:
