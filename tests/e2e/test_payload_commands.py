@@ -48,14 +48,16 @@ drive_gain_deviation = 0.1"""
 Armid = Callable[..., tuple[int, str, str]]
 
 
-def recorded(seed: int, *, load: bool = False, friction: float = 1.0, still: tuple[int, ...] = ()) -> Recording:
-    """The small arm, with a load on its last link and so many times its friction; some joints may stand still."""
+def recorded(
+    seed: int, *, load: bool = False, link: int = 3, friction: float = 1.0, still: tuple[int, ...] = ()
+) -> Recording:
+    """The small arm, with a load on one of its links and so many times its friction; some joints may stand still."""
     model, theta = small_model(), small_truth()
     plan = small_plan(seed)
     a, b = np.array(plan.a), np.array(plan.b)
     a[list(still)] = b[list(still)] = 0.0
     if load:
-        theta[model.inertial_columns[-10:]] += LOAD
+        theta[model.inertial_columns.reshape(-1, 10)[link - 1]] += LOAD
     for k, parameter in enumerate(model.parameters):
         theta[k] *= friction if parameter.symbol in FRICTION else 1.0
     return record(model, theta, replace(plan, a=a, b=b), SENSORS, np.random.default_rng(seed), repetitions=2)[0]
@@ -80,6 +82,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     write_recording(recorded(1), folder / "free.npz")
     write_recording(recorded(2, load=True), folder / "loaded.npz")
     write_recording(recorded(6, load=True, still=(0, 1)), folder / "turning.npz")
+    write_recording(recorded(7, load=True, link=2), folder / "elsewhere.npz")
     write_recording(recorded(3, friction=0.6), folder / "warm.npz")
     write_recording(recorded(4, friction=0.6), folder / "later.npz")
     write_recording(recorded(5, load=True, friction=0.6), folder / "tool.npz")
@@ -89,6 +92,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     write_arm(currents)
     write_currents(recorded(1), currents / "free.npz")
     write_currents(recorded(2, load=True), currents / "loaded.npz")
+    write_currents(recorded(7, load=True, link=2), currents / "elsewhere.npz")
     (currents / "study.toml").write_text(STUDY.format(how=CURRENT))
     for place in (folder, currents):
         save_run(identify(load_study(place / "study.toml")), place / "run")
@@ -159,6 +163,54 @@ def test_one_joint_does_not_show_all_of_a_load_and_it_is_said(armid: Armid):
     assert code == 0
     assert "load-weakly-excited" in err and "(prior-dominated)" in err
     assert "centre of mass z" in out and "identified" in out
+
+
+def test_a_load_on_another_link_is_told_with_the_link_to_name(armid: Armid):
+    code, out, err = armid("payload", "run", "elsewhere.npz", "--json")
+    assert code == 0
+    record = json.loads(out)
+    misfit = next(each for each in record["warnings"] if each["code"] == "payload-misfit")
+    assert misfit["severity"] == "warning" and "link_3 does not explain the torque" in misfit["evidence"]
+    assert "link_2 explains the torque" in misfit["remedy"] and "--link link_2" in misfit["remedy"]
+    assert "joint_" in misfit["channel"] and "payload-misfit" in err
+    new, alone = np.array(record["residual"]["new"]), np.array(record["residual"]["new_alone"])
+    assert (new > 1.5 * alone).any()
+
+
+def test_the_link_of_a_load_can_be_named(armid: Armid):
+    code, out, err = armid("payload", "run", "elsewhere.npz", "--link", "link_2", "--json")
+    assert code == 0 and "payload-misfit" not in err
+    record = json.loads(out)
+    assert record["link"] == record["frame"] == "link_2"
+    # The mass of a load on link 2 causes no torque of its own, as the joint behind turns about a horizontal axis.
+    seen = [k for k in range(10) if parameters(record)[LOAD_NAMES[k]]["status"] == "identified"]
+    assert {LOAD_NAMES[k] for k in seen} >= {"MX", "MZ"}
+    ends = [parameters(record)[LOAD_NAMES[k]]["interval95"] for k in seen]
+    assert all(low <= LOAD[k] <= high for k, (low, high) in zip(seen, ends, strict=True))
+    code, _, err = armid("payload", "run", "elsewhere.npz", "--link", "gripper")
+    assert code == 2 and "'gripper'" in err and "link_1, link_2, link_3" in err
+
+
+def test_a_sound_load_has_no_misfit(armid: Armid):
+    for recording in ("loaded.npz", "tool.npz"):
+        code, _, err = armid("payload", "run", recording)
+        assert code == 0 and "payload-misfit" not in err
+
+
+def test_kept_friction_that_has_changed_is_a_misfit_with_its_remedy(armid: Armid):
+    code, _, err = armid("payload", "run", "tool.npz", "--same-friction")
+    assert code == 0 and "payload-misfit" in err and "leave --same-friction out" in err
+
+
+def test_gains_far_beyond_their_stated_deviation_are_told(armid: Armid):
+    code, _, err = armid("payload", "currents/run", "currents/loaded.npz", "--mass", "0.8")
+    assert code == 0 and "gain-beyond-deviation" not in err
+    code, _, err = armid(
+        "payload", "currents/run", "currents/loaded.npz", "--mass", "0.8", "--gain-deviation", "0.01"
+    )
+    assert code == 0 and "gain-beyond-deviation joint_" in err and "(stated 1%)" in err
+    code, _, err = armid("payload", "currents/run", "currents/elsewhere.npz", "--mass", "0.8")
+    assert code == 0 and "gain-beyond-deviation" in err and "(--mass, --link)" in err
 
 
 def test_drive_gains_from_a_known_mass(armid: Armid):

@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from armid.robot import load_robot
+from armid.values import save
 from labs import write_arm
 
 STEPS = ("start pose", "search", "limits", "bodies", "files", "preview")
@@ -84,6 +86,16 @@ def test_a_shell_completes_values_of_options(tmp_path: Path):
     ):
         offered = completed(words, tmp_path)
         assert offered == found, words
+
+
+def test_a_shell_completes_the_links_of_a_run(tmp_path: Path):
+    (tmp_path / "run").mkdir()
+    save(load_robot("ur5e"), tmp_path / "run" / "robot.npz")
+    (tmp_path / "broken").mkdir()
+    (tmp_path / "broken" / "robot.npz").write_bytes(b"no archive")
+    assert completed("payload run log.csv --link link_3", tmp_path) == ["link_3"]
+    assert len(completed("payload run log.csv --link ", tmp_path)) == 6
+    assert completed("payload broken log.csv --link ", tmp_path) == []
 
 
 def test_names_come_from_any_description_and_only_those_that_move(tmp_path: Path):

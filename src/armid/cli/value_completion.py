@@ -7,10 +7,12 @@ description, without building a robot.
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import shlex
 import tomllib
+import zipfile
 from collections.abc import Callable, Iterable
 from itertools import chain
 from pathlib import Path
@@ -78,6 +80,19 @@ def limits(incomplete: str) -> list[str]:
 def links(incomplete: str) -> list[str]:
     """Links, bodies and sites of the arm."""
     return [name for name in _names(_links) if name.startswith(incomplete)]
+
+
+def moving_links(incomplete: str) -> list[str]:
+    """Moving links of the arm of the run on the command line."""
+    for word in _words():
+        path = Path(word).expanduser() / "robot.npz"
+        try:
+            text = zipfile.ZipFile(path).read("value.json.npy")
+            names = [str(link["name"]) for link in json.loads(text[text.index(b'{"type"') :])["value"]["links"]]
+        except (OSError, ValueError, KeyError, TypeError, zipfile.BadZipFile):  # a shell shows nothing
+            continue
+        return [name for name in names if name.startswith(incomplete)]
+    return []
 
 
 def _names(find: Callable[[Path, str], list[str]]) -> list[str]:

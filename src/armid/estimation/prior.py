@@ -37,8 +37,16 @@ LENGTH = 0.3
 """Length that makes masses, first moments and inertias of an arm comparable [m]: half of a link's."""
 
 THINNEST = 0.01
-"""Smallest radius of gyration about a plane through the centre of mass that a description is believed [m]. Some give
-rods and points; nothing an arm is made of is thinner."""
+"""Smallest radius of gyration about a plane through the centre of mass that a description is believed [m], on arms of
+usual size. Some give rods and points."""
+
+SLIMMEST = 0.05
+"""The same over the size of the arm, the radius of gyration of its links about their joints, on small arms: bodies of
+a hobby arm with a size of 70 mm have radii of 5 mm."""
+
+FLAT = 1e-6
+"""Ratio of the smallest second moment of a body to its largest, or to the least that is believed, below which the
+body has no thickness: rounding."""
 
 MASS = 10.0
 """Deviation of a mass of which nothing is known [kg]: a link of an arm of any size armid has met."""
@@ -245,6 +253,7 @@ def _nominal(standard: StandardParameters) -> tuple[Array, tuple[Finding, ...]]:
                 possible='prior = "mass" or "none"',
                 remedy="choose one of these priors, or write mass and inertia of this link into the description.",
             )
+    thinnest = smallest_radius(standard)
     result, replaced = _without_placeholders(standard, result)
     findings.extend(replaced)
     for k, link in enumerate(standard.links):
@@ -252,25 +261,39 @@ def _nominal(standard: StandardParameters) -> tuple[Array, tuple[Finding, ...]]:
         mass = J[3, 3]
         com = J[:3, 3] / mass
         about, vectors = np.linalg.eigh(J[:3, :3] - mass * np.outer(com, com))
-        least = THINNEST**2 * mass
+        least = thinnest**2 * mass
         if about[0] < least:
             J[:3, :3] = (vectors * np.maximum(about, least)) @ vectors.T + mass * np.outer(com, com)
             result[k] = vector_from_pseudo_inertia(J)
-            what = (
-                "no real body can have the inertia of this link"
-                if about[0] < 0.0
-                else "the inertia of this link is that of a body without thickness: a plate, a rod or a point"
-            )
+            radius = 1000 * float(np.sqrt(max(about[0], 0.0) / mass))
+            if about[0] < 0.0:
+                what = "no real body can have the inertia of this link"
+            elif about[0] <= FLAT * max(about[-1], least):
+                what = "the inertia of this link is that of a body without thickness: a plate, a rod or a point"
+            else:
+                what = (
+                    f"the link's radius of gyration of {radius:.2g} mm is smaller than the smallest that is assumed"
+                )
             findings.append(
                 Finding(
                     "nominal-projected",
                     "warning" if about[0] < 0.0 else "info",
                     link,
                     f"In the description, {what} (smallest second moment {about[0]:.2g} kg·m²); the prior uses the "
-                    f"nearest inertia with a radius of gyration of {1000 * THINNEST:g} mm.",
+                    f"nearest inertia with a radius of gyration of {1000 * thinnest:.3g} mm.",
                 )
             )
     return result, tuple(findings)
+
+
+def smallest_radius(standard: StandardParameters) -> float:
+    """Smallest radius of gyration about a plane through the centre of mass that the description is believed [m]."""
+    if standard.nominal is None:
+        return THINNEST
+    bodies = standard.nominal[standard.inertial][~standard.placeholders]
+    mass = float(bodies[:, 0].sum())
+    second = float(np.trace(pseudo_inertia(bodies)[:, :3, :3], axis1=1, axis2=2).sum())
+    return min(THINNEST, SLIMMEST * float(np.sqrt(max(second, 0.0) / mass))) if mass > 0.0 else THINNEST
 
 
 def _without_placeholders(standard: StandardParameters, nominal: Array) -> tuple[Array, tuple[Finding, ...]]:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from armid.errors import EstimationError, Finding, OutputError
 from armid.estimation.consistency.cones import consistency_cones
 from armid.estimation.estimate import collapse, torque_parameters
-from armid.estimation.prior import LENGTH, THINNEST, size_of_bodies
+from armid.estimation.prior import LENGTH, size_of_bodies, smallest_radius
 from armid.estimation.problem import StandardParameters, standard_of
 from armid.export.attached_inertias import is_possible
 from armid.maths.conic_solver import Cone, solve_cones, upper_triangle
@@ -214,14 +214,15 @@ def _relative_change(standard: StandardParameters, anchor: Array, there: list[ND
     """Matrix that maps a change of θ to the relative change of the links' pseudo-inertias, shape (16 links, p)."""
     rows = np.zeros((16 * len(there), len(anchor)))
     least = LIGHTEST * max(float(anchor[standard.inertial[:, 0]].mean()), 1.0)
+    thinnest = smallest_radius(standard)
     for k, own in enumerate(there):
-        J = pseudo_inertia(_thick(anchor[own], least))
+        J = pseudo_inertia(_thick(anchor[own], least, thinnest))
         half = np.linalg.inv(np.linalg.cholesky(J))
         rows[16 * k : 16 * (k + 1), own] = np.einsum("ab,vbc,dc->adv", half, PSEUDO_INERTIA_OF, half).reshape(16, 10)
     return rows
 
 
-def _thick(vector: Array, least: float) -> Array:
+def _thick(vector: Array, least: float, thinnest: float) -> Array:
     """Inertial parameters moved inside the consistent set, so that they can be a scale; a ball if all are zero."""
     J = pseudo_inertia(vector)
     mass = float(J[3, 3])
@@ -229,7 +230,7 @@ def _thick(vector: Array, least: float) -> Array:
         return vector_from_pseudo_inertia(least * np.diag([LENGTH**2, LENGTH**2, LENGTH**2, 1.0]))
     com = J[:3, 3] / mass
     about, vectors = np.linalg.eigh(J[:3, :3] - mass * np.outer(com, com))
-    J[:3, :3] = (vectors * np.maximum(about, THINNEST**2 * mass)) @ vectors.T + mass * np.outer(com, com)
+    J[:3, :3] = (vectors * np.maximum(about, thinnest**2 * mass)) @ vectors.T + mass * np.outer(com, com)
     return vector_from_pseudo_inertia(J)
 
 

@@ -77,7 +77,7 @@ class LogFormat:
         torque_sign: +1 or -1, one value for all joints or one for each joint: measured torque = sign · torque in the
             convention of the URDF.
         position_sign: Likewise for positions, velocities and accelerations.
-        drive_gain: Joint torque per ampere of current, if the effort is a current, shape (n,) [N·m/A].
+        drive_gain: Joint torque per ampere of current, if the effort is a current, one value or shape (n,) [N·m/A].
         drive_gain_deviation: Relative standard deviation of the drive gains, one value or shape (n,).
         transmission: Matrix N, shape (n, n), if the log is on the motor side: q_motor = N (q - joint_offset) and
             torque_joint = Nᵀ torque_motor.
@@ -182,15 +182,13 @@ class LogFormat:
         for name, value in (given | {"delay": _delays(self.delay)}).items():
             _set(self, name, value)
             lengths |= {name: value.size} if value.size > 1 else {}
-        for name in ("drive_gain", "joint_offset"):
-            if getattr(self, name) is not None:
-                value = _numbers(getattr(self, name), (None,), name)
-                _set(self, name, value)
-                lengths[name] = value.size
-        if self.drive_gain is not None and not np.all(self.drive_gain):
-            raise _wrong(
-                "drive_gain", self.drive_gain, "gains other than zero; a negative sign is given by torque_sign"
-            )
+        if self.joint_offset is not None:
+            _set(self, "joint_offset", _numbers(self.joint_offset, (None,), "joint_offset"))
+            lengths["joint_offset"] = np.size(self.joint_offset)
+        if self.drive_gain is not None:
+            gain = _gains(self.drive_gain)
+            _set(self, "drive_gain", gain)
+            lengths |= {"drive_gain": gain.size} if gain.size > 1 else {}
         if self.drive_gain_deviation is not None:
             deviation = np.atleast_1d(_numbers(self.drive_gain_deviation, None, "drive_gain_deviation"))
             if deviation.ndim != 1 or (deviation < 0).any():
@@ -269,6 +267,18 @@ def _signs(value: object, name: str) -> Array:
     if sign.ndim != 1 or not np.isin(sign, (-1.0, 1.0)).all():
         raise _wrong(name, value, "1, -1, or a list of these")
     return array(sign, (None,), name)
+
+
+def _gains(value: object) -> Array:
+    gain = np.atleast_1d(_numbers(value, None, "drive_gain"))
+    if gain.ndim != 1 or not gain.all():
+        raise _wrong(
+            "drive_gain",
+            value,
+            "numbers other than zero, one for all joints or one for each joint; a negative sign is given by "
+            "torque_sign",
+        )
+    return array(gain, (None,), "drive_gain")
 
 
 def _delays(value: object) -> Array:

@@ -27,7 +27,7 @@ WRAP_TOLERANCE = 0.5
 the motion of the joint from sample to sample, also over a short gap. If the typical step of a channel is larger,
 wraps cannot be detected."""
 
-COMMON = ("torque_sign", "position_sign", "delay", "drive_gain_deviation")
+COMMON = ("torque_sign", "position_sign", "delay", "drive_gain", "drive_gain_deviation")
 """Fields of the log format that may be one number for all joints."""
 
 
@@ -93,7 +93,7 @@ def understood(recording: Recording, log_format: LogFormat) -> LogFormat:
 
 
 def _check_lengths(log_format: LogFormat, robot: Robot) -> None:
-    for name in (*COMMON, "units", "drive_gain", "transmission", "joint_offset"):
+    for name in (*COMMON, "units", "transmission", "joint_offset"):
         shape = np.shape(getattr(log_format, name))
         fits = shape in ((), (robot.n,), (robot.n, robot.n))
         if not fits and not (shape == (1,) and name in COMMON):
@@ -163,9 +163,10 @@ def _check_gains(recording: Recording, log_format: LogFormat) -> None:
             "current-without-gain",
             recording,
             f"the effort is a motor current [A]{by_name} but there is no drive gain to convert it to torque.",
-            "find out `drive_gain`, the torque at the joint per ampere [N·m/A], for each joint, or name "
-            "columns of torque under `columns`; if the effort is a torque all the same, give a drive_gain of 1 "
-            "for each joint.",
+            "give the torque at the joint per ampere [N·m/A] in [[recording]]: `drive_gain = […]`, one value for "
+            "each joint. If it is unknown, or if the values are a torque of unknown unit, give `drive_gain = 1` with "
+            "`drive_gain_deviation = 0.3`, and determine the gains afterwards with a load of known mass: armid "
+            "payload RUN LOG --mass KG. If the log has torques as well, name their columns under `columns`.",
         )
 
 

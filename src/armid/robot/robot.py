@@ -321,9 +321,13 @@ class Robot(Displayed):
         try:
             return self.joint_names.index(name)
         except ValueError:
+            possible = ", ".join(self.joint_names)
+            if name in self.described_joints:
+                what = f"The joint {name!r} of {self.name} is locked and does not move."
+                raise RobotError(what, possible=possible, remedy="name another joint, or do not lock it.") from None
             raise RobotError(
                 f"{self.name} has no joint {name!r}.",
-                possible=", ".join(self.joint_names),
+                possible=possible,
                 remedy=did_you_mean(name, self.joint_names),
             ) from None
 

@@ -18,6 +18,7 @@ from armid.maths.inertia import transform
 from armid.measurement.log_format import LogFormat
 from armid.measurement.recording import Recording
 from armid.model.base_parameters import BaseParameters
+from armid.robot.robot import Robot
 from armid.runs.run import Run
 from armid.study.config import RecordingChoice
 from armid.study.recordings.processed import ProcessedRecording, joined_observations, process_each
@@ -157,14 +158,29 @@ def load_columns(run: Run) -> tuple[Array, Array]:
     return columns @ to_link, to_link
 
 
-def link_columns(run: Run) -> tuple[int, Array]:
-    """Link that carries the tip, and matrix that maps its ten parameters to the base parameters, shape (b, 10).
+def link_columns(run: Run, link: int | None = None) -> tuple[int, Array]:
+    """Link that carries a load, and matrix that maps its ten parameters to the base parameters, shape (b, 10).
+
+    Args:
+        run: Run of the arm.
+        link: Number of the link; by default that of the tip.
 
     Raises:
-        RobotError: The tip is fixed to the base, or the link carries further joints.
+        RobotError: No link is given, and the tip is fixed to the base, or its link carries further joints.
         StudyError: The run's model has no rigid bodies.
     """
-    robot = run.robot
+    link = _tip_link(run.robot) if link is None else link
+    if not run.model.has_rigid_bodies:
+        raise StudyError(
+            f"The model of {run.folder} has no rigid bodies, so the effect of a load cannot be computed.",
+            remedy="identify again with the term rigid-body.",
+        )
+    columns = run.model.inertial_columns.reshape(-1, 10)[link]
+    return link, run.estimate.base.regrouping[:, columns]
+
+
+def _tip_link(robot: Robot) -> int:
+    """Number of the link that carries the tip, which must be the last."""
     link = robot.tip.parent
     if link < 0:
         raise RobotError(
@@ -176,12 +192,7 @@ def link_columns(run: Run) -> tuple[int, Array]:
         raise RobotError(
             f"The tip frame {robot.tip.name!r} of {robot.name} is on the link {robot.links[link].name!r}, "
             f"which is not the last link, because it carries the joints {', '.join(further)}.",
-            remedy='name a frame on the last link with tip = "…" in the study, or lock these joints.',
+            remedy='name a frame on the last link with tip = "…" in the study, or lock these joints; for the load of '
+            "armid payload, --link names any link.",
         )
-    if not run.model.has_rigid_bodies:
-        raise StudyError(
-            f"The model of {run.folder} has no rigid bodies, so the effect of a load cannot be computed.",
-            remedy="identify again with the term rigid-body.",
-        )
-    columns = run.model.inertial_columns.reshape(-1, 10)[link]
-    return link, run.estimate.base.regrouping[:, columns]
+    return link

@@ -180,6 +180,16 @@ def test_a_log_with_nan_is_an_error_and_not_a_crash():
     assert codes(examined(case.logged(q=q)), "error") == {"value-missing"}
 
 
+def test_an_empty_channel_is_told_as_such_with_what_to_do():
+    case = sound(4)
+    assert case.recording.effort is not None
+    effort = case.recording.effort.copy()
+    effort[:, 2] = np.nan
+    (found,) = [each for each in examined(case.logged(effort=effort)) if each.code == "value-missing"]
+    assert "effort of" in found.evidence and "is empty: no row has a number" in found.evidence
+    assert "lock" in found.remedy and "rows" not in found.remedy
+
+
 def test_every_code_has_an_effect_and_every_explanation_a_check():
     assert set(FAULTS) <= effects().keys()
     assert len(explanations_of()) <= len(CHECKS)

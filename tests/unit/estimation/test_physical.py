@@ -15,7 +15,7 @@ from armid.estimation.estimate import Estimate, standard_parameters, torque_para
 from armid.estimation.estimators import LogCholesky, PhysicallyConsistent, ThesisNLP, WeightedLeastSquares
 from armid.estimation.fit_result import Fit
 from armid.estimation.per_recording import separate_by_recording, standard_per_recording
-from armid.estimation.prior import THINNEST, make_prior
+from armid.estimation.prior import SLIMMEST, THINNEST, make_prior, smallest_radius
 from armid.estimation.problem import EstimationProblem, standard_of
 from armid.estimation.standard_parameter_status import IDENTIFIED, UNSEEN, StandardFit, shares, status_of
 from armid.estimation.uncertainty.covariance import estimate_covariance
@@ -277,8 +277,15 @@ def test_log_det_does_not_depend_on_frames():
     assert cost(standard.nominal, standard.nominal) == pytest.approx(0.0, abs=1e-9)
 
 
-@pytest.mark.parametrize(("inertia", "severity"), [(-0.01, "warning"), (0.0, "info")])
-def test_a_description_that_is_no_body_is_moved_to_the_nearest_and_named(inertia: float, severity: str):
+@pytest.mark.parametrize(
+    ("inertia", "severity", "what"),
+    [
+        (-0.01, "warning", "no real body"),
+        (0.0, "info", "without thickness"),
+        (2.0 * 0.008**2, "info", "radius of gyration of 8 mm is smaller than the smallest"),
+    ],
+)
+def test_a_description_that_is_no_body_is_moved_to_the_nearest_and_named(inertia: float, severity: str, what: str):
     problem = problem_of()
     standard = problem.standard
     assert standard is not None and standard.nominal is not None
@@ -289,7 +296,20 @@ def test_a_description_that_is_no_body_is_moved_to_the_nearest_and_named(inertia
     fit, _ = estimate(replace(problem, standard=replace(standard, nominal=nominal)), prior="log-det", weight=1.0)
     (said,) = [finding for finding in fit.findings if finding.code == "nominal-projected"]
     assert (said.channel, said.severity) == ("link_2", severity)
-    assert f"{1000 * THINNEST:g} mm" in said.evidence
+    assert f"{1000 * THINNEST:g} mm" in said.evidence and what in said.evidence
+
+
+@pytest.mark.parametrize("size", [0.1, 0.3, 1.0, 10.0])
+def test_the_links_of_a_small_arm_may_be_thinner(size: float):
+    standard = problem_of().standard
+    assert standard is not None and standard.nominal is not None
+    nominal = standard.nominal.copy()
+    nominal[standard.inertial] *= np.concatenate([[1.0], np.full(3, size), np.full(6, size**2)])
+    scaled = replace(standard, nominal=nominal)
+    J = pseudo_inertia(standard.nominal[standard.inertial])
+    whole = np.sqrt(np.trace(J[:, :3, :3], axis1=1, axis2=2).sum() / J[:, 3, 3].sum())
+    assert smallest_radius(scaled) == pytest.approx(min(THINNEST, SLIMMEST * size * whole), rel=1e-12)
+    assert smallest_radius(replace(standard, nominal=None)) == THINNEST
 
 
 def placeholder_problem(mass: float) -> EstimationProblem:

@@ -56,7 +56,7 @@ def test_saving_and_loading_gives_the_same_reading(tmp_path):
         ({"consecutive": "yes"}, "consecutive = 'yes'"),
         ({"torque_sign": 0.5}, "torque_sign = 0.5"),
         ({"torque_sign": [1, 0]}, "torque_sign"),
-        ({"drive_gain": 5.0}, r"drive_gain must have shape \(any\)"),
+        ({"drive_gain": [[5.0]]}, r"drive_gain = \[\[5"),
         ({"drive_gain": [5.0, 0.0]}, "drive_gain"),
         ({"drive_gain_deviation": 0.1}, "without `drive_gain`"),
         ({"drive_gain": [1.0], "drive_gain_deviation": -0.1}, "drive_gain_deviation"),

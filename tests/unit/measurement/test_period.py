@@ -10,8 +10,9 @@ from scipy.interpolate import CubicSpline
 
 from armid.errors import RecordingError
 from armid.estimation.uncertainty.frequency_bands import find_periods
+from armid.estimation.uncertainty.thresholds import FEWEST_PERIODS
 from armid.measurement.log_format import LogFormat
-from armid.measurement.processing.period import SHORTEST, repetition
+from armid.measurement.processing.period import FEWEST_COMPARED, SHORTEST, repetition
 from armid.measurement.processing.pipeline import ProcessingOptions, process_recording
 from armid.values import Array
 from motions import codes, recording
@@ -107,12 +108,21 @@ def test_the_period_is_the_shortest_after_which_all_joints_are_back():
     assert quick is not None and SHORTEST <= quick.period < SHORTEST + 1.01
 
 
+def test_only_of_enough_repetitions_intervals_from_their_differences_are_announced():
+    t, q = with_ways(4.0, FEWEST_PERIODS, 1.0, 0.0, 200.0, seed=4)
+    _, findings = process_recording(recording(t, q=q[:, :2]), ProcessingOptions(), period="find")
+    (told,) = [each for each in findings if each.code == "period-found"]
+    assert f"{FEWEST_PERIODS} times" in told.evidence and "can be computed from the differences" in told.remedy
+    assert FEWEST_COMPARED == FEWEST_PERIODS
+
+
 def test_a_found_period_is_told_and_makes_repetitions_of_short_blocks():
     t, q = with_ways(8.0, 3, 1.0, 0.0, 200.0, seed=4)
     log = recording(t, q=q[:, :2])
     (run,), findings = process_recording(log, ProcessingOptions(), period="find")
     (told,) = [each for each in findings if each.code == "period-found"]
     assert told.severity == "info" and "8 s, 3 times" in told.evidence and "are not used" in told.evidence
+    assert f"{FEWEST_PERIODS} are needed" in told.remedy and "in another way" in told.remedy
     assert run.repetition is not None
     counted = run.mask.any(axis=1)
     assert set(run.repetition[counted]) == {0, 1, 2}

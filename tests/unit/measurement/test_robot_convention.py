@@ -204,9 +204,18 @@ def test_drive_gains_and_torque_sign_give_the_torque():
     assert_truth(read(recorded(effort=signs * TAU), torque_sign=signs).recording)
 
 
-def test_a_current_without_gain_is_refused():
+def test_one_drive_gain_counts_for_all_joints():
+    current = recorded(effort=TAU / 12.0, effort_is_current=True)
+    for gain in (12.0, [12.0], [12.0] * 3):
+        assert_truth(read(current, drive_gain=gain, drive_gain_deviation=[0.1, 0.2, 0.1]).recording)
+    refused("has 2 entries", current, drive_gain=[12.0, 12.0])
+
+
+def test_a_current_without_gain_is_refused_with_both_ways_out():
     error = refused("current-without-gain", recorded(effort_is_current=True))
-    assert "drive_gain" in error.remedy
+    assert "`drive_gain = […]`" in error.remedy and "N·m/A" in error.remedy
+    assert "`drive_gain = 1` with `drive_gain_deviation = 0.3`" in error.remedy
+    assert "armid payload RUN LOG --mass KG" in error.remedy
     refused("`drive_gain` is given, but the recording has no effort", recorded(effort=None), drive_gain=[1.0] * 3)
 
 

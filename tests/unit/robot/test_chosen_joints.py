@@ -119,6 +119,15 @@ def test_joints_that_were_locked_by_name_count_among_those_that_are_held(two):
     assert "root, right_2 at 0.4 (by name), " in said and said.count("right_2") == 1
 
 
+def test_a_locked_joint_is_not_said_to_be_missing(two):
+    robot = load_robot(two, only=["left_[12]"], lock=["root", "right_2"])
+    with pytest.raises(RobotError, match="'right_2' of two is locked and does not move") as caught:
+        limits_of(robot, {("right_2", "position"): (-1.0, 1.0)})
+    assert "left_1, left_2" in caught.value.possible and "do not lock it" in caught.value.remedy
+    with pytest.raises(RobotError, match="has no joint 'right_9'"):
+        robot.joint_index("right_9")
+
+
 def test_a_position_outside_of_the_limits_is_said(two):
     """And a joint locked without a position is held inside of them, with the value beside its name."""
     found = {each.code: each for each in load_robot(two, only=["left_[12]"], lock=["torso=9"]).findings}

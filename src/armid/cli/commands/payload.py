@@ -9,12 +9,32 @@ import typer
 
 from armid.cli.log_format_options import Columns, Rate, TorqueSign, changed_reading
 from armid.cli.options import Json, Out
+from armid.cli.value_completion import moving_links
 
 if TYPE_CHECKING:
     from rich.table import Table
 
     from armid.runs.payload import Payload
     from armid.values import Array
+
+
+PayloadLinkName = Annotated[
+    str | None,
+    typer.Option(
+        "--link",
+        metavar="NAME",
+        help="Link that carries the payload, in whose frame its parameters then are; by default that of the tip.",
+        autocompletion=moving_links,
+    ),
+]
+
+
+CentreOfMass = Annotated[
+    tuple[float, float, float] | None,
+    typer.Option(
+        "--com", metavar="X Y Z", help="Known centre of mass of the payload, m, in the tip frame or that of --link."
+    ),
+]
 
 
 def payload(
@@ -24,10 +44,8 @@ def payload(
         float | None,
         typer.Option(metavar="KG", help="Known mass of the payload, kg; the drive gains are then estimated."),
     ] = None,
-    com: Annotated[
-        tuple[float, float, float] | None,
-        typer.Option(metavar="X Y Z", help="Known centre of mass of the payload in the tip frame, m."),
-    ] = None,
+    com: CentreOfMass = None,
+    link: PayloadLinkName = None,
     gain_deviation: Annotated[
         float | None, typer.Option(min=0.0, help="Relative standard deviation of the drive gains, for instance 0.1.")
     ] = None,
@@ -46,6 +64,8 @@ def payload(
         armid payload runs/arm with_load.csv
 
         armid payload runs/arm with_load.csv --mass 2.805
+
+        armid payload runs/arm with_load.csv --link forearm_link
     """
     from armid.cli.console import print_findings
     from armid.runs.payload import find_payload, payload_record
@@ -62,6 +82,7 @@ def payload(
         com=com,
         gain_deviation=gain_deviation,
         same_friction=same_friction,
+        link=link,
     )
     text = to_json(payload_record(found)) + "\n"
     path = None if out is None else replace_file(out / "payload.json", text)
@@ -133,7 +154,7 @@ def _body(payload: Payload) -> Table:
 
     from armid.maths.inertia import INERTIA_INDEX
 
-    load, frame = payload.load, escape(payload.frame)
+    load, frame = payload.load, escape(payload.place.frame)
     table = Table(
         title=f"{escape(payload.new_recordings.run.robot.name)}: load in the frame {frame}", header_style="bold"
     )

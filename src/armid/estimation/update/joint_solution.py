@@ -83,6 +83,29 @@ def solve_stacked(
     Raises:
         EstimationError: Weights or scales do not converge.
     """
+    return _solution_with_covariance(stacked, *_solve(stacked, scale_deviation, fixed))
+
+
+def solve_values(
+    stacked: StackedProblem, *, scale_deviation: Array | None = None, fixed: Array | None = None
+) -> tuple[Array, Array]:
+    """Solves a stacked problem without covariance: unknowns (c,) and torque scales (n,).
+
+    Args:
+        stacked: The problem.
+        scale_deviation: As for `solve_stacked`.
+        fixed: As for `solve_stacked`.
+
+    Raises:
+        EstimationError: Weights or scales do not converge.
+    """
+    return _solve(stacked, scale_deviation, fixed)[2:]
+
+
+def _solve(
+    stacked: StackedProblem, scale_deviation: Array | None, fixed: Array | None
+) -> tuple[_Unknowns, Array, Array, Array]:
+    """The unknowns, weights (n,), parameters (c,) and scales (n,) at the solution."""
     count, n = stacked.information.count, stacked.information.n
     known, free = np.zeros(count), np.ones(count, dtype=np.bool_)
     if fixed is not None:
@@ -92,7 +115,7 @@ def solve_stacked(
     whole = total(stacked.information)
     weights, values, scale = _iterate_weights(whole, fixed_scales, stacked.weights, known, np.ones(n))
     if scale_deviation is None:
-        return _solution_with_covariance(stacked, fixed_scales, weights, values, scale)
+        return fixed_scales, weights, values, scale
     bounded = np.flatnonzero(np.isfinite(scale_deviation))
     rows = np.zeros((len(bounded), fixed_scales.count + n + 1))
     rows[np.arange(len(bounded)), fixed_scales.count + bounded] = rows[:, -1] = 1.0 / scale_deviation[bounded]
@@ -101,7 +124,7 @@ def solve_stacked(
     side = fixed_scales.prior[:, -1] + stacked.scale_sensitivity.sum(axis=1)
     with_scales = np.column_stack([fixed_scales.prior[:, :-1], stacked.scale_sensitivity, side])
     unknowns = replace(fixed_scales, prior=np.vstack([with_scales, rows]), scaled=True)
-    return _solution_with_covariance(stacked, unknowns, *_iterate_weights(whole, unknowns, weights, values, scale))
+    return unknowns, *_iterate_weights(whole, unknowns, weights, values, scale)
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -26,6 +26,9 @@ from armid.values import Array
 RATE = 100.0
 """Rate at which positions are compared [Hz]; at 5 Hz, linear interpolation has an error of 1 % of the amplitude."""
 
+FEWEST_COMPARED = 6
+"""Fewest repetitions from whose differences an estimate computes intervals."""
+
 SHORTEST = 2.0
 """Shortest period [s]. A faster motion also repeats with a multiple of its period; blocks that are shorter than
 the correlation time of residuals would not be independent."""
@@ -138,10 +141,14 @@ def find_period(pieces: Sequence[Stretch], source: str, findings: list[Finding])
     rest = before + after
     outside = f" {rest:.3g} s before and after the repetitions are not used." if rest > OUTSIDE else ""
     evidence = f"The positions repeat every {found.period:.6g} s, {found.count} times.{outside}"
-    remedy = (
-        "The confidence intervals are computed from the differences between repetitions. Give the key `period` "
-        'if the period is different, or period = "none" to prevent this.'
+    use = (
+        "Confidence intervals can be computed from the differences between repetitions; the result says whether "
+        "they are."
+        if found.count >= FEWEST_COMPARED
+        else f"For confidence intervals from the differences between repetitions, {FEWEST_COMPARED} are needed, so "
+        "they are computed in another way, which the result names."
     )
+    remedy = f'{use} Give the key `period` if the period is different, or period = "none" if nothing repeats.'
     findings.append(Finding("period-found", "info", source, evidence, remedy))
     return found.period, found.start
 

@@ -141,6 +141,15 @@ def _refuse_nan(recording: Recording, log_format: LogFormat) -> None:
             continue
         bad = np.argwhere(~np.isfinite(values))
         row = int(bad[0, 0])
+        empty = [] if values.ndim == 1 else np.flatnonzero(~np.isfinite(values).any(axis=0)).tolist()
+        if empty and name not in ("dq", "ddq"):
+            raise recording_error(
+                "value-missing",
+                recording,
+                f"{name} of {', '.join(recording.channels[k] for k in empty)} is empty: no row has a number.",
+                "check that this channel was logged, or name another column under `columns`; if the joint did not "
+                "move, lock it: lock in [robot], or --lock.",
+            )
         channel = "time" if values.ndim == 1 else f"{name} of {recording.channels[int(bad[0, 1])]}"
         raise recording_error(
             "value-missing",
