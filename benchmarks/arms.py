@@ -42,19 +42,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from armid.checked_array import Array
 from armid.excitation.collision.collision_model import CollisionOptions
 from armid.excitation.collision.distances import floor
 from armid.excitation.design.objective import CriterionGoal, information_along
 from armid.excitation.design.sqp import DescentProblem, max_utilisation, shrink_to_feasible
 from armid.excitation.fourier import Excitation, load_plan
 from armid.model.base_parameters import find_base_parameters
-from armid.model.dynamics import DynamicsModel
+from armid.model.dynamics_model import DynamicsModel
 from armid.model.terms import Coulomb, RigidBody, Viscous
 from armid.robot import Robot, load_robot
 from armid.study.plans.design import DesignConstraints, DesignGoal, SearchBudget, design_plan
 from armid.study.plans.design_files import save_design
 from armid.study.plans.designed import Designed
-from armid.values import Array
 from flown import ROUNDING, Flight, fly, load_table, load_urdf
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -15,10 +15,12 @@ from itertools import product
 
 import numpy as np
 
+from armid.checked_array import Array
 from armid.estimation.estimators import WeightedLeastSquares
 from armid.estimation.problem import EstimationProblem
 from armid.excitation.builtin_plans import builtin_plan
 from armid.excitation.fourier import Excitation
+from armid.hashes import digest
 from armid.information.accumulate import accumulate_information
 from armid.information.information import Information, stack, total
 from armid.lab.known_arms import truth_of
@@ -31,7 +33,6 @@ from armid.measurement.processing.pipeline import process_recordings, resolve_op
 from armid.measurement.recording import Recording
 from armid.model.base_parameters import find_base_parameters
 from armid.robot import load_robot
-from armid.values import Array, digest
 
 ARMS = ("iiwa14-r820", "panda", "ur10e")
 RATE = 1000.0

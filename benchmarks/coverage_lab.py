@@ -28,6 +28,7 @@ from typing import Any
 import numpy as np
 
 from armid import identify
+from armid.checked_array import Array
 from armid.errors import ArmidError
 from armid.excitation.design.objective import CriterionGoal
 from armid.excitation.fourier import Excitation
@@ -37,11 +38,11 @@ from armid.lab.simulation import simulate, true_model
 from armid.measurement.readers import load_recording
 from armid.measurement.writing import save_recording
 from armid.model.base_parameters import find_base_parameters
-from armid.model.dynamics import DynamicsModel
+from armid.model.dynamics_model import DynamicsModel
 from armid.model.terms import Coulomb, RigidBody, Viscous
 from armid.study.config import EstimationChoice, ModelChoice, RecordingChoice, RobotChoice, Study, load_choice
 from armid.study.plans.design import DesignConstraints, DesignGoal, SearchBudget, design_plan
-from armid.values import Array, load, save
+from armid.value_files import load, save
 
 TABLES = Path(__file__).parents[1] / "tests" / "tables"
 ARMS = ("iiwa14-r820", "panda", "ur10e", f"{TABLES}/scara.toml", f"{TABLES}/gantry.toml")

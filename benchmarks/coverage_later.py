@@ -22,6 +22,7 @@ from typing import Any
 import numpy as np
 
 from armid import identify
+from armid.checked_array import Array
 from armid.lab.known_arms import KnownArm, truth_of
 from armid.lab.options import LabOptions
 from armid.lab.simulation import simulate, true_model
@@ -34,7 +35,6 @@ from armid.runs.payload import find_payload
 from armid.runs.recalibration import recalibrate
 from armid.runs.run import Run, load_run, save_run
 from armid.study.config import EstimationChoice, ModelChoice, RecordingChoice, RobotChoice, Study, load_choice
-from armid.values import Array
 from coverage_lab import TABLES, Lab, choice_of, logged, name_of, planned, truth_values
 
 ARMS = ("panda", "ur10e", f"{TABLES}/scara.toml", f"{TABLES}/gantry.toml")

@@ -20,6 +20,7 @@ import time
 import numpy as np
 
 from armid import kernel
+from armid.checked_array import Array
 from armid.excitation.builtin_plans import builtin_plan
 from armid.excitation.certification import certified, fine_grid
 from armid.excitation.design.multistart import search
@@ -29,11 +30,10 @@ from armid.excitation.limits.joint_limits import limits_of, motion_channels
 from armid.excitation.rest_to_rest_basis import SeriesBasis
 from armid.lab.inverse_dynamics_recording import thesis_truth
 from armid.model.base_parameters import find_base_parameters
-from armid.model.dynamics import DynamicsModel
+from armid.model.dynamics_model import DynamicsModel
 from armid.model.motion import Motion
 from armid.model.terms import Coulomb, RigidBody, Viscous
 from armid.robot import load_robot
-from armid.values import Array
 
 NOISE = (1.0, 1.0, 0.6, 0.6, 0.4, 0.25, 0.25)
 RATE = 100.0

@@ -22,17 +22,18 @@ from typing import Any
 
 import numpy as np
 
-from armid.estimation.estimate import torque_parameters
+from armid.checked_array import Array
+from armid.estimation.saved_estimate import torque_parameters
 from armid.excitation.fourier import Excitation
+from armid.hashes import digest
 from armid.information.residuals import compare
 from armid.maths.inertia import vector_from_pseudo_inertia
 from armid.measurement.recording import Recording
-from armid.model.dynamics import DynamicsModel
+from armid.model.dynamics_model import DynamicsModel
 from armid.robot import Robot, load_robot
 from armid.study.config import EstimationChoice, ModelChoice, RecordingChoice, RobotChoice, Study, build_model
 from armid.study.identify import Result, identify
 from armid.study.recordings.processed import joined_observations, process_each
-from armid.values import Array, digest
 
 ARMS = ("iiwa14-r820", "panda", "ur5e")
 

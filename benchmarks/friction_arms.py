@@ -28,23 +28,23 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from armid.checked_array import Array
 from armid.errors import ArmidError
 from armid.estimation.crossvalidation import folds, training_information
-from armid.estimation.estimate import torque_parameters
 from armid.estimation.estimators import Ridge, WeightedLeastSquares
 from armid.estimation.friction.selection import choose_friction
-from armid.estimation.per_recording import offset_names, separate_by_recording
+from armid.estimation.friction_per_recording import offset_names, separate_by_recording
 from armid.estimation.problem import EstimationProblem, standard_of
+from armid.estimation.saved_estimate import torque_parameters
 from armid.information.accumulate import accumulate_information
 from armid.information.residuals import compare
 from armid.measurement.observations import Observations
 from armid.measurement.processing.pipeline import resolve_options
 from armid.model.base_parameters import find_base_parameters
-from armid.model.dynamics import DynamicsModel
+from armid.model.dynamics_model import DynamicsModel
 from armid.study.config import ModelChoice, build_model, load_choice, load_study
 from armid.study.recordings.processed import joined_observations, process_each
 from armid.study.recordings.reading import read_choice
-from armid.values import Array
 
 STUDIES = Path(__file__).parents[1] / "tests" / "real" / "studies"
 

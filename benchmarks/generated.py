@@ -15,7 +15,7 @@ import peers
 from armid.codegen.functions import make_programs
 from armid.codegen.generation import generate
 from armid.model.base_parameters import find_base_parameters
-from armid.model.dynamics import DynamicsModel
+from armid.model.dynamics_model import DynamicsModel
 from armid.model.terms import RigidBody
 from armid.robot import load_robot
 

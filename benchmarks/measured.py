@@ -34,7 +34,7 @@ from armid.lab.inverse_dynamics_recording import thesis_truth
 from armid.measurement.low_pass_band import Band
 from armid.measurement.observations import Observations, ObservedRun
 from armid.model.base_parameters import BaseParameters, find_base_parameters
-from armid.model.dynamics import DynamicsModel
+from armid.model.dynamics_model import DynamicsModel
 from armid.model.terms import Coulomb, RigidBody, Viscous
 from armid.robot import load_robot
 from armid.runs.kernel_benchmark import measure

@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
+from armid.checked_array import Array
 from armid.estimation.prior import LENGTH, MASS, make_prior
 from armid.estimation.problem import EstimationProblem
 from armid.estimation.whitened_system import whiten
 from armid.maths.inertia import PSEUDO_INERTIA_OF, pseudo_inertia
-from armid.values import Array
 
 __all__ = ["modelled_fit"]
 

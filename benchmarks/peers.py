@@ -11,8 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
+from armid.checked_array import Array
 from armid.kernel import Tree
-from armid.values import Array
 
 __all__ = ["PeerMissingError", "build_loop", "run_loop"]
 

@@ -13,6 +13,7 @@ import time
 
 import numpy as np
 
+from armid.checked_array import Array
 from armid.estimation.recursive.recursive_estimate import ForgettingOptions, begin, fit, update
 from armid.excitation.builtin_plans import builtin_plan
 from armid.information.accumulate import accumulate_information
@@ -20,10 +21,9 @@ from armid.lab.inverse_dynamics_recording import thesis_truth
 from armid.measurement.low_pass_band import Band
 from armid.measurement.observations import Observations, ObservedRun
 from armid.model.base_parameters import find_base_parameters
-from armid.model.dynamics import DynamicsModel
+from armid.model.dynamics_model import DynamicsModel
 from armid.model.terms import Coulomb, RigidBody, Viscous
 from armid.robot import load_robot
-from armid.values import Array
 
 RATE, SECONDS, MEMORY = 1000, 20, 30.0
 

@@ -19,6 +19,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from armid.checked_array import Array
 from armid.excitation.design.multistart import search
 from armid.excitation.design.objective import CriterionGoal, information_along, known_sizes
 from armid.excitation.design.sqp import DescentProblem
@@ -26,10 +27,9 @@ from armid.excitation.limits.joint_limits import limits_of, motion_channels
 from armid.excitation.rest_to_rest_basis import SeriesBasis
 from armid.lab.inverse_dynamics_recording import thesis_truth
 from armid.model.base_parameters import find_base_parameters
-from armid.model.dynamics import DynamicsModel
+from armid.model.dynamics_model import DynamicsModel
 from armid.model.terms import Coulomb, RigidBody, Viscous
 from armid.robot import load_robot
-from armid.values import Array
 
 SECONDS = 10.0
 THESIS_NOISE = (1.0, 1.0, 0.6, 0.6, 0.4, 0.25, 0.25)

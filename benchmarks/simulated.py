@@ -12,13 +12,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from armid.estimation.estimating import estimate
+from armid.checked_array import Array
 from armid.estimation.estimators import WeightedLeastSquares
 from armid.estimation.fit_result import Fit
 from armid.estimation.problem import EstimationProblem, build_problem
+from armid.estimation.run_estimator import estimate
 from armid.estimation.uncertainty.bootstrap import bootstrap
 from armid.estimation.uncertainty.covariance import choose_covariance_kind
-from armid.estimation.uncertainty.frequency_bands import BandProducts, band_products, residual_moments
+from armid.estimation.uncertainty.cross_products_by_frequency import BandProducts, band_products, residual_moments
 from armid.estimation.uncertainty.noise_spectrum import NoiseModel
 from armid.estimation.uncertainty.whiteness import spectrum_test, variance_test
 from armid.excitation.builtin_plans import builtin_plan
@@ -29,10 +30,9 @@ from armid.information.regressor_rows import all_rows
 from armid.measurement.low_pass_band import Band
 from armid.measurement.observations import Observations, ObservedRun
 from armid.model.base_parameters import find_base_parameters
-from armid.model.dynamics import DynamicsModel
+from armid.model.dynamics_model import DynamicsModel
 from armid.model.terms import Coulomb, RigidBody, Viscous
 from armid.robot import load_robot
-from armid.values import Array
 
 LEVELS = np.array([1.0, 1.0, 0.6, 0.6, 0.4, 0.25, 0.25])
 """Standard deviation of each joint's noise as it is recorded [N·m]."""

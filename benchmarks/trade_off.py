@@ -31,6 +31,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 
+from armid.checked_array import Array
 from armid.excitation.design.multistart import random_start
 from armid.excitation.design.objective import CriterionGoal, Objective
 from armid.excitation.design.sqp import STAGES, DescentProblem, descend, shrink_to_feasible
@@ -38,11 +39,10 @@ from armid.excitation.limits.joint_limits import limits_of, motion_channels
 from armid.excitation.rest_to_rest_basis import SeriesBasis
 from armid.excitation.start_pose import usual_pose
 from armid.model.base_parameters import find_base_parameters
-from armid.model.dynamics import DynamicsModel
+from armid.model.dynamics_model import DynamicsModel
 from armid.model.terms import Coulomb, RigidBody, Viscous
 from armid.robot import load_robot
 from armid.robot.robot import Robot
-from armid.values import Array
 
 DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
 

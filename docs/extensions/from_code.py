@@ -24,7 +24,7 @@ from sphinx.util.docutils import SphinxDirective
 INDENT = "    "
 
 ARRAY = "numpy.ndarray[tuple[Any, ...], numpy.dtype[numpy.float64]]"
-"""`armid.values.Array`, spelled out."""
+"""`armid.checked_array.Array`, spelled out."""
 
 
 class Made(SphinxDirective, ABC):

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from armid.errors import ArmidError
-    from armid.estimation.estimate import Estimate
-    from armid.estimation.estimating import estimate
     from armid.estimation.estimators import WeightedLeastSquares
     from armid.estimation.problem import EstimationProblem, build_problem
+    from armid.estimation.run_estimator import estimate
+    from armid.estimation.saved_estimate import Estimate
     from armid.excitation.fourier import Excitation
     from armid.information.accumulate import accumulate_information
     from armid.information.information import Information
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from armid.measurement.recording import Recording
     from armid.measurement.robot_convention import read_recording
     from armid.model.base_parameters import BaseParameters, find_base_parameters
-    from armid.model.dynamics import DynamicsModel
+    from armid.model.dynamics_model import DynamicsModel
     from armid.model.motion import Motion
     from armid.robot import Robot, load_robot
     from armid.runs.run import load_run, save_run
@@ -33,8 +33,8 @@ if TYPE_CHECKING:
 _HOMES = {
     "ArmidError": "errors",
     "BaseParameters": "model.base_parameters",
-    "DynamicsModel": "model.dynamics",
-    "Estimate": "estimation.estimate",
+    "DynamicsModel": "model.dynamics_model",
+    "Estimate": "estimation.saved_estimate",
     "Excitation": "excitation.fourier",
     "Information": "information.information",
     "Motion": "model.motion",
@@ -46,7 +46,7 @@ _HOMES = {
     "Study": "study.config",
     "WeightedLeastSquares": "estimation.estimators",
     "build_problem": "estimation.problem",
-    "estimate": "estimation.estimating",
+    "estimate": "estimation.run_estimator",
     "find_base_parameters": "model.base_parameters",
     "identify": "study.identify",
     "accumulate_information": "information.accumulate",

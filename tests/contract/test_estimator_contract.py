@@ -13,7 +13,7 @@ from armid.estimation.fit_result import Fit
 from armid.estimation.problem import EstimationProblem, build_problem
 from armid.information.information import Information, stack
 from armid.model.base_parameters import BaseParameters, find_base_parameters
-from armid.model.dynamics import DynamicsModel
+from armid.model.dynamics_model import DynamicsModel
 from armid.model.motion import Motion
 from armid.model.terms import Coulomb, Offset, RigidBody, Viscous
 from problems import lively_motion, one_run, raw

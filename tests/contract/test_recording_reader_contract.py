@@ -11,10 +11,10 @@ import scipy.io
 from damage import cut, is_helpful, junk
 
 from armid.errors import ArmidError, MissingExtraError
+from armid.hashes import sha256_of_file
 from armid.measurement.catalogue import READERS, recording_suffixes
 from armid.measurement.readers import load_recording
 from armid.measurement.recording import Recording
-from armid.values import sha256_of_file
 from recordings import SECONDS, TABLE, N, T, assert_same, message, write_bag, write_csv, write_parquet, write_workbook
 
 

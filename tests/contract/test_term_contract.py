@@ -12,11 +12,11 @@ from armid.errors import ArmidError
 from armid.information import accumulate, filtering
 from armid.information.accumulate import accumulate_information
 from armid.information.hysteresis_states import with_hysteresis_states
-from armid.maths.signals import edge_samples, low_pass
+from armid.maths.signals.zero_phase_filters import edge_samples, low_pass
 from armid.measurement.low_pass_band import Band
 from armid.measurement.observations import Observations
 from armid.model.base_parameters import find_base_parameters
-from armid.model.dynamics import DynamicsModel
+from armid.model.dynamics_model import DynamicsModel
 from armid.model.expression import derivative, evaluate, latex, symbols, text
 from armid.model.motion import Motion
 from armid.model.terms import TERMS, Term

@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from armid.checked_array import Array
 from armid.cli.main import main
-from armid.values import Array
 from labs import URDF, small_recording, write_arm, write_recording
 
 Table = dict[str, Array]

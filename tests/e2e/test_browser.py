@@ -13,9 +13,9 @@ from armid.excitation.builtin_plans import builtin_plan
 from armid.excitation.collision.distances import floor
 from armid.excitation.plan import Plan
 from armid.report.page import write_report
-from armid.report.preview.approach import bodies_to_watch
 from armid.report.preview.clip import clip_of_plan
 from armid.report.preview.masses import MassLayer, layer_of_description
+from armid.report.preview.nearest_bodies import bodies_to_watch
 from armid.report.preview.page import Preview, write_preview
 from armid.robot import Robot, load_robot
 from armid.robot.kinematics import frame_pose

@@ -28,11 +28,11 @@ from armid.excitation.builtin_plans import builtin_plan
 from armid.excitation.fourier import save_plan
 from armid.lab.inverse_dynamics_recording import Sensors, record, thesis_truth
 from armid.measurement.processing.options import THESIS
-from armid.model.dynamics import DynamicsModel
+from armid.model.dynamics_model import DynamicsModel
 from armid.model.terms import Coulomb, RigidBody, Viscous
 from armid.robot import load_robot
-from armid.runs.prediction import motion_of, predict
 from armid.runs.run import load_run
+from armid.runs.validation_and_prediction import motion_of, predict
 from armid.validation.prediction import Score
 from armid.validation.prediction import validate as judge
 from armid.validation.prediction_interval import torque_band

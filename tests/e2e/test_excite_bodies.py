@@ -17,7 +17,7 @@ from armid.cli.motion import excite_request
 from armid.excitation.collision.closest_approach import ClosestApproach
 from armid.excitation.fourier import load_plan
 from armid.robot import load_robot
-from armid.robot.body_names import BodyPair
+from armid.robot.collision_body_names import BodyPair
 from armid.robot.kinematics import forward_kinematics
 from reports import Page
 

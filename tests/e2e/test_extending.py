@@ -17,12 +17,12 @@ import numpy as np
 import pytest
 
 from armid import DynamicsModel, find_base_parameters, identify, load_run, load_study, save_run
-from armid.catalogue import Catalogue
 from armid.cli import main as cli
 from armid.cli.folder_overview import next_step
 from armid.codegen.generation import generate
 from armid.export.write import export_run
 from armid.lab.inverse_dynamics_recording import record
+from armid.lazy_catalogue import Catalogue
 from armid.measurement.readers import load_recording
 from armid.measurement.recording import Recording
 from armid.model.motion import Motion

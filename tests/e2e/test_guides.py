@@ -15,11 +15,11 @@ import numpy as np
 import pytest
 
 from armid import DynamicsModel, Excitation, Recording, identify, load_robot, load_study, save_run
+from armid.checked_array import Array
 from armid.cli import main as cli
 from armid.lab.inverse_dynamics_recording import Sensors, record
 from armid.lab.known_arms import truth_of as lab_truth
 from armid.model.terms import Coulomb, RigidBody, Viscous
-from armid.values import Array
 from labs import URDF, write_recording
 from paged import blocks, follow, pages
 

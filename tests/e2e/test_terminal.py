@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from armid.robot import load_robot
-from armid.values import save
+from armid.value_files import save
 from labs import write_arm
 
 STEPS = ("start pose", "search", "limits", "bodies", "files", "preview")

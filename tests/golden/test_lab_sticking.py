@@ -13,7 +13,7 @@ from armid.measurement.processing.options import ProcessingOptions
 from armid.robot import load_robot
 from armid.study.config import ModelChoice, RecordingChoice, RobotChoice, Study
 from armid.study.identify import Result, identify
-from armid.study.plans.simulation import simulate_to, the_plan
+from armid.study.plans.simulation_files import simulate_to, the_plan
 
 HANGING = (0.0, 0.0, 9.81)
 PERIOD = 27.0  # s

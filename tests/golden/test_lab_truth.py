@@ -18,7 +18,7 @@ from armid.runs.rollout import load_feedback, roll_out_run
 from armid.runs.run import load_run, save_run
 from armid.study.config import EstimationChoice, ModelChoice, RecordingChoice, RobotChoice, Study
 from armid.study.identify import identify
-from armid.study.plans.simulation import simulate_to, the_plan
+from armid.study.plans.simulation_files import simulate_to, the_plan
 
 HANGING = (0.0, 0.0, 9.81)
 SECONDS = 27.0

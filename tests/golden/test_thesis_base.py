@@ -14,7 +14,7 @@ import pytest
 from armid.maths.inertia import com_inertia_to_vector
 from armid.model.base_formulas import base_formulas, base_record, column_formulas
 from armid.model.base_parameters import find_base_parameters
-from armid.model.dynamics import DynamicsModel
+from armid.model.dynamics_model import DynamicsModel
 from armid.model.terms import Coulomb, RigidBody, Viscous
 from trees import iiwa_tree, robot_of
 

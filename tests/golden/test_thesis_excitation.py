@@ -17,7 +17,7 @@ from armid.information.accumulate import accumulate_information
 from armid.information.information import stack, total
 from armid.maths.linalg import condition, scaled_condition
 from armid.model.base_parameters import find_base_parameters
-from armid.model.dynamics import DynamicsModel
+from armid.model.dynamics_model import DynamicsModel
 from armid.model.motion import Motion
 from armid.model.terms import Coulomb, RigidBody, Viscous
 from armid.robot import load_robot

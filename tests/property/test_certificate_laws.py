@@ -9,9 +9,9 @@ from armid.errors import EstimationError
 from armid.maths.conic_solver import Cone, solve_cones, upper_triangle
 from armid.maths.inertia import pseudo_inertia
 from armid.model.base_parameters import find_base_parameters
-from armid.model.dynamics import DynamicsModel
+from armid.model.dynamics_model import DynamicsModel
 from armid.model.terms import Coulomb, RigidBody, RotorInertia, Viscous
-from armid.validation.consistency_certificate import certify_values
+from armid.validation.distance_to_consistency import certify_values
 from armid.validation.smallest_mass_matrix import worst_pose
 from trees import random_inertial, random_tree, robot_of
 

@@ -12,7 +12,7 @@ from armid.excitation.limits.torque_limits import Torque, TorqueModel
 from armid.excitation.limits.workspace import Workspace
 from armid.excitation.rest_to_rest_basis import SeriesBasis
 from armid.model.base_parameters import find_base_parameters
-from armid.model.dynamics import DynamicsModel
+from armid.model.dynamics_model import DynamicsModel
 from armid.model.terms import Coulomb, Coupling, Offset, RigidBody, RotorInertia, Viscous
 from armid.robot import load_robot
 

@@ -9,18 +9,18 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from armid.estimation.estimating import estimate
+from armid.checked_array import Array
 from armid.estimation.estimators import OrdinaryLeastSquares, WeightedLeastSquares
 from armid.estimation.fit_result import Fit
 from armid.estimation.problem import EstimationProblem
+from armid.estimation.run_estimator import estimate
 from armid.estimation.uncertainty.covariance import estimate_covariance
-from armid.estimation.uncertainty.thresholds import FEWEST_BLOCKS
+from armid.estimation.uncertainty.covariance_choice_thresholds import FEWEST_BLOCKS
 from armid.information.accumulate import accumulate_information
 from armid.information.information import Information, JointFactors, merge, select, total
 from armid.model.base_parameters import find_base_parameters
-from armid.model.dynamics import DynamicsModel
+from armid.model.dynamics_model import DynamicsModel
 from armid.model.terms import Coulomb, Offset, RigidBody, RotorInertia, Viscous
-from armid.values import Array
 from informed import Arm, recorded
 from problems import one_run, raw
 from trees import random_tree, robot_of, structured_tree

@@ -16,7 +16,7 @@ from armid import kernel
 from armid.export.catalogue import EXPORTERS
 from armid.export.types import Content
 from armid.export.write import export_run
-from armid.model.dynamics import DynamicsModel
+from armid.model.dynamics_model import DynamicsModel
 from armid.model.motion import Motion
 from armid.robot import InertialParameters, Link, Robot, load_robot
 from exports import run_of

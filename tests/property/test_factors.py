@@ -12,7 +12,7 @@ from armid.information.column_source import column_source
 from armid.kernel import ColumnLayout, unpack_factors
 from armid.maths.linalg import condition
 from armid.model.base_parameters import find_base_parameters
-from armid.model.dynamics import DynamicsModel
+from armid.model.dynamics_model import DynamicsModel
 from armid.model.motion import Motion
 from armid.model.terms import Coulomb, RigidBody, Viscous
 from problems import COMPILED, TWIN, lively_motion, random_problem

@@ -10,7 +10,7 @@ import pytest
 from armid.information import filtering
 from armid.information.accumulate import accumulate_information
 from armid.information.information import select
-from armid.maths.signals import low_pass, periodic_filter, zero_phase
+from armid.maths.signals.zero_phase_filters import low_pass, periodic_filter, zero_phase
 from armid.measurement.low_pass_band import Band
 from armid.measurement.observations import Observations
 from armid.model.motion import Motion

@@ -5,14 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from armid.estimation.estimate import torque_parameters
+from armid.checked_array import Array
 from armid.estimation.estimators import Ridge
 from armid.estimation.friction.selection import FrictionSelection, choose_friction
 from armid.estimation.problem import EstimationProblem, standard_of
+from armid.estimation.saved_estimate import torque_parameters
 from armid.information.accumulate import accumulate_information
 from armid.measurement.observations import Observations
 from armid.model.base_parameters import find_base_parameters
-from armid.model.dynamics import DynamicsModel
+from armid.model.dynamics_model import DynamicsModel
 from armid.model.terms import (
     AsymmetricCoulomb,
     AsymmetricViscous,
@@ -25,7 +26,6 @@ from armid.model.terms import (
     Term,
     Viscous,
 )
-from armid.values import Array
 from problems import lively_motion, one_run, raw
 from trees import random_inertial, robot_of, structured_tree
 

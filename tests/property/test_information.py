@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from armid import values
 from armid.errors import ArmidError
 from armid.information import accumulate
 from armid.information.accumulate import accumulate_information
@@ -16,9 +15,10 @@ from armid.maths.linalg import condition, scaled_condition
 from armid.measurement.low_pass_band import Band
 from armid.measurement.observations import Observations
 from armid.model.base_parameters import find_base_parameters
-from armid.model.dynamics import DynamicsModel
+from armid.model.dynamics_model import DynamicsModel
 from armid.model.motion import Motion
 from armid.model.terms import Coulomb, RigidBody, Viscous
+from armid.value_files import load, save
 from informed import EXACT, RATE, assert_products, assert_says, branching_arm, dense, recorded, solved
 from problems import one_run, raw
 
@@ -259,7 +259,7 @@ def test_products_are_dropped_where_they_cannot_even_see_the_condition(arm, eage
 def test_saved_and_loaded(arm, tmp_path):
     model, base, _ = arm
     information = accumulate_information(model, base, raw(one_run(*recorded(arm, 28), RATE)))
-    loaded = values.load(Information, values.save(information, tmp_path / "information.npz"))
+    loaded = load(Information, save(information, tmp_path / "information.npz"))
     assert loaded.names == information.names
     assert loaded.made_by == information.made_by
     for name in ("rows", "run", "recording"):

@@ -21,7 +21,7 @@ import numpy as np
 from armid.information import accumulate
 from armid.information.accumulate import accumulate_information
 from armid.model.base_parameters import find_base_parameters
-from armid.model.dynamics import DynamicsModel
+from armid.model.dynamics_model import DynamicsModel
 from armid.model.terms import Coulomb, RigidBody, Viscous
 from problems import lively_motion, one_run, raw
 from trees import iiwa_tree, robot_of

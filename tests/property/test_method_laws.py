@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from armid.checked_array import Array
 from armid.estimation.crossvalidation import folds, held_out_squares, split, training_information
 from armid.estimation.estimators import EssentialParameters, Ridge, RobustLeastSquares, WeightedLeastSquares
 from armid.estimation.problem import EstimationProblem, standard_of
@@ -16,9 +17,8 @@ from armid.information.accumulate import accumulate_information
 from armid.information.information import select
 from armid.measurement.observations import Observations
 from armid.model.base_parameters import find_base_parameters
-from armid.model.dynamics import DynamicsModel
+from armid.model.dynamics_model import DynamicsModel
 from armid.model.terms import Coulomb, Offset, RigidBody, RotorInertia, Viscous
-from armid.values import Array
 from informed import Arm, recorded
 from problems import one_run, raw
 from trees import random_tree, robot_of, structured_tree

@@ -17,7 +17,7 @@ from armid.estimation.problem import EstimationProblem, standard_of
 from armid.information.accumulate import accumulate_information
 from armid.maths.inertia import pseudo_inertia
 from armid.model.base_parameters import find_base_parameters
-from armid.model.dynamics import DynamicsModel
+from armid.model.dynamics_model import DynamicsModel
 from armid.model.motion import Motion
 from armid.model.terms import Coulomb, Offset, RigidBody, RotorInertia, Viscous
 from problems import lively_motion, one_run, raw

@@ -6,9 +6,10 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from armid.maths.resampling import periodic_delay, periodic_shift, resample
-from armid.maths.signal_derivatives import periodic_derivative
-from armid.maths.signals import (
+from armid.maths.signals.delay import periodic_delay, periodic_shift
+from armid.maths.signals.derivatives import periodic_derivative
+from armid.maths.signals.resampling import resample
+from armid.maths.signals.zero_phase_filters import (
     butterworth,
     decimate,
     decimation_filter,

@@ -8,17 +8,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-from armid.estimation.estimating import estimate
+from armid.checked_array import Array
 from armid.estimation.fit_result import Fit
 from armid.estimation.problem import EstimationProblem
+from armid.estimation.run_estimator import estimate
 from armid.information.accumulate import accumulate_information
 from armid.information.information import Information
 from armid.maths.inertia import com_inertia_to_vector
 from armid.model.base_parameters import BaseParameters, find_base_parameters
-from armid.model.dynamics import DynamicsModel
+from armid.model.dynamics_model import DynamicsModel
 from armid.model.terms import Coulomb, Offset, RigidBody, Viscous
 from armid.robot import load_robot
-from armid.values import Array
 from problems import lively_motion, one_run, raw
 
 RATE, SECONDS, BLOCK = 25.0, 16.0, 20

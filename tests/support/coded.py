@@ -16,12 +16,12 @@ import numpy as np
 import tree_sitter
 import tree_sitter_julia
 
+from armid.checked_array import Array
 from armid.model.base_parameters import BaseParameters, find_base_parameters
-from armid.model.dynamics import DynamicsModel
+from armid.model.dynamics_model import DynamicsModel
 from armid.model.motion import Motion
 from armid.model.terms import TERMS, Coulomb, Hysteresis, LoadCoulomb, Offset, RigidBody, RotorInertia, Viscous
 from armid.robot import builtin_arms, load_robot
-from armid.values import Array
 from trees import random_inertial, random_states, random_tree, robot_of, structured_tree
 
 SAMPLES = 12

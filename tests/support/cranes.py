@@ -7,11 +7,11 @@ from functools import cache
 import numpy as np
 
 import armid
-from armid.estimation.estimate import Estimate
 from armid.estimation.estimators import PhysicallyConsistent, WeightedLeastSquares
 from armid.estimation.problem import EstimationProblem, build_problem
+from armid.estimation.saved_estimate import Estimate
 from armid.model.base_parameters import find_base_parameters
-from armid.model.dynamics import DynamicsModel
+from armid.model.dynamics_model import DynamicsModel
 from armid.model.terms import RigidBody, Viscous
 from armid.robot.readers.urdf import read
 from problems import lively_motion, one_run, raw

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
+from armid.checked_array import Array
 from armid.excitation.collision.distances import Clearance
 from armid.excitation.design.objective import CriterionGoal, Objective
 from armid.excitation.limits.constraints import States
 from armid.excitation.rest_to_rest_basis import SeriesBasis
 from armid.model.base_parameters import find_base_parameters
-from armid.model.dynamics import DynamicsModel
+from armid.model.dynamics_model import DynamicsModel
 from armid.model.terms import RigidBody
 from armid.robot.robot import Robot
-from armid.values import Array
 
 RELATIVE = 1e-6
 """Largest relative error of a gradient."""

@@ -8,19 +8,19 @@ from pathlib import Path
 
 import numpy as np
 
-from armid.estimation.estimate import Estimate, InputDigest
+from armid.checked_array import Array
 from armid.estimation.fit_result import Fit
 from armid.estimation.problem import bare_standard
+from armid.estimation.saved_estimate import Estimate, InputDigest
 from armid.estimation.standard_parameter_status import PriorUse, Proof, StandardFit
 from armid.maths.inertia import pseudo_inertia, vector_from_pseudo_inertia
 from armid.measurement.log_format import LogFormat
 from armid.measurement.processing.options import ProcessingOptions
 from armid.model.base_parameters import find_base_parameters
-from armid.model.dynamics import DynamicsModel
+from armid.model.dynamics_model import DynamicsModel
 from armid.model.terms import Coulomb, Offset, RigidBody, RotorInertia, Term, Viscous
 from armid.robot import load_robot
 from armid.runs.run import Run
-from armid.values import Array
 from trees import random_inertial
 
 URDF = """<?xml version="1.0"?>

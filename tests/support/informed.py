@@ -6,8 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from armid.checked_array import Array
 from armid.information.information import Information, stack, total
-from armid.maths.signals import (
+from armid.maths.signals.zero_phase_filters import (
     coarsest_step,
     decimate,
     decimation_filter,
@@ -20,10 +21,9 @@ from armid.maths.signals import (
 from armid.measurement.low_pass_band import Band
 from armid.measurement.observations import ObservedRun
 from armid.model.base_parameters import BaseParameters, find_base_parameters
-from armid.model.dynamics import DynamicsModel
+from armid.model.dynamics_model import DynamicsModel
 from armid.model.motion import Motion
 from armid.model.terms import Coulomb, Offset, RigidBody, Viscous
-from armid.values import Array
 from problems import lively_motion
 from trees import random_tree, robot_of
 

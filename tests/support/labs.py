@@ -7,13 +7,13 @@ from pathlib import Path
 
 import numpy as np
 
+from armid.checked_array import Array
 from armid.excitation.fourier import Excitation
 from armid.lab.inverse_dynamics_recording import Sensors, record
 from armid.measurement.recording import Recording
-from armid.model.dynamics import DynamicsModel
+from armid.model.dynamics_model import DynamicsModel
 from armid.model.terms import Coulomb, RigidBody, Viscous
 from armid.robot import Robot, load_robot
-from armid.values import Array
 
 RATE, PERIOD = 100.0, 8.0
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from armid.model.dynamics import DynamicsModel
+from armid.checked_array import Array
+from armid.model.dynamics_model import DynamicsModel
 from armid.model.motion import Motion
-from armid.values import Array
 
 
 def dragged(q: Array, width: float, start: float) -> Array:

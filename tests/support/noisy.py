@@ -7,17 +7,17 @@ from functools import cache
 import numpy as np
 from scipy.signal import lfilter
 
-from armid.estimation.estimating import estimate
+from armid.checked_array import Array
 from armid.estimation.estimators import OrdinaryLeastSquares, WeightedLeastSquares
 from armid.estimation.fit_result import Fit
 from armid.estimation.problem import EstimationProblem, build_problem
+from armid.estimation.run_estimator import estimate
 from armid.measurement.low_pass_band import Band
 from armid.measurement.observations import Observations, ObservedRun
 from armid.model.base_parameters import find_base_parameters
-from armid.model.dynamics import DynamicsModel
+from armid.model.dynamics_model import DynamicsModel
 from armid.model.motion import Motion
 from armid.model.terms import RigidBody, Viscous
-from armid.values import Array
 from informed import Arm
 from problems import lively_motion
 from trees import chain, robot_of

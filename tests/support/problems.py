@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from armid import kernel
+from armid.checked_array import Array
 from armid.excitation.fourier import Excitation
 from armid.kernel import ColumnLayout, Tree
 from armid.measurement.low_pass_band import Band
 from armid.measurement.observations import Observations, ObservedRun
 from armid.model.motion import Motion
-from armid.values import Array
 from trees import random_states
 
 COMPILED = kernel.instruction_sets()[:-1]

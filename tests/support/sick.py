@@ -9,18 +9,18 @@ from typing import Any
 
 import numpy as np
 
+from armid.checked_array import Array
 from armid.excitation.fourier import Excitation
 from armid.lab.inverse_dynamics_recording import Sensors, record
 from armid.maths.inertia import com_inertia_to_vector, vector_to_com_inertia
-from armid.maths.signals import butterworth, zero_phase
+from armid.maths.signals.zero_phase_filters import butterworth, zero_phase
 from armid.measurement.log_format import LogFormat
 from armid.measurement.recording import Recording
-from armid.model.dynamics import DynamicsModel
+from armid.model.dynamics_model import DynamicsModel
 from armid.model.motion import Motion
 from armid.model.terms import AsymmetricCoulomb, Coulomb, Offset, RigidBody, RotorInertia, Stribeck, Viscous
 from armid.robot import Robot, load_robot
 from armid.robot.kinematics import forward_kinematics, frame_pose
-from armid.values import Array
 
 ARMS = ("iiwa14-r820", "iiwa7-r800", "panda", "ur5e", "ur10e")
 DESCRIBED = ("iiwa14-r820", "ur5e", "ur10e")

@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from armid.checked_array import Array
 from armid.kernel.tree import Tree
 from armid.maths.inertia import vector_from_pseudo_inertia
-from armid.maths.spatial import homogeneous, rotation_x, rotation_z
+from armid.maths.rotations import homogeneous, rotation_x, rotation_z
 from armid.robot.robot import Frame, Joint, Link, Robot
-from armid.values import Array
 
 RIGHT_ANGLES = tuple(np.rint(r.as_matrix()) for r in Rotation.create_group("O"))
 """The 24 rotations that map axes to axes, exact."""

@@ -10,7 +10,7 @@ import pytest
 from armid.errors import Finding
 from armid.measurement.log_format_remedies import lines
 from armid.remedy import Remedy, setting
-from armid.values import load, save
+from armid.value_files import load, save
 
 CASES = [
     (lines("Hz", rate=50.0), "rate = 50.0  # Hz"),

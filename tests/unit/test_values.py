@@ -10,14 +10,17 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from armid import values
+from armid import atomic_file
+from armid.atomic_file import replace_file
+from armid.checked_array import array
 from armid.errors import ArmidError, OutputError
-from armid.estimation.estimate import InputDigest
+from armid.estimation.saved_estimate import InputDigest
+from armid.hashes import digest, sha256_of_file
 from armid.information.information import FactorOrigin
 from armid.measurement.low_pass_band import Band
 from armid.measurement.observations import Observations, ObservedRun
 from armid.model.motion import Motion
-from armid.values import array, digest, load, replace_file, save, sha256_of_file
+from armid.value_files import load, save
 
 # Arrays --------------------------------------------------------------------------------------------------------
 
@@ -172,7 +175,7 @@ def test_a_full_disk_leaves_the_old_file_and_nothing_else(tmp_path, monkeypatch,
     def full(*_):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(values.os, broken, full)
+    monkeypatch.setattr(atomic_file.os, broken, full)
     with pytest.raises(OutputError, match="No space left on device") as caught:
         replace_file(path, "new")
     assert "room" in caught.value.remedy
@@ -190,7 +193,7 @@ def test_a_write_to_a_full_device(tmp_path, monkeypatch):
         os.close(handle)
         return fdopen(os.open("/dev/full", os.O_WRONLY), mode)
 
-    monkeypatch.setattr(values.os, "fdopen", onto_full)
+    monkeypatch.setattr(atomic_file.os, "fdopen", onto_full)
     with pytest.raises(OutputError, match="could not be written"):
         replace_file(path, "new" * 100_000)
     assert path.read_text() == "old"

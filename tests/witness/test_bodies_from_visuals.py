@@ -11,7 +11,7 @@ import pytest
 from armid.excitation.collision.collision_model import make_collision_model
 from armid.excitation.limits.joint_limits import described_limits
 from armid.robot import load_robot
-from armid.robot.body_names import BodyName, link_of
+from armid.robot.collision_body_names import BodyName, link_of
 
 DRAWN = 'contype="0" conaffinity="0"'
 MASS = '<inertial pos="0 0 0.1" mass="1" diaginertia=".01 .01 .01"/>'

@@ -8,15 +8,15 @@ from typing import Any
 import numpy as np
 import pytest
 
+from armid.estimation.consistency.additional_constraints import Requirements
 from armid.estimation.consistency.consistent_fit import ConsistentProgram
-from armid.estimation.consistency.constraints import Requirements
 from armid.estimation.estimators.log_cholesky import LogCholesky
 from armid.estimation.prior import LENGTH, MASS, make_prior
 from armid.estimation.problem import EstimationProblem, StandardParameters, standard_of
 from armid.estimation.whitened_system import WhitenedSystem, whiten
 from armid.information.accumulate import accumulate_information
 from armid.model.base_parameters import find_base_parameters
-from armid.model.dynamics import DynamicsModel
+from armid.model.dynamics_model import DynamicsModel
 from armid.model.terms import Coulomb, RigidBody, RotorInertia, Viscous
 from armid.robot import load_robot
 from labs import URDF

@@ -10,7 +10,7 @@ from armid.excitation.design.objective import CriterionGoal
 from armid.excitation.limits.joint_limits import limits_of
 from armid.model.base_parameters import find_base_parameters
 from armid.model.described_torque import described_torque
-from armid.model.dynamics import DynamicsModel
+from armid.model.dynamics_model import DynamicsModel
 from armid.model.motion import Motion
 from armid.model.terms import RigidBody
 from armid.robot import load_robot

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 from armid.cli.commands.base_parameters import base
 from armid.cli.commands.bench import bench
-from armid.cli.commands.certify_consistency import certify
+from armid.cli.commands.certify_parameters import certify
 from armid.cli.commands.demo import demo
 from armid.cli.commands.doctor import doctor
 from armid.cli.commands.export import export

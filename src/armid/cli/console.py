@@ -19,6 +19,7 @@ from rich.markup import escape
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
+from armid.checked_array import Array
 from armid.cli.remedy_options import hint
 from armid.errors import ArmidError, Finding
 from armid.notebook import names_apart
@@ -26,7 +27,6 @@ from armid.remedy import Remedy
 from armid.study.compare_methods import MethodTable
 from armid.study.progress import Progress as ReportProgress
 from armid.validation.prediction import Score, Validation
-from armid.values import Array
 
 WIDTH_IN_A_PIPE = 120
 """Width of output that does not go to a terminal, unless the variable `COLUMNS` gives one [characters]."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Protocol
 
-from armid.catalogue import Catalogue
+from armid.lazy_catalogue import Catalogue
 
 if TYPE_CHECKING:
     from armid.codegen.language_input import FunctionSource

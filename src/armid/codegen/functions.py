@@ -16,7 +16,7 @@ from armid.codegen.rigid_bodies import Geometry, inverse_dynamics, mass_matrix, 
 from armid.codegen.term_laws import combined, is_inertia, law_value, rotor_matrix, updated, uses
 from armid.errors import ModelError, did_you_mean
 from armid.model.base_parameters import BaseParameters
-from armid.model.dynamics import DynamicsModel
+from armid.model.dynamics_model import DynamicsModel
 
 PROGRAMS = (
     "regressor",

@@ -11,7 +11,7 @@ from armid.codegen.functions import PROGRAMS
 from armid.codegen.language_input import make_source
 from armid.errors import OutputError, did_you_mean
 from armid.model.base_parameters import BaseParameters
-from armid.model.dynamics import DynamicsModel
+from armid.model.dynamics_model import DynamicsModel
 
 
 def generate(

@@ -9,12 +9,12 @@ from dataclasses import dataclass
 
 from numpy.typing import ArrayLike
 
+from armid.checked_array import Array, array
 from armid.codegen.functions import PROGRAMS, make_programs
 from armid.codegen.program import Program
 from armid.model.base_formulas import base_formulas
 from armid.model.base_parameters import BaseParameters
-from armid.model.dynamics import DynamicsModel
-from armid.values import Array, array
+from armid.model.dynamics_model import DynamicsModel
 
 RESERVED = frozenset(
     """auto bool break case catch char class const continue default delete do double else enum explicit export extern

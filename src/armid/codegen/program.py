@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from armid.checked_array import Array
 from armid.codegen.graph import Graph, Node, Scalar
-from armid.values import Array
 
 STATE_FUNCTIONS = ("state_start", "state_update")
 """Names of the functions that compute the hysteresis state."""

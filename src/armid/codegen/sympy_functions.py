@@ -18,7 +18,7 @@ from armid.codegen.program import Program
 from armid.codegen.rigid_bodies import Geometry, numbers
 from armid.errors import MissingExtraError
 from armid.model.base_parameters import BaseParameters
-from armid.model.dynamics import DynamicsModel
+from armid.model.dynamics_model import DynamicsModel
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -13,7 +13,7 @@ from dataclasses import replace
 from armid.codegen.graph import Graph, Scalar
 from armid.codegen.language_input import FunctionSource
 from armid.codegen.program import Argument, Program
-from armid.model.dynamics import Parameter
+from armid.model.dynamics_model import Parameter
 from armid.model.terms import RigidBody
 
 ORDER = ("M", "MX", "MY", "MZ", "XX", "XY", "XZ", "YY", "YZ", "ZZ")

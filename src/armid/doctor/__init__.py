@@ -10,8 +10,8 @@ from __future__ import annotations
 from collections.abc import Collection
 
 from armid.doctor.catalogue import CHECKS
+from armid.doctor.check_definition import LogCheck, Scope
 from armid.doctor.check_input import Explain, LogEvidence
-from armid.doctor.log_check import LogCheck, Scope
 from armid.doctor.remedy_trial import with_reason
 from armid.errors import Finding
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from armid.catalogue import Catalogue
-from armid.doctor.log_check import LogCheck
+from armid.doctor.check_definition import LogCheck
+from armid.lazy_catalogue import Catalogue
 
 CHECKS: Catalogue[LogCheck] = Catalogue(
     {

@@ -8,9 +8,9 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from armid.doctor.log_interpretation import LogState
+from armid.checked_array import Array
+from armid.doctor.interpreted_log import LogState
 from armid.measurement.limit_check import FAR
-from armid.values import Array
 
 BEYOND = 0.1
 """Share of the range of a joint by which its positions may exceed the range, because limits of descriptions are

@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 
 from armid.doctor.downsample import downsample
-from armid.doctor.log_interpretation import LogState
+from armid.doctor.interpreted_log import LogState
 from armid.doctor.remedy_trial import RemedyTrial, try_remedy
 from armid.doctor.stuck_channels import stuck_stretches, without_stuck
 from armid.errors import Finding
@@ -18,7 +18,7 @@ from armid.maths.median import median
 from armid.measurement.log_format import LogFormat
 from armid.measurement.recording import Recording
 from armid.model.base_parameters import find_base_parameters
-from armid.model.dynamics import DynamicsModel
+from armid.model.dynamics_model import DynamicsModel
 from armid.model.terms import Coulomb, Offset, RigidBody, RotorInertia, Viscous
 from armid.remedy import Remedy
 from armid.robot import Robot

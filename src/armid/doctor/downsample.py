@@ -8,9 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from armid.checked_array import Array
 from armid.information.filtering import in_band
-from armid.maths.resampling import automatic_cutoff
-from armid.maths.signals import decimate, decimation_filter
+from armid.maths.signals.motion_cutoff import automatic_cutoff
+from armid.maths.signals.zero_phase_filters import decimate, decimation_filter
 from armid.measurement.low_pass_band import Band
 from armid.measurement.observations import ObservedRun
 from armid.measurement.processing.differentiation import differentiate
@@ -20,7 +21,6 @@ from armid.measurement.processing.row_mask import moving, run_of, separate_rows
 from armid.measurement.processing.standstill import position_noise, standing
 from armid.measurement.recording import Recording
 from armid.model.motion import Motion
-from armid.values import Array
 
 CUTOFFS = (2.0, 6.0)
 """Smallest and largest cut-off of the band [Hz]; faults of a log show at the frequencies of the motion, not above."""

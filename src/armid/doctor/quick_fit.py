@@ -13,11 +13,11 @@ from functools import cached_property, lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from armid.checked_array import Array
 from armid.doctor.downsample import DownsampledLog
 from armid.information.column_source import ColumnSource
 from armid.information.regressor_rows import all_rows
 from armid.model.motion import Motion
-from armid.values import Array
 
 PASSES = 4
 """Largest number of rounds in which joints are weighted by their residuals; two are usually enough."""

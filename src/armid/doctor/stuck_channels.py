@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from armid.checked_array import Array
 from armid.maths.median import median
 from armid.measurement.recording import Recording
-from armid.values import Array
 
 STUCK_SECONDS, STUCK_SAMPLES = 0.2, 20
 """Shortest time at one value while the arm moves from which a channel counts as stuck, in seconds and samples."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, ClassVar, Protocol, runtime_checkable
 
-from armid.catalogue import Catalogue
+from armid.lazy_catalogue import Catalogue
 
 if TYPE_CHECKING:
     from armid.estimation.fit_result import Fit

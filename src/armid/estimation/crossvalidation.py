@@ -19,9 +19,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from armid.checked_array import Array
 from armid.errors import EstimationError
 from armid.information.information import Information, merge, select, total
-from armid.values import Array
 
 FOLDS = 5
 """Folds where nothing else is said: each estimate sees four fifths of the data, the usual compromise between the

@@ -7,13 +7,13 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from armid.checked_array import Array, array
 from armid.errors import Finding
 from armid.estimation.standard_parameter_status import StandardFit
 from armid.information.information import Information
 from armid.maths.distributions import student_quantile
 from armid.model.parameter_name import ParameterName, parameter_names
 from armid.notebook import Displayed, Summary, percent
-from armid.values import Array, array
 
 POORLY_IDENTIFIED = 20.0
 """Relative standard deviation above which a parameter counts as poorly identified [%]. By the usual rule, ten times

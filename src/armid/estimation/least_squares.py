@@ -9,12 +9,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from armid.checked_array import Array
 from armid.errors import EstimationError
 from armid.estimation.fit_result import Fit
 from armid.estimation.uncertainty.covariance import scale_covariance
 from armid.information.information import Information, stack, total
 from armid.maths.linalg import condition, null_directions, scaled_condition, unit_columns
-from armid.values import Array
 
 NAMED = 0.01
 """Share of the largest entry from which on a parameter is named as part of a direction, columns of unit length."""

@@ -20,6 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from armid.checked_array import Array
 from armid.errors import EstimationError, Finding
 from armid.estimation.problem import StandardParameters
 from armid.estimation.whitened_system import WhitenedSystem
@@ -31,7 +32,6 @@ from armid.maths.inertia import (
     vector_from_pseudo_inertia,
 )
 from armid.maths.linalg import half_of
-from armid.values import Array
 
 LENGTH = 0.3
 """Length that makes masses, first moments and inertias of an arm comparable [m]: half of a link's."""

@@ -7,15 +7,15 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from armid.checked_array import Array, array
 from armid.errors import EstimationError
 from armid.information.accumulate import Progress, accumulate_information
 from armid.information.information import Information
 from armid.measurement.observations import Observations
 from armid.model.base_parameters import BaseParameters, find_base_parameters
-from armid.model.dynamics import DynamicsModel
+from armid.model.dynamics_model import DynamicsModel
 from armid.model.parameter_name import ParameterName, parameter_names
 from armid.robot.missing_inertia import placeholder_masses
-from armid.values import Array, array
 
 
 @dataclass(frozen=True, eq=False, slots=True)

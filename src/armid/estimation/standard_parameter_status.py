@@ -17,11 +17,11 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from armid.checked_array import Array, array
 from armid.maths.distributions import student_quantile
 from armid.maths.linalg import half_of, inverse_of, orthonormal
 from armid.model.parameter_name import ParameterName, parameter_names
 from armid.notebook import Displayed, Summary
-from armid.values import Array, array
 
 Status = Literal["identified", "prior-dominated", "not identifiable"]
 

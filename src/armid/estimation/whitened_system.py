@@ -12,11 +12,11 @@ from typing import Any
 
 import numpy as np
 
+from armid.checked_array import Array
 from armid.errors import EstimationError
 from armid.information.information import Information, stack, total
 from armid.maths.linalg import RANK_TOLERANCE, orthonormal, unit_columns
 from armid.remedy import Remedy, setting
-from armid.values import Array
 
 ITERATIONS = 1000
 STANDSTILL = 1e-6

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from armid.checked_array import Array
 from armid.errors import ArmidError
 from armid.excitation.collision.distances import Clearance
 from armid.excitation.design.objective import Objective
@@ -18,7 +19,6 @@ from armid.excitation.design.sqp import DescentProblem, about_start
 from armid.excitation.limits.constraints import ConstraintChannel, RangeLimit, States
 from armid.excitation.limits.torque_limits import Torque
 from armid.excitation.limits.workspace import SCALE, Workspace
-from armid.values import Array
 
 RATE = 1000.0
 """Rate of the grid [Hz]."""

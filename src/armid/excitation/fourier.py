@@ -16,10 +16,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from armid.atomic_file import replace_file
+from armid.checked_array import Array, array
 from armid.errors import ArmidError
 from armid.model.motion import Motion
 from armid.notebook import Displayed, Summary
-from armid.values import Array, array, replace_file
 
 SUMMARY_RATE = 40
 """Samples per period of the highest harmonic with which a summary is computed."""

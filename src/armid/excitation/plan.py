@@ -10,11 +10,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
+from armid.checked_array import Array, array
 from armid.errors import ArmidError
 from armid.excitation.fourier import Excitation, required_series
 from armid.model.motion import Motion
 from armid.notebook import Displayed, Summary
-from armid.values import Array, array
 
 PEAKS = (1.0, 1.875, 10.0 / 3.0**0.5, 60.0)
 """Largest position, velocity, acceleration and jerk of the polynomial for a move of one radian in one second."""

@@ -14,13 +14,13 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from armid.checked_array import Array, array
 from armid.errors import ArmidError
 from armid.excitation.limits.joint_limits import Limits
 from armid.excitation.plan import seconds_for
 from armid.model.base_parameters import BaseParameters
-from armid.model.dynamics import DynamicsModel
+from armid.model.dynamics_model import DynamicsModel
 from armid.model.motion import Motion
-from armid.values import Array, array
 
 CANDIDATES = 600
 """Number of random poses from which the static poses are selected."""

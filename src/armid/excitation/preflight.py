@@ -9,6 +9,7 @@ from typing import Literal
 
 import numpy as np
 
+from armid.checked_array import Array
 from armid.errors import Finding
 from armid.excitation.certification import Margin, fine_grid, margins
 from armid.excitation.collision.closest_approach import RATE, ClosestApproach, closest_approaches
@@ -20,7 +21,6 @@ from armid.excitation.design.regressor_gradients import Columns
 from armid.excitation.design.sqp import DescentProblem
 from armid.model.parameter_name import ParameterName
 from armid.notebook import plural
-from armid.values import Array
 
 Verdict = Literal["pass", "fail", "weak", "not checked"]
 

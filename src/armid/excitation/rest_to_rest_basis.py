@@ -18,9 +18,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
+from armid.checked_array import Array, array
 from armid.errors import ArmidError
 from armid.excitation.fourier import Excitation
-from armid.values import Array, array
 
 ORDERS = 4
 """Number of matrices: position, velocity, acceleration and jerk."""

@@ -13,10 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from armid.checked_array import Array
 from armid.errors import ArmidError
 from armid.excitation.collision.collision_model import CollisionModel
 from armid.excitation.limits.joint_limits import Limits
-from armid.values import Array
 
 INSIDE = 0.05
 """Smallest distance of a chosen pose from each end of a joint's range, as a share of the range."""

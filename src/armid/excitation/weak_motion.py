@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from armid.checked_array import Array
 from armid.errors import Finding
 from armid.excitation.collision.coal import too_close
 from armid.excitation.collision.collision_model import CollisionOptions
@@ -18,9 +19,8 @@ from armid.excitation.design.objective import Objective
 from armid.excitation.design.regressor_gradients import Columns
 from armid.excitation.design.sqp import DescentProblem, about_start, utilisation
 from armid.excitation.limits.joint_limits import Limits
-from armid.robot.body_names import BodyPair
+from armid.robot.collision_body_names import BodyPair
 from armid.robot.kinematics import forward_kinematics
-from armid.values import Array
 
 UNUSABLE = 3.0
 """Standard deviation of a predicted torque in free motion, divided by the noise of one sample, from which a plan

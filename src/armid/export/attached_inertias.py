@@ -6,11 +6,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from armid.checked_array import Array
 from armid.errors import Finding
 from armid.export.types import Body
 from armid.maths.inertia import pseudo_inertia, transform, vector_from_pseudo_inertia
 from armid.robot.robot import InertialParameters
-from armid.values import Array
 
 POSSIBLE = 1e-10
 """Smallest ratio of smallest and largest eigenvalue of a body's pseudo-inertia; it exceeds the rounding errors of

@@ -13,12 +13,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from armid.checked_array import Array
 from armid.errors import Finding
 from armid.export.attached_inertias import SPECK, as_carried, moved
 from armid.export.types import Body
-from armid.maths.spatial import homogeneous
+from armid.maths.rotations import homogeneous
 from armid.robot.robot import InertialParameters, Robot
-from armid.values import Array
 
 
 def placed(raw: Robot, locked: Mapping[str, float], robot: Robot, joint: int, pose: Array) -> tuple[int, Array, bool]:

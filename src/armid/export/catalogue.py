@@ -6,9 +6,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
-from armid.catalogue import Catalogue
+from armid.lazy_catalogue import Catalogue
 
 if TYPE_CHECKING:
+    from armid.checked_array import Array
     from armid.errors import OutputError
     from armid.export.types import (
         Body,
@@ -19,7 +20,6 @@ if TYPE_CHECKING:
         WrittenDescription,
     )
     from armid.robot.robot import Robot
-    from armid.values import Array
 
 
 class Exporter(Protocol):

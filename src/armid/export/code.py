@@ -10,17 +10,19 @@ from typing import Any
 
 import numpy as np
 
+from armid.atomic_file import replace_file
+from armid.checked_array import Array
 from armid.codegen.functions import make_programs
 from armid.codegen.generation import generate
 from armid.errors import OutputError
-from armid.estimation.estimate import torque_parameters
+from armid.estimation.saved_estimate import torque_parameters
 from armid.export.sidecar import refuse_overwriting
+from armid.hashes import digest
 from armid.model.base_parameters import BaseParameters
-from armid.model.dynamics import DynamicsModel
+from armid.model.dynamics_model import DynamicsModel
 from armid.model.motion import Motion
 from armid.runs.run import Run
 from armid.validation.prediction import Check
-from armid.values import Array, digest, replace_file
 
 AGREEMENT = 1e-10
 """Largest allowed relative difference from the model; sums in another order differ by about 1e-15."""

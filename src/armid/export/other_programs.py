@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
+from armid.checked_array import Array
 from armid.errors import RobotError
 from armid.export.types import Content, Witness
 from armid.robot.pinocchio_model import build, pinocchio
-from armid.values import Array
 
 SOURCE = "the written file"
 

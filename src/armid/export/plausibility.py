@@ -6,6 +6,7 @@ from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
+from armid.checked_array import Array
 from armid.errors import Finding, OutputError
 from armid.estimation.problem import standard_of
 from armid.export.attached_inertias import is_possible, is_thin
@@ -15,7 +16,6 @@ from armid.robot.missing_inertia import placeholder_masses
 from armid.robot.robot import InertialParameters, Robot
 from armid.runs.run import Run
 from armid.study.plausibility import far_masses, listed_masses
-from armid.values import Array
 
 SEEN = 1e-6
 """Tolerance of the test whether base parameters determine a mass: the length of the projection of its unit vector

@@ -7,13 +7,13 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from armid.checked_array import Array
 from armid.errors import OutputError
-from armid.estimation.estimate import Estimate, collapse
+from armid.estimation.saved_estimate import Estimate, collapse
 from armid.export.types import Content
 from armid.model.base_formulas import base_formulas
 from armid.runs.run import Run
 from armid.study.storage.records import finding_record
-from armid.values import Array
 
 KIND = "armid-model 1"
 """Kind of the file and number of its format; the number is increased if a key changes its meaning."""

@@ -12,18 +12,18 @@ from collections.abc import Collection
 import numpy as np
 from numpy.typing import NDArray
 
+from armid.checked_array import Array
 from armid.errors import EstimationError, Finding, OutputError
 from armid.estimation.consistency.cones import consistency_cones
-from armid.estimation.estimate import collapse, torque_parameters
 from armid.estimation.prior import LENGTH, size_of_bodies, smallest_radius
 from armid.estimation.problem import StandardParameters, standard_of
+from armid.estimation.saved_estimate import collapse, torque_parameters
 from armid.export.attached_inertias import is_possible
 from armid.maths.conic_solver import Cone, solve_cones, upper_triangle
 from armid.maths.inertia import PSEUDO_INERTIA_OF, pseudo_inertia, vector_from_pseudo_inertia
 from armid.remedy import Remedy, setting
 from armid.robot.robot import InertialParameters
 from armid.runs.run import Run
-from armid.values import Array
 
 EPSILONS = (1e-6, 1e-8)
 """Required smallest eigenvalues of the pseudo-inertias; they are tried one after another."""

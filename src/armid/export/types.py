@@ -8,12 +8,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from armid.checked_array import Array
 from armid.errors import Finding, OutputError
 from armid.maths.inertia import vector_to_com_inertia
-from armid.maths.spatial import rotation_z
+from armid.maths.rotations import rotation_z
 from armid.remedy import Remedy, setting
 from armid.robot.robot import InertialParameters, Robot
-from armid.values import Array
 
 
 @dataclass(frozen=True, eq=False, slots=True)

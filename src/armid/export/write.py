@@ -11,6 +11,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from armid.atomic_file import replace_file
+from armid.checked_array import Array
 from armid.codegen.catalogue import LANGUAGES
 from armid.errors import Finding, OutputError, did_you_mean
 from armid.excitation.limits.joint_limits import with_limits
@@ -27,7 +29,6 @@ from armid.robot.robot import InertialParameters, Link, Robot
 from armid.runs.run import Run
 from armid.study.storage.records import finding_record, to_json
 from armid.validation.prediction import Check
-from armid.values import Array, replace_file
 
 SIDE = ".armid.json"
 

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armid import kernel
+from armid.checked_array import Array
 from armid.errors import ArmidError
 from armid.information.column_source import ColumnSource, column_source
 from armid.information.filtering import filtered_columns, filtered_torque
@@ -25,9 +26,8 @@ from armid.maths.linalg import scaled_condition
 from armid.measurement.low_pass_band import Band
 from armid.measurement.observations import Observations, ObservedRun
 from armid.model.base_parameters import BaseParameters
-from armid.model.dynamics import DynamicsModel
+from armid.model.dynamics_model import DynamicsModel
 from armid.threads import one_blas_thread
-from armid.values import Array
 
 Progress = Callable[[int, int], None]
 """Callback for progress. Its arguments are the number of processed samples and the number of all samples."""

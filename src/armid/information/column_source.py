@@ -6,12 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from armid.checked_array import Array
 from armid.kernel import ColumnLayout, Tree, make_layout
 from armid.model.base_parameters import BaseParameters
-from armid.model.dynamics import DynamicsModel
+from armid.model.dynamics_model import DynamicsModel
 from armid.model.motion import Motion
 from armid.model.parameter_name import ParameterName
-from armid.values import Array
 
 
 @dataclass(frozen=True, eq=False, slots=True)

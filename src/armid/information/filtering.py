@@ -13,8 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from armid import kernel
+from armid.checked_array import Array
 from armid.information.column_source import ColumnSource
-from armid.maths.signals import (
+from armid.maths.signals.zero_phase_filters import (
     coarsest_step,
     decimate,
     decimation_filter,
@@ -27,7 +28,6 @@ from armid.maths.signals import (
 )
 from armid.measurement.low_pass_band import Band
 from armid.measurement.observations import ObservedRun
-from armid.values import Array
 
 SEGMENT = 8192
 """Number of rows that the sharp filter processes at a time: 14 MB for a seven-joint arm."""

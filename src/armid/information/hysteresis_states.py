@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armid.errors import ArmidError, Finding
-from armid.maths.signals import edge_samples, low_pass
+from armid.maths.signals.zero_phase_filters import edge_samples, low_pass
 from armid.measurement.low_pass_band import Band
 from armid.measurement.observations import Observations, ObservedRun
-from armid.model.dynamics import DynamicsModel
+from armid.model.dynamics_model import DynamicsModel
 
 NOTABLE = 0.2
 """Share of the rows of a joint with unknown states above which there is a finding: one second of five."""

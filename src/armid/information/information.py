@@ -15,12 +15,12 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from armid.checked_array import Array, array
 from armid.errors import ArmidError
 from armid.kernel import factor_columns
 from armid.model.parameter_name import ParameterName, parameter_names
 from armid.notebook import Displayed, Summary, plural
-from armid.stored_as_text import TextValue
-from armid.values import Array, array
+from armid.text_value import TextValue
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,12 +12,12 @@ from collections.abc import Iterator
 import numpy as np
 
 from armid import kernel
+from armid.checked_array import Array
 from armid.information.column_source import ColumnSource
 from armid.information.filtering import filtered_columns, filtered_torque
 from armid.information.hysteresis_states import with_hysteresis_states
 from armid.measurement.low_pass_band import Band
 from armid.measurement.observations import ObservedRun
-from armid.values import Array
 
 SEGMENT = 8192
 """Number of rows in memory at a time: 14 MB for a seven-joint arm."""

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from armid.checked_array import Array
 from armid.information.filtering import in_band
 from armid.information.hysteresis_states import with_hysteresis_states
 from armid.measurement.low_pass_band import Band
 from armid.measurement.observations import ObservedRun
-from armid.model.dynamics import DynamicsModel
-from armid.values import Array
+from armid.model.dynamics_model import DynamicsModel
 
 
 @dataclass(frozen=True, eq=False, slots=True)

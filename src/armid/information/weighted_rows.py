@@ -14,12 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armid import kernel
+from armid.checked_array import Array
 from armid.information.column_source import ColumnSource
 from armid.information.hysteresis_states import with_hysteresis_states
 from armid.information.information import FactorOrigin, Information, JointFactors, merge
 from armid.information.regressor_rows import rows
 from armid.measurement.observations import Observations, ObservedRun
-from armid.values import Array
 
 KEPT = 64_000_000
 """Largest size of the rows that are stored between passes [bytes]: about 40 000 rows of a seven-joint arm."""

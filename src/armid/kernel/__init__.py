@@ -23,7 +23,7 @@ from armid.kernel.dispatch import (
     regressor,
     unpack_factors,
 )
-from armid.kernel.gradients import columns_adjoint, information, information_adjoint
+from armid.kernel.information_gradient import columns_adjoint, information, information_adjoint
 from armid.kernel.tree import Tree
 
 __all__ = [

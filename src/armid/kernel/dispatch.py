@@ -13,11 +13,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 import armid.kernel._native as _native
+from armid.checked_array import Array
 from armid.errors import ArmidError
 from armid.kernel import reference, reference_factor, reference_memory
 from armid.kernel.column_layout import ColumnLayout
 from armid.kernel.tree import Tree
-from armid.values import Array
 
 TWIN = "numpy"
 NO_MASK = np.empty(0, dtype=np.uint8)

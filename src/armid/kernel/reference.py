@@ -12,10 +12,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from armid.checked_array import Array
 from armid.kernel.tree import Tree
 from armid.maths.inertia import spatial_inertia
-from armid.maths.spatial import axis_rotation, skew
-from armid.values import Array
+from armid.maths.rotations import axis_rotation, skew
 
 _UNIT_BODIES = np.array([spatial_inertia(e) for e in np.eye(10)])
 

@@ -8,10 +8,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from armid.checked_array import Array
 from armid.kernel import reference
 from armid.kernel.column_layout import ColumnLayout
 from armid.kernel.tree import Tree
-from armid.values import Array
 
 
 def columns(tree: Tree, layout: ColumnLayout, q: Array, dq: Array, ddq: Array, torque: Array, terms: Array) -> Array:

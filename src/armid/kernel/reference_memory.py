@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from armid.values import Array
+from armid.checked_array import Array
 
 
 def play(x: Array, column: NDArray[np.int32], width: Array) -> tuple[Array, NDArray[np.int64]]:

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from armid.checked_array import Array, array
 from armid.errors import RobotError
-from armid.values import Array, array
 
 
 @dataclass(frozen=True, eq=False, slots=True)

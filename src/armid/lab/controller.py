@@ -17,10 +17,10 @@ from typing import Literal
 import numpy as np
 
 from armid import kernel
+from armid.checked_array import Array
 from armid.errors import LabError, did_you_mean
 from armid.lab.known_arms import KnownArm
 from armid.model.motion import Motion
-from armid.values import Array
 
 CONTROLLERS = ("computed-torque", "pd-gravity", "pid")
 """Kinds of controllers."""

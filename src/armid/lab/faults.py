@@ -13,7 +13,9 @@ from typing import Any, ClassVar, Protocol
 
 import numpy as np
 
+from armid.checked_array import Array
 from armid.errors import LabError
+from armid.hashes import digest
 from armid.lab.sensors import interpolate
 from armid.lab.timing_faults import (
     QUANTITIES,
@@ -25,9 +27,8 @@ from armid.lab.timing_faults import (
     check_share,
     clock_of,
 )
-from armid.maths.signals import butterworth
+from armid.maths.signals.zero_phase_filters import butterworth
 from armid.measurement.recording import Recording
-from armid.values import Array, digest
 
 
 class Fault(Protocol):

@@ -16,9 +16,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from armid.checked_array import Array, array
 from armid.errors import LabError
 from armid.model.motion import Motion
-from armid.values import Array, array
 
 
 def _columns(kind: object, *names: str) -> None:

@@ -10,11 +10,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from armid.checked_array import Array
 from armid.excitation.fourier import Excitation, required_series
+from armid.hashes import digest
 from armid.measurement.recording import Recording
-from armid.model.dynamics import DynamicsModel
+from armid.model.dynamics_model import DynamicsModel
 from armid.model.motion import Motion
-from armid.values import Array, digest
 
 THESIS_FRICTION = {
     "FV": (28.404, 29.136, 11.133, 17.658, 5.953, 2.750, 2.814),

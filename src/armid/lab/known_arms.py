@@ -12,12 +12,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
+from armid.checked_array import Array, array
 from armid.errors import LabError, did_you_mean
 from armid.lab.friction import Friction, MaxwellSlip, StribeckEffect, ToothRipple, Warmth
 from armid.lab.inverse_dynamics_recording import THESIS_FRICTION
 from armid.robot.missing_inertia import inertial_key, massless_joints
 from armid.robot.robot import InertialParameters, Robot
-from armid.values import Array, array
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -14,13 +14,13 @@ from typing import Any, Literal, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from armid.checked_array import Array
 from armid.errors import ArmidError, LabError, did_you_mean
 from armid.lab.controller import Controller, Drive
 from armid.lab.faults import FAULTS, Fault
 from armid.lab.friction import Friction
 from armid.lab.known_arms import KnownArm, with_effects
 from armid.lab.sensors import Sensing
-from armid.values import Array
 
 T = TypeVar("T")
 

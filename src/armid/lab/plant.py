@@ -25,6 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armid import kernel
+from armid.checked_array import Array
 from armid.errors import LabError, MissingExtraError
 from armid.lab.friction import FrictionState
 from armid.lab.known_arms import KnownArm
@@ -32,7 +33,6 @@ from armid.maths.inertia import vector_to_com_inertia
 from armid.maths.stiction import solve_stiction
 from armid.robot.missing_inertia import inertial_key
 from armid.robot.robot import Robot
-from armid.values import Array
 
 EXTRA = "lab"
 

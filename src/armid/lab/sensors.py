@@ -8,11 +8,12 @@ from typing import Any, Literal
 
 import numpy as np
 
+from armid.checked_array import Array
 from armid.errors import LabError
+from armid.hashes import digest
 from armid.lab.true_motion import MARGIN, TrueMotion
-from armid.maths.signals import butterworth
+from armid.maths.signals.zero_phase_filters import butterworth
 from armid.measurement.recording import Recording
-from armid.values import Array, digest
 
 NEIGHBOURS = 4
 """Number of samples that the cubic interpolation uses."""

@@ -9,22 +9,22 @@ from typing import Any
 
 import numpy as np
 
+from armid.checked_array import Array
 from armid.errors import Finding, LabError
 from armid.excitation.fourier import Excitation, required_series
 from armid.lab.controller import ControllerGains
+from armid.lab.detect_placeholder_limits import placeholder_finding
 from armid.lab.faults import spoil
 from armid.lab.known_arms import KnownArm
 from armid.lab.options import LabOptions
-from armid.lab.placeholder_limits import placeholder_finding
 from armid.lab.plant import stable_rate
 from armid.lab.sensors import sense
 from armid.lab.true_motion import Tell, TrueMotion, closed_loop, inverse_dynamics
 from armid.measurement.recording import Recording
 from armid.model.base_parameters import find_base_parameters
-from armid.model.dynamics import DynamicsModel
+from armid.model.dynamics_model import DynamicsModel
 from armid.model.terms import Coulomb, Offset, RigidBody, RotorInertia, Term, Viscous
 from armid.robot.robot import Joint
-from armid.values import Array
 
 POSES = 60
 """Number of poses of a plan at which the eigenfrequency of springs is computed; it depends only on inertia."""

@@ -8,9 +8,9 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from armid.checked_array import Array
 from armid.errors import LabError
 from armid.measurement.recording import Recording
-from armid.values import Array
 
 QUANTITIES = ("q", "dq", "ddq", "effort")
 """Quantities that a recording can have for each channel."""

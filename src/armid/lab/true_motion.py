@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from armid import kernel
+from armid.checked_array import Array
 from armid.errors import LabError
 from armid.excitation.fourier import Excitation
 from armid.lab.controller import Controller, ControllerGains, Drive, feedforward, gains
@@ -15,7 +16,6 @@ from armid.lab.friction import friction_along
 from armid.lab.known_arms import KnownArm
 from armid.lab.plant import Plant
 from armid.model.motion import Motion
-from armid.values import Array
 
 MARGIN = 0.25
 """Time before the recording that is simulated, because delays and causal filters need it [s]."""

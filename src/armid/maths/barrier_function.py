@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from armid.checked_array import Array
 from armid.maths.conic_solver import Cone, symmetric
-from armid.values import Array
 
 LOST = 1e-3
 """Largest relative difference between two computations of the Newton decrement for which the normal equations are

@@ -15,10 +15,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from armid.checked_array import Array
 from armid.errors import EstimationError, UnsolvedError
 from armid.maths.barrier_function import Barriers, Smooth
 from armid.maths.conic_solver import ACCEPTED
-from armid.values import Array
 
 SHRINK = (0.01, 0.1)
 """Ratios of one weight of the barriers to the previous one. The search with the first ratio takes a fifth less time.

@@ -12,7 +12,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from armid.values import Array
+from armid.checked_array import Array
 
 STEPS = 200
 """Largest number of steps; smooth functions of about ten variables need 10 to 60."""

@@ -19,8 +19,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from armid.checked_array import Array
 from armid.errors import UnsolvedError
-from armid.values import Array
 
 SOLVER_TOLERANCE = 1e-9
 """Gap and infeasibility that are required of the solver: a tenth of those that a certificate states."""

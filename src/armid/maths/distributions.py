@@ -11,7 +11,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import ArrayLike
 
-from armid.values import Array
+from armid.checked_array import Array
 
 NORMAL = 1.959963984540054
 """Quantile 0.975 of the normal distribution, for two-sided 95 % intervals."""

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from armid.maths.spatial import skew
-from armid.values import Array
+from armid.checked_array import Array
+from armid.maths.rotations import skew
 
 INERTIA_INDEX = ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))
 """Row and column in the inertia matrix of each of its six entries, in parameter order."""

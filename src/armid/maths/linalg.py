@@ -6,7 +6,7 @@ import contextlib
 
 import numpy as np
 
-from armid.values import Array
+from armid.checked_array import Array
 
 LEAST = 1e-15
 """Ratio of an eigenvalue to the largest eigenvalue below which it is rounding, after scaling of rows and columns."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from armid.values import Array
+from armid.checked_array import Array
 
 
 def median(x: ArrayLike) -> Array:

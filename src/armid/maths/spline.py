@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from armid.values import Array
+from armid.checked_array import Array
 
 LEAST = 4
 """Smallest number of samples for a cubic spline; fewer samples are interpolated by a parabola or a line."""

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from armid.values import Array
+from armid.checked_array import Array
 
 ROUNDS = 20
 """Largest number of changes of the active set. Then Gauss-Seidel sweeps are used. For arms one to four changes are

@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any
 
 from armid.errors import MissingExtraError, RecordingError
+from armid.hashes import digest, sha256_of_file
 from armid.measurement.catalogue import READERS
-from armid.values import digest, sha256_of_file
 
 METADATA = "metadata.yaml"
 

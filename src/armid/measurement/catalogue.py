@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from importlib import import_module
 from typing import TYPE_CHECKING, Protocol, cast
 
-from armid.catalogue import Catalogue
+from armid.lazy_catalogue import Catalogue
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from armid.checked_array import Array
 from armid.errors import Finding, RecordingError
 from armid.maths.median import median
 from armid.measurement.columns.joint_assignment import LISTED
-from armid.measurement.columns.joint_names import comparison
-from armid.values import Array
+from armid.measurement.columns.joint_name_comparison import comparison
 
 FIELDS = ("position", "velocity", "effort")
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from armid.checked_array import Array
 from armid.errors import Finding
 from armid.maths.median import median
 from armid.measurement.log_format import LogFormat
 from armid.measurement.log_format_remedies import lines
 from armid.measurement.recording import Recording, recording_error
 from armid.robot.robot import Robot
-from armid.values import Array
 
 FAR = 0.5
 """Excess over the limits of a joint, divided by their span, above which limits that are only inaccurate cannot be

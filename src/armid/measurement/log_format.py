@@ -10,8 +10,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from armid.checked_array import Array, array
 from armid.errors import ArmidError, RecordingError, did_you_mean
-from armid.values import Array, array
 
 QUANTITIES = ("time", "q", "dq", "ddq", "effort")
 """Quantities that columns can hold."""

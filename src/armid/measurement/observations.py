@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from armid.checked_array import Array, array
 from armid.errors import ArmidError
 from armid.measurement.low_pass_band import Band
 from armid.model.motion import Motion
-from armid.values import Array, array
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from armid.checked_array import Array, array
 from armid.errors import Finding, RecordingError
 from armid.notebook import Displayed, Summary, spans
-from armid.values import Array, array
 
 
 def _all_valid() -> NDArray[np.bool_]:

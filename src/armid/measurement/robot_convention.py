@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from armid.checked_array import Array
 from armid.errors import Finding, RecordingError
 from armid.maths.median import median
 from armid.measurement.columns.joint_assignment import in_joint_order
@@ -20,7 +21,6 @@ from armid.measurement.processing.row_checks import clean
 from armid.measurement.readers import load_recording
 from armid.measurement.recording import Recording, recording_error
 from armid.robot.robot import Robot
-from armid.values import Array
 
 WRAP_TOLERANCE = 0.5
 """Largest difference between a jump and whole turns at which the jump is a wrap of the angle [rad]. It allows for

@@ -11,9 +11,9 @@ from pathlib import Path
 
 import numpy as np
 
+from armid.checked_array import Array
 from armid.errors import Finding, RecordingError
-from armid.measurement.columns.names import unit_kind
-from armid.values import Array
+from armid.measurement.columns.column_name_parsing import unit_kind
 
 DELIMITERS = (",", ";", "\t")
 """Delimiters that a header may have; a header without any of them is delimited by spaces."""

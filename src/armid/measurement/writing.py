@@ -11,9 +11,10 @@ from typing import Any
 
 import numpy as np
 
+from armid.atomic_file import replace_file
+from armid.checked_array import Array
 from armid.errors import MissingExtraError, OutputError
 from armid.measurement.recording import Recording
-from armid.values import Array, replace_file
 
 EXTRA = "io"
 

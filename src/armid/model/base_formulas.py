@@ -11,10 +11,10 @@ from typing import TypedDict
 
 import numpy as np
 
+from armid.checked_array import Array
 from armid.model.base_parameters import BaseParameters
 from armid.model.linear_combination import Style, linear_combination
 from armid.model.parameter_name import ParameterName
-from armid.values import Array
 
 RECORD_DIGITS = 14
 """Number of significant digits of coefficients in JSON. A float has a few more; without rounding, 0.42 could be

@@ -13,8 +13,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from armid.checked_array import Array, array
 from armid.errors import ModelError
-from armid.model.dynamics import DynamicsModel
+from armid.model.dynamics_model import DynamicsModel
 from armid.model.expression import functions, symbols
 from armid.model.identifiable_structure import SPAN_TOLERANCE, echelon, parameter_units, structural_base
 from armid.model.linear_combination import linear_combination
@@ -24,7 +25,6 @@ from armid.model.terms.term import Term
 from armid.notebook import Displayed, Summary
 from armid.robot.robot import Robot
 from armid.threads import one_blas_thread
-from armid.values import Array, array
 
 TERM_FLOOR = 1e-9
 """Size below which a coefficient between columns of unit length, computed at random states, is rounding. Rounding

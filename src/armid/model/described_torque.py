@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from armid.model.dynamics import DynamicsModel
+from armid.checked_array import Array
+from armid.model.dynamics_model import DynamicsModel
 from armid.model.terms import Coulomb, RigidBody, RotorInertia, Term, Viscous
 from armid.robot.robot import Robot
-from armid.values import Array
 
 
 def described_torque(robot: Robot) -> tuple[DynamicsModel, Array] | None:

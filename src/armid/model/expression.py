@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
+from armid.checked_array import Array
 from armid.errors import ModelError, did_you_mean
-from armid.values import Array
 
 
 @dataclass(frozen=True, slots=True)

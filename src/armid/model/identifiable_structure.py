@@ -25,10 +25,10 @@ from itertools import combinations_with_replacement
 import numpy as np
 from numpy.typing import NDArray
 
+from armid.checked_array import Array
 from armid.kernel.tree import Tree
 from armid.maths.inertia import PSEUDO_INERTIA_OF, spatial_inertia, vector_from_pseudo_inertia
-from armid.maths.spatial import homogeneous, skew
-from armid.values import Array
+from armid.maths.rotations import homogeneous, skew
 
 SPAN_TOLERANCE = 1e-9
 """Singular value below which a direction of a span is rounding, with lengths in units of the arm size. Geometry is

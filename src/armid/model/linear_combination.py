@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from armid.values import Array
+from armid.checked_array import Array
 
 Style = Literal["text", "latex"]
 

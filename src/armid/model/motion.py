@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from armid.checked_array import Array, array
 from armid.errors import ArmidError
 from armid.notebook import Displayed, Summary, spans
-from armid.values import Array, array
 
 
 @dataclass(frozen=True, eq=False, slots=True, repr=False)

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from armid.checked_array import Array
 from armid.errors import ArmidError
-from armid.estimation.estimate import averaged
+from armid.estimation.saved_estimate import averaged
 from armid.estimation.update.recalibration import ParameterChange, changed
 from armid.model.base_formulas import base_formulas
 from armid.model.parameter_name import ParameterName
@@ -17,8 +18,7 @@ from armid.report.data.number_format import decimals_of, fixed, short
 from armid.report.data.page_data import PageData
 from armid.report.section import Section, effort_unit
 from armid.report.tables import Column, Table, TableCell
-from armid.runs.changes import recorded_changes
-from armid.values import Array
+from armid.runs.recalibration_record import recorded_changes
 
 BY_CHANCE = 0.05
 """Expected share of unchanged parameters whose estimates differ by more than the 95 % interval."""

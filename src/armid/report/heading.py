@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 
-from armid.estimation.estimate import Estimate
+from armid.estimation.saved_estimate import Estimate
 from armid.notebook import names_apart
 from armid.report.data.number_format import short
 from armid.report.data.page_data import PageData

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from armid.atomic_file import replace_file
 from armid.errors import OutputError
-from armid.values import replace_file
 
 HEAD = 256
 """Number of bytes at the beginning of a file in which the declaration of an HTML page is expected."""

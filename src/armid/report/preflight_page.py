@@ -6,23 +6,15 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
-import numpy as np
-
 from armid.excitation.certification import Margin
 from armid.excitation.collision.closest_approach import ClosestApproach
-from armid.excitation.limits.joint_limits import Limits
 from armid.excitation.limits.workspace import SCALE
-from armid.excitation.plan import Plan
-from armid.excitation.poses_and_sweeps import Moves
 from armid.excitation.preflight import Preflight, worst
-from armid.model.described_torque import described_torque
-from armid.model.dynamics import DynamicsModel
-from armid.model.motion import Motion
-from armid.report.data.joint_names import groups_of, heading_of, label_of
+from armid.report.data.joint_names import groups_of, label_of
 from armid.report.data.number_format import fixed, share, short
 from armid.report.page import assemble
 from armid.report.page_file import write_html
-from armid.report.plots.plot_data import Plot, PlotTrace, line
+from armid.report.planned_motion import motion_section
 from armid.report.rendering import require_extra
 from armid.report.section import Section
 from armid.report.tables import Column, Table, TableCell
@@ -35,13 +27,6 @@ from armid.study.plans.preflight_text import (
     skipped_pairs,
     start_text,
 )
-from armid.values import Array
-
-PLOT_RATE = 100.0
-"""Sampling rate of the plots [Hz]; 40 samples in a period of the highest harmonics that arms can follow."""
-
-PLOT_POINTS = 4000.0
-"""Largest number of samples of a long motion in a plot."""
 
 COLLISION = "collision"
 DISTANCES = (COLLISION, "tip")
@@ -275,54 +260,6 @@ def show_motion(designed: Checked) -> Section:
     model = designed.problem.goal.model if isinstance(designed, Designed) else designed.model
     content = {"torque": model.nominal_parameters() is not None}
     return motion_section(designed.plan, model, designed.limits, content)
-
-
-def motion_section(
-    plan: Plan | Moves, model: DynamicsModel, limits: Limits, content: Mapping[str, object] | None = None
-) -> Section:
-    """Section of a plan with its limits, and with torque if the description has inertias.
-
-    Args:
-        plan: The motion.
-        model: Model of the arm; torque is computed from the values of its description.
-        limits: Limits of the joints.
-        content: Further values for the template.
-    """
-    motion = plan.sample(min(PLOT_RATE, PLOT_POINTS / plan.duration))
-    described = None if model.nominal_parameters() is None else described_torque(model.robot)
-    torque = None if described is None else described[0].torque(motion, described[1])
-    rows = tuple(
-        (heading_of(model.robot.joints, j), tuple(_plots(motion, torque, model, limits, j))) for j in range(model.n)
-    )
-    return Section("Motion", content or {}, (), rows, (("measured", "plan"), ("limit", "limit")))
-
-
-def _plots(motion: Motion, torque: Array | None, model: DynamicsModel, limits: Limits, j: int) -> list[Plot]:
-    """Plots of one joint."""
-    joint = model.robot.joints[j]
-    unit = joint.unit
-    shown: list[tuple[str, str, Array, tuple[float, float]]] = [
-        ("position", f"q [{unit}]", motion.q[:, j], (float(limits.lower[j]), float(limits.upper[j]))),
-        ("velocity", f"dq [{unit}/s]", motion.dq[:, j], _both(limits.velocity[j])),
-        ("acceleration", f"ddq [{unit}/s²]", motion.ddq[:, j], _both(limits.acceleration[j])),
-    ]
-    if torque is not None:
-        shown.append(("torque", f"τ [{joint.effort_unit}]", torque[:, j], _both(limits.effort[j])))
-    plots: list[Plot] = []
-    for name, axis, values, bounds in shown:
-        traces = [line("measured", motion.time, values, name)]
-        ends = motion.time[[0, -1]]
-        traces += [PlotTrace("limit", ends, np.full(2, each), "limit") for each in bounds if math.isfinite(each)]
-        caption = f"{short(float(values.min()))} to {short(float(values.max()))}"
-        if math.isfinite(bounds[1]):
-            low, high = map(short, bounds)
-            caption += f"; limit {high}" if bounds[0] == -bounds[1] else f"; limits {low} and {high}"
-        plots.append(Plot(f"{name}-{j + 1}", name.capitalize(), caption, "time [s]", axis, traces, "plan"))
-    return plots
-
-
-def _both(limit: float) -> tuple[float, float]:
-    return -float(limit), float(limit)
 
 
 PREFLIGHT: Mapping[str, Callable[[Checked], Section | None]] = {

@@ -13,10 +13,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from armid.checked_array import Array
 from armid.errors import Finding
-from armid.maths.spatial import homogeneous, rpy_rotation
+from armid.maths.rotations import homogeneous, rpy_rotation
 from armid.robot.robot import Robot
-from armid.values import Array
 
 STEP = math.pi / 12.0
 """Step of the multiples of 15° with which angles are compared [rad]."""

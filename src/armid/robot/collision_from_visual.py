@@ -10,7 +10,7 @@ from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 from armid.errors import Finding
-from armid.robot.body_names import BodyName, link_of
+from armid.robot.collision_body_names import BodyName, link_of
 from armid.robot.robot import Robot
 from armid.robot.shapes import Shape
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from armid.checked_array import Array, array
 from armid.robot.robot import Frame, Robot
-from armid.values import Array, array
 
 
 def forward_kinematics(robot: Robot, q: ArrayLike) -> tuple[Array, Array]:

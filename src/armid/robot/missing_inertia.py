@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from armid.checked_array import Array
 from armid.robot.robot import Robot
-from armid.values import Array
 
 PLACEHOLDER = 0.01
 """Mass below which that of a moving link may be a placeholder [kg]: simulators refuse a mass of zero."""

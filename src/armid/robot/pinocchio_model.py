@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from armid.checked_array import Array
 from armid.errors import Finding, RobotError
-from armid.maths.spatial import homogeneous
+from armid.maths.rotations import homogeneous
 from armid.robot.described_drive import DescribedDrive
 from armid.robot.robot import EARTH_GRAVITY, Frame, InertialParameters, Joint, Link, Robot
-from armid.values import Array
 
 ORTHONORMAL_TOLERANCE = 1e-6
 """Largest deviation of RᵀR from the identity that can be explained by rounding of printed numbers."""

@@ -10,14 +10,14 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
+from armid.checked_array import Array, array
 from armid.errors import Finding, RobotError, did_you_mean
 from armid.kernel.tree import Tree
 from armid.maths import inertia as inertia_maths
-from armid.maths.spatial import axis_rotation, homogeneous
+from armid.maths.rotations import axis_rotation, homogeneous
 from armid.notebook import Displayed, Summary, plural
 from armid.robot.described_drive import DescribedDrive
 from armid.robot.shapes import Shape
-from armid.values import Array, array
 
 EARTH_GRAVITY = (0.0, 0.0, -9.81)
 """Acceleration of gravity in the base frame of an upright arm [m/s²]; a hanging arm has (0, 0, 9.81)."""

@@ -9,9 +9,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
+from armid.checked_array import Array, array
 from armid.errors import Finding, RobotError
-from armid.maths.spatial import axis_rotation, homogeneous
-from armid.values import Array, array
+from armid.maths.rotations import axis_rotation, homogeneous
 
 NAMED = 5
 """Largest number of bodies that a finding names."""

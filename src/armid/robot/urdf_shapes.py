@@ -11,14 +11,14 @@ from pathlib import Path
 
 import numpy as np
 
+from armid.checked_array import Array
 from armid.errors import Finding, RobotError
-from armid.maths.spatial import axis_rotation, homogeneous, rpy_rotation
-from armid.robot.body_names import BodyName
+from armid.maths.rotations import axis_rotation, homogeneous, rpy_rotation
+from armid.robot.collision_body_names import BodyName
 from armid.robot.packages import file_of
 from armid.robot.robot import Robot
 from armid.robot.shapes import Kind, Shape, looks_missing, meshes_missing
 from armid.robot.xml import numbers
-from armid.values import Array
 
 
 def shapes_of_urdf(

@@ -15,17 +15,17 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from armid.checked_array import Array, array
 from armid.codegen.functions import make_programs
-from armid.codegen.kernel_tape import make_tape
+from armid.codegen.kernel_program import make_tape
 from armid.codegen.program import Program
 from armid.errors import ArmidError
-from armid.estimation.estimate import torque_parameters
+from armid.estimation.saved_estimate import torque_parameters
 from armid.kernel import in_use
 from armid.kernel.dispatch import TWIN
 from armid.model.base_parameters import BaseParameters
-from armid.model.dynamics import DynamicsModel
+from armid.model.dynamics_model import DynamicsModel
 from armid.runs.run import Run
-from armid.values import Array, array
 
 
 class CallableModel:

@@ -11,23 +11,23 @@ from typing import Any
 
 import numpy as np
 
+from armid.checked_array import Array
 from armid.errors import ArmidError, Finding, ModelError, did_you_mean
-from armid.estimation.estimate import collapse
+from armid.estimation.saved_estimate import collapse
 from armid.estimation.standard_parameter_status import StandardFit
 from armid.maths.inertia import com_inertia_to_vector, pseudo_inertia, vector_to_com_inertia
 from armid.model.base_parameters import find_base_parameters
-from armid.model.dynamics import DynamicsModel
+from armid.model.dynamics_model import DynamicsModel
 from armid.model.motion import Motion
 from armid.model.parameter_name import parameter_names
 from armid.model.terms import Coulomb, Offset, RigidBody, RotorInertia, Term, Viscous
 from armid.notebook import Displayed, Summary
 from armid.robot import Robot
 from armid.runs.run import Run
-from armid.validation.consistency_certificate import Certificate, certify_values
+from armid.validation.distance_to_consistency import Certificate, certify_values
 from armid.validation.gravity_sign import gravity_sign_finding
 from armid.validation.smallest_mass_matrix import Pose, worst_along, worst_pose
 from armid.validation.thesis_constraints import Constraint, thesis_constraints
-from armid.values import Array
 
 HEAVIEST = 10.0
 """Default of the largest mass that a link of the nearest consistent body may have [kg]."""

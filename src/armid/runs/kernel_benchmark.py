@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from armid import kernel
+from armid.checked_array import Array
 from armid.errors import ArmidError
 from armid.estimation.estimators import OrdinaryLeastSquares
 from armid.estimation.problem import build_problem
@@ -29,13 +30,12 @@ from armid.lab.inverse_dynamics_recording import thesis_truth
 from armid.measurement.low_pass_band import Band
 from armid.measurement.observations import Observations, ObservedRun
 from armid.model.base_parameters import BaseParameters, find_base_parameters
-from armid.model.dynamics import DynamicsModel
+from armid.model.dynamics_model import DynamicsModel
 from armid.model.motion import Motion
 from armid.model.terms import Coulomb, RigidBody, Viscous
 from armid.robot import load_robot
 from armid.study.progress import Progress
 from armid.threads import ONE_THREAD
-from armid.values import Array
 
 SECONDS = 27.0
 TILE = 256

@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from armid.checked_array import Array
 from armid.errors import Finding, RobotError, StudyError
-from armid.estimation.per_recording import changing_parameters
+from armid.estimation.friction_per_recording import changing_parameters
 from armid.estimation.problem import EstimationProblem, build_problem
 from armid.information.information import Information
 from armid.maths.inertia import transform
@@ -23,7 +24,7 @@ from armid.runs.run import Run
 from armid.study.config import RecordingChoice
 from armid.study.recordings.processed import ProcessedRecording, joined_observations, process_each
 from armid.study.recordings.reading import read_choice
-from armid.values import Array, load
+from armid.value_files import load
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -9,17 +9,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from armid.checked_array import Array
 from armid.errors import Finding, StudyError
+from armid.estimation.update.earlier_and_new_problem import stack_problems
 from armid.estimation.update.payload import LOAD_NAMES, DriveGains, PayloadEstimate, estimate_gains, estimate_payload
 from armid.estimation.update.payload_misfit import PayloadMisfit
-from armid.estimation.update.stacked_problem import stack_problems
 from armid.model.terms.rigid_body import rigid_body_units
 from armid.runs.new_recordings import NewRecordings, load_new_recordings
 from armid.runs.payload_link import PayloadLink, fit_finding, payload_link
 from armid.runs.run import Run
 from armid.study.plausibility import few_blocks_finding
 from armid.study.storage.records import finding_record
-from armid.values import Array
 
 FAR = 3.0
 """Distance between estimate and nearest real body, in standard deviations, from which it is reported."""

@@ -13,9 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armid.errors import ArmidError, Finding, StudyError
-from armid.estimation.estimate import Estimate, InputDigest
+from armid.estimation.saved_estimate import Estimate, InputDigest
 from armid.estimation.update.recalibration import ParameterChange, recalibrate_fit
 from armid.estimation.whitened_system import minimum_norm_solution
+from armid.hashes import digest, sha256_of_file
 from armid.information.information import Information, stack, total
 from armid.measurement.recording import Recording
 from armid.runs.new_recordings import NewRecordings, link_columns, load_new_recordings
@@ -28,7 +29,6 @@ from armid.study.recordings.reading import read_choice
 from armid.study.score_recordings import score_recordings
 from armid.threads import one_blas_thread
 from armid.validation.prediction import Score, validate
-from armid.values import digest, sha256_of_file
 
 Changed = Literal["friction", "tool", "all"]
 """Parameters that may have changed: friction and offsets; friction, offsets and the last link; or all."""

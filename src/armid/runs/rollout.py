@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from armid.errors import ArmidError, Finding, StudyError
-from armid.estimation.estimate import torque_parameters
+from armid.estimation.saved_estimate import torque_parameters
 from armid.measurement.processing.pipeline import process_recordings
 from armid.remedy import Remedy, setting
 from armid.runs.run import Run

@@ -16,12 +16,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from armid.checked_array import Array
 from armid.errors import ArmidError, EstimationError
 from armid.estimation.catalogue import ESTIMATORS, Estimator, EstimatorWithPrior, MultiStartEstimator
 from armid.estimation.crossvalidation import folds, held_out_squares, training_information
-from armid.estimation.estimate import collapse
 from armid.estimation.fit_result import Fit
 from armid.estimation.problem import EstimationProblem
+from armid.estimation.saved_estimate import collapse
 from armid.information.accumulate import accumulate_information
 from armid.information.information import Information, select, total
 from armid.measurement.observations import Observations
@@ -29,8 +30,7 @@ from armid.study.config import build_estimator
 from armid.study.prepare import Prepared, stated_problem
 from armid.study.progress import Progress
 from armid.study.recordings.processed import joined_observations, of_role
-from armid.validation.consistency_certificate import certify_values
-from armid.values import Array
+from armid.validation.distance_to_consistency import certify_values
 
 VALIDATE = "use one recording for validation only."
 

@@ -19,7 +19,7 @@ from armid.errors import ArmidError, StudyError, did_you_mean
 from armid.estimation.catalogue import ESTIMATORS, Estimator
 from armid.measurement.log_format import LogFormat
 from armid.measurement.processing.options import ProcessingOptions
-from armid.model.dynamics import DynamicsModel
+from armid.model.dynamics_model import DynamicsModel
 from armid.model.terms import DEFAULT_TERMS, TERMS, RotorInertia, Term
 from armid.notebook import Displayed, Summary
 from armid.robot import Robot, builtin_arms, load_robot

@@ -8,13 +8,14 @@ from pathlib import Path
 
 import numpy as np
 
+from armid.checked_array import Array
 from armid.excitation.builtin_plans import builtin_plan
 from armid.lab.inverse_dynamics_recording import Sensors, record, thesis_truth
 from armid.measurement.log_format import LogFormat
 from armid.measurement.processing.options import THESIS, ProcessingOptions
 from armid.measurement.recording import Recording
 from armid.model.base_parameters import find_base_parameters
-from armid.model.dynamics import DynamicsModel
+from armid.model.dynamics_model import DynamicsModel
 from armid.model.motion import Motion
 from armid.robot import load_robot
 from armid.study.config import EstimationChoice, ModelChoice, RecordingChoice, RobotChoice, Study, build_model
@@ -22,7 +23,6 @@ from armid.study.identify import Result, conclude
 from armid.study.prepare import prepare
 from armid.study.progress import Progress
 from armid.study.recordings.processed import ProcessedRecording
-from armid.values import Array
 
 HANGING = (0.0, 0.0, 9.81)
 SECONDS = 27.0

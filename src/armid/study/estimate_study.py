@@ -5,18 +5,18 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 
-from armid.estimation.estimate import Estimate, InputDigest, TermUse
-from armid.estimation.estimating import estimate
 from armid.estimation.problem import EstimationProblem
+from armid.estimation.run_estimator import estimate
+from armid.estimation.saved_estimate import Estimate, InputDigest, TermUse
+from armid.hashes import digest
 from armid.model.base_parameters import BaseParameters
-from armid.model.dynamics import DynamicsModel
+from armid.model.dynamics_model import DynamicsModel
 from armid.study.config import (
     Study,
     build_estimator,
 )
 from armid.study.extrapolation import highest_speeds
 from armid.study.recordings.processed import ProcessedRecording
-from armid.values import digest
 
 
 def estimate_study(

@@ -5,9 +5,9 @@ from __future__ import annotations
 import dataclasses
 
 from armid.estimation.catalogue import ESTIMATORS
-from armid.estimation.estimate import Estimate
 from armid.estimation.friction.selection import FrictionSelection
 from armid.estimation.prior import CHOSEN, GIVEN, INFORMED, weight_finding
+from armid.estimation.saved_estimate import Estimate
 from armid.study.config import EstimationChoice
 
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from armid.checked_array import Array
 from armid.errors import Finding
 from armid.measurement.observations import Observations
 from armid.robot import Robot
-from armid.values import Array
 
 FAR = 1.25
 """Ratio of a speed to the highest trained speed from which it is reported. Two random motions of the same kind

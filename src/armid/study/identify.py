@@ -7,12 +7,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from armid.errors import EstimationError
-from armid.estimation.estimate import Estimate
 from armid.estimation.friction.selection import FrictionSelection
+from armid.estimation.saved_estimate import Estimate
 from armid.information.information import Information
 from armid.measurement.log_format import LogFormat
 from armid.measurement.recording import Recording
-from armid.model.dynamics import DynamicsModel
+from armid.model.dynamics_model import DynamicsModel
 from armid.notebook import Displayed, Summary
 from armid.robot import Robot
 from armid.study import plausibility

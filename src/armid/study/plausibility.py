@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from armid.checked_array import Array
 from armid.doctor import effects
 from armid.doctor.checks.dynamics.excitation_weak import WEAK_CONDITION, excitation_severity, poorly_determined
 from armid.errors import Finding
@@ -15,19 +16,18 @@ from armid.estimation.crossvalidation import FOLDS
 from armid.estimation.estimators.physical import NOT_JUDGED
 from armid.estimation.fit_result import Fit
 from armid.estimation.friction.selection import FEWEST, FrictionSelection
-from armid.estimation.per_recording import offset_names
+from armid.estimation.friction_per_recording import offset_names
 from armid.estimation.problem import EstimationProblem, StandardParameters
-from armid.estimation.uncertainty.thresholds import FEWEST_BLOCKS, FEWEST_ROWS
+from armid.estimation.uncertainty.covariance_choice_thresholds import FEWEST_BLOCKS, FEWEST_ROWS
 from armid.information.information import Information, stack, total
 from armid.maths.linalg import inverse_of, unit_columns
 from armid.measurement.log_format_remedies import lines
 from armid.measurement.observations import Observations
-from armid.model.dynamics import DynamicsModel
+from armid.model.dynamics_model import DynamicsModel
 from armid.remedy import Remedy, setting
 from armid.robot import Robot
 from armid.validation.gravity_sign import gravity_finding
 from armid.validation.prediction import Check, Validation
-from armid.values import Array
 
 FAR = 20.0
 """Factor between the estimated mass of a link and its mass in the description from which it is reported."""

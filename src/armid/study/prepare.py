@@ -11,14 +11,14 @@ import numpy as np
 from armid.errors import Finding, StudyError
 from armid.estimation.friction.load_torque import with_load
 from armid.estimation.friction.selection import FrictionSelection, choose_friction
-from armid.estimation.per_recording import changing_parameters, offset_names, separate_by_recording
+from armid.estimation.friction_per_recording import changing_parameters, offset_names, separate_by_recording
 from armid.estimation.problem import EstimationProblem, build_problem
 from armid.information.hysteresis_states import memory_findings
 from armid.measurement.processing.pipeline import resolve_options
 from armid.measurement.recording import Recording
 from armid.measurement.robot_convention import understood
 from armid.model.base_parameters import BaseParameters, find_base_parameters
-from armid.model.dynamics import DynamicsModel
+from armid.model.dynamics_model import DynamicsModel
 from armid.study import plausibility
 from armid.study.config import (
     PER_RECORDING,

@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from armid.errors import Finding
-from armid.estimation.estimate import Estimate
-from armid.model.dynamics import DynamicsModel
+from armid.estimation.saved_estimate import Estimate
+from armid.model.dynamics_model import DynamicsModel
 from armid.study.extrapolation import highest_speeds, speed_finding
 from armid.study.recordings.labels import labels
 from armid.study.recordings.processed import ProcessedRecording

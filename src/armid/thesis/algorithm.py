@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from armid.estimation.fit_result import Fit
 from armid.estimation.problem import EstimationProblem, build_problem
+from armid.hashes import digest
 from armid.lab.inverse_dynamics_recording import Sensors, record
 from armid.measurement.log_format import LogFormat
 from armid.measurement.observations import Observations
@@ -20,7 +21,6 @@ from armid.model.terms.rigid_body import RIGID_BODY_SYMBOLS
 from armid.study.config import EstimationChoice, RecordingChoice, build_estimator
 from armid.study.recordings.processed import joined_observations, process_each
 from armid.thesis.setting import PERIOD, ReferenceModel, Setting
-from armid.values import digest
 
 REPETITIONS = 5
 """Number K of repetitions in section 3.2.2 of the thesis, which does not give its value."""

@@ -7,12 +7,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from armid.checked_array import Array
 from armid.measurement.observations import Observations
 from armid.measurement.processing.options import THESIS, ProcessingOptions
 from armid.measurement.recording import Recording
 from armid.thesis.algorithm import Errors, Fitted, by_method, errors_of, estimate, mean_of, observed, recorded
 from armid.thesis.setting import PERIOD, Setting
-from armid.values import Array
 
 CORRECTED = replace(THESIS, columns=True)
 """Processing of the thesis, with the filter of the torque also applied to the columns of the regressor."""

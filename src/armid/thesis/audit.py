@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from armid.checked_array import Array
 from armid.codegen.thesis_functions import PHYSICAL
 from armid.excitation.fourier import Excitation
 from armid.excitation.limits.joint_limits import limits_of
@@ -25,7 +26,6 @@ from armid.thesis.reduction import standard_of_physical
 from armid.thesis.setting import DESIGNED, PERIOD, ReferenceModel, Setting
 from armid.validation.gravity_sign import gravity_sign_finding
 from armid.validation.thesis_constraints import ROUNDING
-from armid.values import Array
 
 OUTLIER = "ZZR_6"
 """Parameter whose standard deviation in Table 4.1 of the thesis is an outlier."""

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from armid.checked_array import Array
 from armid.excitation.collision.collision_model import collision_of
 from armid.excitation.design.multistart import random_start
 from armid.excitation.design.objective import CriterionGoal
@@ -26,7 +27,6 @@ from armid.robot import forward_kinematics
 from armid.thesis.algorithm import TEST_RATE, Errors, errors_of, estimate, observed
 from armid.thesis.algorithm_corrections import CORRECTED
 from armid.thesis.setting import DESIGNED, PERIOD, Setting
-from armid.values import Array
 
 HARMONICS = 10
 

@@ -6,13 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from armid.model.dynamics import DynamicsModel
+from armid.checked_array import Array
+from armid.model.dynamics_model import DynamicsModel
 from armid.model.motion import Motion
 from armid.robot import forward_kinematics, frame_pose
 from armid.thesis.lagrange import BETA_ORDER, lagrangian_mass, lagrangian_regressor, make_frames
 from armid.thesis.published import published
 from armid.thesis.setting import DESIGNED, HANGING, LITERAL, Setting, random_states
-from armid.values import Array
 
 POSE = np.array([[0.1, -0.2, 0.3, -0.4, 0.5, -0.6, 0.7]])
 """Pose without symmetry at which results are printed [rad]."""

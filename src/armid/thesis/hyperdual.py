@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from armid.values import Array
+from armid.checked_array import Array
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -15,10 +15,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from armid.checked_array import Array
 from armid.model.motion import Motion
 from armid.thesis.hyperdual import HyperDual, bilinear, constant, cosine, hyper_dual, sine, stacked
 from armid.thesis.published import Published
-from armid.values import Array
 
 BETA_ORDER = ("M", "MX", "MY", "MZ", "XX", "XY", "XZ", "YY", "YZ", "ZZ")
 """Inertial parameters of a link in the order of equation (3.8) of the thesis."""

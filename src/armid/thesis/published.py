@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from armid.values import Array
+from armid.checked_array import Array
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,13 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from armid.checked_array import Array
 from armid.maths.inertia import com_inertia_to_vector, vector_to_com_inertia
-from armid.model.dynamics import DynamicsModel
+from armid.model.dynamics_model import DynamicsModel
 from armid.thesis.hyperdual import constant
 from armid.thesis.lagrange import lagrangian_terms, make_frames
 from armid.thesis.published import Sum, formula, published, weight
 from armid.thesis.setting import HANGING, Setting, random_states
-from armid.values import Array
 
 GAP = 1e-10
 """Ratio of a singular value and the largest one, below which columns are dependent. Rounding gives about 1e-15,

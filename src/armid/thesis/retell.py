@@ -14,11 +14,11 @@ from armid.excitation.fourier import Excitation
 from armid.runs.consistency_check import Verdict, verdict_record
 from armid.thesis.algorithm_corrections import Steps, steps
 from armid.thesis.audit import Audit, audit
+from armid.thesis.chapter_4_results import Pictures, Results, results
 from armid.thesis.design_trials import Designs, designs
 from armid.thesis.dynamics import Dynamics, Kinematics, dynamics, kinematics
 from armid.thesis.errata import Erratum, errata
 from armid.thesis.reduction import Reduction, reduction
-from armid.thesis.results import Pictures, Results, results
 from armid.thesis.setting import Extent, Setting, Tell, make_setting
 
 NEEDED = {"mujoco": "lab", "casadi": "nlp"}

@@ -7,15 +7,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from armid.checked_array import Array
 from armid.excitation.builtin_plans import builtin_plan
 from armid.excitation.fourier import Excitation
 from armid.lab.inverse_dynamics_recording import thesis_truth
 from armid.model.base_parameters import BaseParameters, find_base_parameters
-from armid.model.dynamics import DynamicsModel
+from armid.model.dynamics_model import DynamicsModel
 from armid.model.motion import Motion
 from armid.model.terms import Coulomb, RigidBody, Viscous
 from armid.robot import load_robot
-from armid.values import Array
 
 HANGING, LITERAL = (0.0, 0.0, 9.81), (0.0, 0.0, -9.81)
 """Acceleration of gravity in the base frame of the hanging arm [m/s²], and the same with the sign of the thesis."""

@@ -11,12 +11,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from armid.checked_array import array
 from armid.errors import Finding
 from armid.measurement.log_format_remedies import lines
 from armid.model.base_parameters import BaseParameters
 from armid.remedy import Assignment, Remedy
 from armid.robot import Robot
-from armid.values import array
 
 STRONGEST_GRAVITY = 15.0
 """Largest plausible acceleration of gravity [m/s²]. A larger value in a study or description is a mistake."""

@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from armid.estimation.estimate import Estimate, torque_parameters
+from armid.checked_array import Array, array
+from armid.estimation.saved_estimate import Estimate, torque_parameters
 from armid.information.residuals import Comparison, compare
 from armid.measurement.observations import Observations
-from armid.model.dynamics import DynamicsModel
+from armid.model.dynamics_model import DynamicsModel
 from armid.notebook import Displayed, Summary, names_apart
 from armid.validation.prediction_interval import band_of_rows
-from armid.values import Array, array
 
 CLOSE_TO_TRAINING = 3.0
 """Largest ratio of the total error on a validation recording to the total error on the training motion that

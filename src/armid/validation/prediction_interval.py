@@ -11,8 +11,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from armid.estimation.estimate import Estimate
+from armid.checked_array import Array
 from armid.estimation.fit_result import Fit
+from armid.estimation.saved_estimate import Estimate
 from armid.information.column_source import column_source
 from armid.information.regressor_rows import all_rows
 from armid.maths.distributions import student_quantile
@@ -20,9 +21,8 @@ from armid.maths.median import median
 from armid.measurement.low_pass_band import Band
 from armid.measurement.observations import Observations, ObservedRun
 from armid.model.base_parameters import BaseParameters
-from armid.model.dynamics import DynamicsModel
+from armid.model.dynamics_model import DynamicsModel
 from armid.model.motion import Motion
-from armid.values import Array
 
 SMALLEST_SHARE = 1e-3
 """Lower limit of the share of the variance that the uncertainty of the parameters contributes. It limits the degrees

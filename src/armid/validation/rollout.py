@@ -20,13 +20,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armid import kernel
+from armid.checked_array import Array, array
 from armid.errors import ArmidError
 from armid.maths.stiction import solve_stiction
-from armid.model.dynamics import DynamicsModel
+from armid.model.dynamics_model import DynamicsModel
 from armid.model.expression import symbols
 from armid.model.motion import Motion
 from armid.model.terms.term import smooths_sign
-from armid.values import Array, array
 
 LEAST_RATE = 1000.0
 """Smallest rate of the integration steps [Hz]. The error of leapfrog decreases with the square of the rate. The

@@ -7,13 +7,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from armid.checked_array import Array, array
 from armid.errors import ArmidError
 from armid.information.hysteresis_states import with_hysteresis_states
 from armid.maths.median import median
 from armid.measurement.observations import Observations, ObservedRun
-from armid.model.dynamics import DynamicsModel
+from armid.model.dynamics_model import DynamicsModel
 from armid.validation.rollout import Feedback, Windows, roll_out
-from armid.values import Array, array
 
 MOST_WINDOWS = 200
 """Largest number of windows of a recording; of more windows, an evenly spaced selection is used."""

@@ -11,10 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from armid.checked_array import Array
 from armid.maths.box_descent import descend_in_box
-from armid.model.dynamics import DynamicsModel
+from armid.model.dynamics_model import DynamicsModel
 from armid.model.motion import Motion
-from armid.values import Array
 
 POSES = 4096
 """Number of random poses."""

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from armid.values import Array, array
+from armid.checked_array import Array, array
 
 ROUNDING = 5e-4
 """Largest rounding error of values that are printed with three decimals."""

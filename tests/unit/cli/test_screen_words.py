@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from armid.cli import main as cli
-from armid.cli.commands.certify_consistency import RULES
+from armid.cli.commands.certify_parameters import RULES
 from armid.cli.parameter_tables import PRIORS, folded_line
 from armid.estimation.estimators.physical import PRIORS as KINDS
 from armid.runs.run import load_run

@@ -11,7 +11,7 @@ import pytest
 from armid.codegen.sympy_functions import make_symbolic
 from armid.errors import MissingExtraError
 from armid.model.base_parameters import find_base_parameters
-from armid.model.dynamics import DynamicsModel
+from armid.model.dynamics_model import DynamicsModel
 from armid.model.terms import RigidBody, Viscous
 from armid.robot import load_robot
 from coded import case

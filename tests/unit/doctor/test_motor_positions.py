@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from armid.checked_array import Array
 from armid.errors import Finding
 from armid.study.diagnosis import diagnose_recording
-from armid.values import Array
 from sick import Case, sound
 
 UR = 4  # the seed of a UR10e, whose description has inertias

@@ -9,20 +9,20 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from armid.estimation.estimating import estimate
+from armid.checked_array import Array
 from armid.estimation.estimators import PhysicallyConsistent, WeightedLeastSquares
 from armid.estimation.fit_result import Fit
 from armid.estimation.problem import EstimationProblem, standard_of
+from armid.estimation.run_estimator import estimate
 from armid.estimation.standard_parameter_status import map_to_standard
 from armid.information.accumulate import accumulate_information
 from armid.measurement.low_pass_band import Band
 from armid.measurement.observations import Observations, ObservedRun
 from armid.model.base_parameters import find_base_parameters
-from armid.model.dynamics import DynamicsModel
+from armid.model.dynamics_model import DynamicsModel
 from armid.model.terms import Coulomb, RigidBody, RotorInertia, Viscous
 from armid.robot.readers.urdf import read
 from armid.study.storage.records import certificate_record
-from armid.values import Array
 from labs import URDF
 from problems import lively_motion
 

@@ -16,8 +16,8 @@ from armid.estimation.crossvalidation import (
     split,
     training_information,
 )
+from armid.estimation.friction_per_recording import separate_by_recording
 from armid.estimation.least_squares import solve
-from armid.estimation.per_recording import separate_by_recording
 from armid.information.accumulate import accumulate_information
 from armid.information.information import Information, select, stack, total
 from informed import RATE, branching_arm, dense, recorded

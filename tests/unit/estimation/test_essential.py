@@ -9,6 +9,7 @@ from functools import cache
 import numpy as np
 import pytest
 
+from armid.checked_array import Array
 from armid.errors import EstimationError
 from armid.estimation.estimators import EssentialParameters, WeightedLeastSquares
 from armid.estimation.estimators import essential as module
@@ -16,7 +17,6 @@ from armid.estimation.problem import EstimationProblem
 from armid.estimation.uncertainty.covariance import estimate_covariance
 from armid.information.accumulate import accumulate_information
 from armid.information.information import stack, total
-from armid.values import Array
 from informed import NOISE, RATE, Arm, branching_arm, recorded
 from problems import one_run, raw
 

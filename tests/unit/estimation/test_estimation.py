@@ -9,23 +9,23 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from armid.checked_array import Array
 from armid.errors import EstimationError
-from armid.estimation.estimate import Estimate, standard_parameters, torque_parameters
-from armid.estimation.estimating import estimate
 from armid.estimation.estimators import OrdinaryLeastSquares, WeightedLeastSquares
 from armid.estimation.fit_result import POORLY_IDENTIFIED, Fit
+from armid.estimation.friction_per_recording import separate_by_recording
 from armid.estimation.least_squares import Solution
-from armid.estimation.per_recording import separate_by_recording
 from armid.estimation.problem import EstimationProblem
+from armid.estimation.run_estimator import estimate
+from armid.estimation.saved_estimate import Estimate, standard_parameters, torque_parameters
 from armid.estimation.uncertainty.covariance import estimate_covariance
-from armid.estimation.uncertainty.thresholds import FEWEST_BLOCKS
+from armid.estimation.uncertainty.covariance_choice_thresholds import FEWEST_BLOCKS
 from armid.information.accumulate import accumulate_information
 from armid.information.information import Information, merge, select, total
 from armid.model.base_parameters import find_base_parameters
-from armid.model.dynamics import DynamicsModel
+from armid.model.dynamics_model import DynamicsModel
 from armid.model.motion import Motion
 from armid.model.terms import RigidBody, RotorInertia, Viscous
-from armid.values import Array
 from informed import NOISE, RATE, Arm, branching_arm, dense, recorded
 from problems import one_run, raw
 from trees import chain, robot_of

@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from armid.estimation.friction.band_attenuation import RESOLVED, passed_height, passed_transition
 from armid.estimation.friction.candidates import Candidate, allowed_candidates
+from armid.estimation.friction.laws_resolved_by_band import RESOLVED, passed_height, passed_transition
 from armid.measurement.low_pass_band import Band
 from armid.measurement.observations import Observations
-from armid.model.dynamics import DynamicsModel
+from armid.model.dynamics_model import DynamicsModel
 from armid.model.motion import Motion
 from armid.model.terms import Coulomb, Hysteresis, Sigmoid, Stribeck
 from problems import one_run

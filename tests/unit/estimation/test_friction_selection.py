@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from armid.checked_array import Array
 from armid.errors import EstimationError
 from armid.estimation.crossvalidation import held_out_squares
 from armid.estimation.friction import selection as module
@@ -19,8 +20,8 @@ from armid.estimation.friction.candidates import (
     describe,
     terms_of,
 )
+from armid.estimation.friction.forward_selection import HeldOutTrial, SelectedCandidate, SelectionPath
 from armid.estimation.friction.heldout_gains import GainPrior, make_folds
-from armid.estimation.friction.search import HeldOutTrial, SelectedCandidate, SelectionPath
 from armid.estimation.friction.selection import choose_friction
 from armid.estimation.friction.shape_fit import refine_shapes
 from armid.estimation.whitened_system import WhitenedSystem, whiten
@@ -28,10 +29,9 @@ from armid.information.accumulate import accumulate_information
 from armid.information.information import Information, select
 from armid.measurement.observations import Observations
 from armid.model.base_parameters import find_base_parameters
-from armid.model.dynamics import DynamicsModel
+from armid.model.dynamics_model import DynamicsModel
 from armid.model.terms import TERMS, Coulomb, Hysteresis, Offset, RigidBody, Ripple, Stribeck, Viscous
-from armid.model.terms.automatic import automatic_choice
-from armid.values import Array
+from armid.model.terms.selection_candidates import automatic_choice
 from problems import lively_motion, one_run, raw
 from trees import random_inertial, robot_of, structured_tree
 

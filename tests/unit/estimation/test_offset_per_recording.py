@@ -7,17 +7,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from armid.estimation.estimate import torque_parameters
 from armid.estimation.estimators import Ridge, WeightedLeastSquares
 from armid.estimation.friction.selection import choose_friction
-from armid.estimation.per_recording import contrasted, offset_names, separate_by_recording
+from armid.estimation.friction_per_recording import contrasted, offset_names, separate_by_recording
 from armid.estimation.problem import EstimationProblem, standard_of
+from armid.estimation.saved_estimate import torque_parameters
 from armid.information.accumulate import accumulate_information
 from armid.information.information import stack
 from armid.information.residuals import compare
 from armid.measurement.observations import Observations
 from armid.model.base_parameters import find_base_parameters
-from armid.model.dynamics import DynamicsModel
+from armid.model.dynamics_model import DynamicsModel
 from armid.model.terms import Coulomb, Hysteresis, Offset, RigidBody, Viscous
 from armid.study.plausibility import drift_finding
 from problems import lively_motion, one_run, raw

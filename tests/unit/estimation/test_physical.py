@@ -9,14 +9,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from armid.checked_array import Array
 from armid.errors import EstimationError
 from armid.estimation.consistency import consistent_fit
-from armid.estimation.estimate import Estimate, standard_parameters, torque_parameters
 from armid.estimation.estimators import LogCholesky, PhysicallyConsistent, ThesisNLP, WeightedLeastSquares
 from armid.estimation.fit_result import Fit
-from armid.estimation.per_recording import separate_by_recording, standard_per_recording
+from armid.estimation.friction_per_recording import separate_by_recording, standard_per_recording
 from armid.estimation.prior import SLIMMEST, THINNEST, make_prior, smallest_radius
 from armid.estimation.problem import EstimationProblem, standard_of
+from armid.estimation.saved_estimate import Estimate, standard_parameters, torque_parameters
 from armid.estimation.standard_parameter_status import IDENTIFIED, UNSEEN, StandardFit, shares, status_of
 from armid.estimation.uncertainty.covariance import estimate_covariance
 from armid.estimation.whitened_system import whiten
@@ -24,12 +25,12 @@ from armid.information.accumulate import accumulate_information
 from armid.maths.barrier_function import Smooth
 from armid.maths.inertia import com_inertia_to_vector, pseudo_inertia, vector_from_pseudo_inertia
 from armid.model.base_parameters import find_base_parameters
-from armid.model.dynamics import DynamicsModel
+from armid.model.dynamics_model import DynamicsModel
 from armid.model.motion import Motion
 from armid.model.terms import Coulomb, RigidBody, RotorInertia, Viscous
 from armid.robot.missing_inertia import PLACEHOLDER, placeholder_masses
 from armid.robot.readers.urdf import read
-from armid.values import Array, load, save
+from armid.value_files import load, save
 from labs import URDF
 from problems import lively_motion, one_run, raw
 from trees import random_rotation

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from armid.errors import EstimationError
-from armid.estimation.estimating import estimate
 from armid.estimation.estimators import WeightedLeastSquares
 from armid.estimation.problem import EstimationProblem
 from armid.estimation.recursive.forgetting import RETURN, discount, retained_rows
@@ -20,6 +19,7 @@ from armid.estimation.recursive.recursive_estimate import (
     resume,
     update,
 )
+from armid.estimation.run_estimator import estimate
 from armid.information.accumulate import accumulate_information
 from armid.information.information import Information, select, stack, total
 from armid.lab.inverse_dynamics_recording import Sensors

@@ -11,7 +11,7 @@ from scipy.signal import lfilter
 
 from armid.errors import EstimationError
 from armid.estimation.estimators import Ridge, WeightedLeastSquares
-from armid.estimation.per_recording import separate_by_recording
+from armid.estimation.friction_per_recording import separate_by_recording
 from armid.estimation.prior import make_prior, project_covariance
 from armid.estimation.problem import EstimationProblem, StandardParameters, standard_of
 from armid.estimation.uncertainty.covariance import estimate_covariance
@@ -19,7 +19,7 @@ from armid.estimation.whitened_system import whiten
 from armid.information.accumulate import accumulate_information
 from armid.information.information import select, stack, total
 from armid.model.base_parameters import find_base_parameters
-from armid.model.dynamics import DynamicsModel
+from armid.model.dynamics_model import DynamicsModel
 from armid.model.terms import Coulomb, Offset, RigidBody, Viscous
 from informed import Arm, recorded
 from problems import one_run, raw

@@ -9,18 +9,18 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from armid.checked_array import Array
 from armid.errors import EstimationError
-from armid.estimation.estimating import estimate
 from armid.estimation.estimators import RobustLeastSquares, WeightedLeastSquares
 from armid.estimation.estimators.robust import HUBER, TUKEY
 from armid.estimation.fit_result import Fit
+from armid.estimation.friction_per_recording import separate_by_recording
 from armid.estimation.least_squares import Solution
-from armid.estimation.per_recording import separate_by_recording
 from armid.estimation.problem import EstimationProblem, standard_of
+from armid.estimation.run_estimator import estimate
 from armid.estimation.uncertainty.covariance import estimate_covariance
 from armid.information.accumulate import accumulate_information
 from armid.information.information import stack, total
-from armid.values import Array
 from informed import NOISE, RATE, Arm, branching_arm, dense, recorded
 from problems import one_run, raw
 

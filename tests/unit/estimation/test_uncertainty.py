@@ -8,21 +8,26 @@ import numpy as np
 import pytest
 from scipy.special import stdtrit
 
-from armid.estimation.estimating import estimate
+from armid.checked_array import Array
 from armid.estimation.fit_result import POORLY_IDENTIFIED, Fit
-from armid.estimation.per_recording import separate_by_recording
+from armid.estimation.friction_per_recording import separate_by_recording
 from armid.estimation.problem import EstimationProblem
+from armid.estimation.run_estimator import estimate
 from armid.estimation.uncertainty.bootstrap import bootstrap
 from armid.estimation.uncertainty.covariance import choose_covariance_kind, estimate_covariance
-from armid.estimation.uncertainty.frequency_bands import band_edges, band_products, find_periods, residual_moments
+from armid.estimation.uncertainty.covariance_choice_thresholds import FEWEST_PERIODS
+from armid.estimation.uncertainty.cross_products_by_frequency import (
+    band_edges,
+    band_products,
+    find_periods,
+    residual_moments,
+)
 from armid.estimation.uncertainty.jackknife import group_blocks, periods
 from armid.estimation.uncertainty.noise_spectrum import NoiseModel, level_basis
-from armid.estimation.uncertainty.thresholds import FEWEST_PERIODS
 from armid.information.accumulate import accumulate_information
 from armid.information.information import Information, JointFactors, select, stack
 from armid.measurement.low_pass_band import Band
 from armid.measurement.observations import Observations, ObservedRun
-from armid.values import Array
 from noisy import OLS, RATE, WLS, arm, coloured, covered, dense, inside, moved, once, problem, repeated, seconds_of
 from problems import lively_motion
 

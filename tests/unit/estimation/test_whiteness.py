@@ -7,10 +7,10 @@ from functools import cache
 import numpy as np
 import pytest
 
-from armid.estimation.uncertainty.frequency_bands import BandProducts, band_products, residual_moments
+from armid.checked_array import Array
+from armid.estimation.uncertainty.cross_products_by_frequency import BandProducts, band_products, residual_moments
 from armid.estimation.uncertainty.noise_spectrum import NoiseModel
 from armid.estimation.uncertainty.whiteness import spectrum_test, variance_test, whiteness
-from armid.values import Array
 from noisy import OLS, RATE, coloured, dense, once
 
 RECORDINGS = 400

@@ -17,11 +17,11 @@ from armid.excitation.collision.required_distances import LEAST
 from armid.excitation.design.objective import CriterionGoal
 from armid.excitation.limits.joint_limits import limits_of
 from armid.model.base_parameters import find_base_parameters
-from armid.model.dynamics import DynamicsModel
+from armid.model.dynamics_model import DynamicsModel
 from armid.model.terms import RigidBody
 from armid.report.preflight_page import render_preflight
-from armid.report.preview.approach import bodies_to_watch, closest
 from armid.report.preview.clip import clip_of_motion
+from armid.report.preview.nearest_bodies import bodies_to_watch, closest
 from armid.robot import Robot, load_robot
 from armid.study.plans.design import design_plan
 from armid.study.plans.goals import DesignConstraints, DesignGoal, SearchBudget

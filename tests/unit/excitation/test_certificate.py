@@ -15,9 +15,9 @@ from armid.excitation.design.sqp import DescentProblem, about_start, max_utilisa
 from armid.excitation.limits.constraints import States
 from armid.excitation.limits.joint_limits import limits_of
 from armid.excitation.rest_to_rest_basis import SeriesBasis
-from armid.maths.spatial import homogeneous
+from armid.maths.rotations import homogeneous
 from armid.model.base_parameters import find_base_parameters
-from armid.model.dynamics import DynamicsModel
+from armid.model.dynamics_model import DynamicsModel
 from armid.model.terms import RigidBody
 from armid.robot import load_robot
 from armid.robot.shapes import Shape

@@ -23,9 +23,9 @@ from armid.excitation.limits.workspace import SCALE
 from armid.excitation.preflight import preflight
 from armid.excitation.rest_to_rest_basis import SeriesBasis
 from armid.excitation.start_pose import choose_start, free_range, usual_pose
-from armid.maths.spatial import homogeneous
+from armid.maths.rotations import homogeneous
 from armid.model.base_parameters import find_base_parameters
-from armid.model.dynamics import DynamicsModel
+from armid.model.dynamics_model import DynamicsModel
 from armid.model.terms import RigidBody
 from armid.robot import load_robot
 from armid.robot.kinematics import forward_kinematics

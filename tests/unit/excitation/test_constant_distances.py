@@ -11,11 +11,11 @@ from armid.excitation.collision.closest_approach import ClosestApproach, closest
 from armid.excitation.preflight import Preflight
 from armid.model.motion import Motion
 from armid.report.preflight_page import nearest_of_links
-from armid.report.preview.approach import bodies_to_watch, closest
 from armid.report.preview.clip import clip_of_motion
+from armid.report.preview.nearest_bodies import bodies_to_watch, closest
 from armid.report.preview.page import Preview, render_preview
 from armid.robot import Robot, load_robot
-from armid.robot.body_names import BodyName, BodyPair
+from armid.robot.collision_body_names import BodyName, BodyPair
 from armid.study.plans.preflight_text import constant_text
 
 GAP = 0.002

@@ -11,15 +11,15 @@ import pytest
 from armid.errors import ArmidError
 from armid.excitation.collision import coal
 from armid.excitation.collision.collision_model import collision_of, kept_apart, make_collision_model
-from armid.excitation.collision.convex_hulls import Hulls, prism
 from armid.excitation.collision.distances import floor
+from armid.excitation.collision.hull_distances import Hulls, prism
 from armid.excitation.collision.mesh_hulls import hull_points
 from armid.excitation.design.objective import CriterionGoal, Objective
 from armid.excitation.limits.constraints import States
 from armid.excitation.limits.joint_limits import limits_of
 from armid.excitation.rest_to_rest_basis import SeriesBasis
 from armid.model.base_parameters import find_base_parameters
-from armid.model.dynamics import DynamicsModel
+from armid.model.dynamics_model import DynamicsModel
 from armid.model.terms import RigidBody
 from armid.robot import load_robot
 from armid.robot.kinematics import forward_kinematics

@@ -25,7 +25,7 @@ from armid.excitation.limits.constraints import States
 from armid.excitation.limits.joint_limits import Limits, limits_of, motion_channels, thesis_channels, torque_channel
 from armid.excitation.rest_to_rest_basis import SeriesBasis
 from armid.model.base_parameters import find_base_parameters
-from armid.model.dynamics import DynamicsModel
+from armid.model.dynamics_model import DynamicsModel
 from armid.model.terms import Coulomb, RigidBody, Viscous
 from armid.robot import load_robot
 from trees import chain, robot_of

@@ -16,7 +16,7 @@ from armid.cli import console
 from armid.excitation.collision import cache, coal, mesh_hulls
 from armid.excitation.collision.closest_approach import closest_approaches
 from armid.excitation.collision.collision_model import collision_of
-from armid.excitation.collision.convex_hulls import parts_of
+from armid.excitation.collision.hull_distances import parts_of
 from armid.excitation.collision.mesh_hulls import capsules_of, outline_of
 from armid.excitation.limits.joint_limits import limits_of
 from armid.robot import load_robot

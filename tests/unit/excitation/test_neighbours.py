@@ -18,13 +18,13 @@ from armid.excitation.design.objective import CriterionGoal
 from armid.excitation.limits.joint_limits import limits_of
 from armid.excitation.start_pose import TorqueHolds, choose_start
 from armid.model.base_parameters import find_base_parameters
-from armid.model.dynamics import DynamicsModel
+from armid.model.dynamics_model import DynamicsModel
 from armid.model.terms import RigidBody
 from armid.robot import Robot, load_robot
 from armid.study.plans.design import design_plan
 from armid.study.plans.goals import DesignConstraints, DesignGoal, SearchBudget
 from armid.study.plans.poses_and_sweeps import MovesGoal, design_moves
-from armid.study.plans.start_pose import place_motion
+from armid.study.plans.start_pose_and_bodies import place_motion
 
 
 def wheel(folder: Path, share: float) -> Robot:

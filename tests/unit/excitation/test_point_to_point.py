@@ -9,7 +9,7 @@ from armid.errors import ArmidError
 from armid.excitation.limits.joint_limits import limits_of
 from armid.excitation.poses_and_sweeps import choose_poses, poses_plan, sweeps_plan
 from armid.model.base_parameters import find_base_parameters
-from armid.model.dynamics import DynamicsModel
+from armid.model.dynamics_model import DynamicsModel
 from armid.model.motion import Motion
 from armid.model.terms import Coulomb, RigidBody, Viscous
 from armid.robot import load_robot

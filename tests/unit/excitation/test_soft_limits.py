@@ -13,7 +13,7 @@ from armid.excitation.limits.joint_limits import (
     soft_limits_used,
 )
 from armid.model.base_parameters import find_base_parameters
-from armid.model.dynamics import DynamicsModel
+from armid.model.dynamics_model import DynamicsModel
 from armid.model.terms import RigidBody
 from armid.report.preflight_page import render_preflight
 from armid.robot import load_robot

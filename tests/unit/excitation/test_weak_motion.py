@@ -15,7 +15,7 @@ from armid.excitation.rest_to_rest_basis import SeriesBasis
 from armid.excitation.start_pose import usual_pose
 from armid.excitation.weak_motion import deviations_in_free_motion, weak_motion
 from armid.model.base_parameters import find_base_parameters
-from armid.model.dynamics import DynamicsModel
+from armid.model.dynamics_model import DynamicsModel
 from armid.model.terms import RigidBody
 from armid.report.preflight_page import render_preflight
 from armid.robot import load_robot

@@ -13,9 +13,9 @@ import pytest
 
 from armid import accumulate_information, find_base_parameters
 from armid.errors import OutputError
-from armid.estimation.estimate import InputDigest
 from armid.estimation.estimators import PhysicallyConsistent
 from armid.estimation.problem import EstimationProblem, standard_of
+from armid.estimation.saved_estimate import InputDigest
 from armid.excitation.builtin_plans import builtin_plan
 from armid.export import standard_values, verification
 from armid.export.attached_inertias import is_possible
@@ -23,8 +23,8 @@ from armid.export.body_split import share_out
 from armid.export.formats import urdf
 from armid.export.types import Body, Content, Witness, rpy_of, text_of, unique_names
 from armid.export.write import Exported, export_run
-from armid.maths.spatial import homogeneous, rotation_x, rpy_rotation
-from armid.model.dynamics import DynamicsModel
+from armid.maths.rotations import homogeneous, rotation_x, rpy_rotation
+from armid.model.dynamics_model import DynamicsModel
 from armid.model.terms import Coulomb, RigidBody, Viscous
 from armid.robot import InertialParameters, Link, load_robot
 from armid.runs.run import Run

@@ -15,16 +15,16 @@ from armid.codegen.functions import make_programs
 from armid.codegen.generation import generate
 from armid.codegen.languages import python
 from armid.errors import OutputError
-from armid.estimation.estimate import InputDigest
+from armid.estimation.saved_estimate import InputDigest
 from armid.export import code
 from armid.export.code import code_record, export_code
 from armid.model.base_parameters import find_base_parameters
-from armid.model.dynamics import DynamicsModel
+from armid.model.dynamics_model import DynamicsModel
 from armid.model.motion import Motion
 from armid.model.terms import RigidBody
 from armid.robot import builtin_arms, load_robot
-from armid.runs.prediction import predict
 from armid.runs.run import Run
+from armid.runs.validation_and_prediction import predict
 from coded import CC, STRICT, case, write_files
 from reports import make_run
 from trees import random_states

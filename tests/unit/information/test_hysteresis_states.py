@@ -13,11 +13,11 @@ from armid.information.column_source import column_source
 from armid.information.hysteresis_states import memory_findings, with_hysteresis_states
 from armid.information.regressor_rows import all_rows
 from armid.information.residuals import compare
-from armid.maths.signals import edge_samples, low_pass
+from armid.maths.signals.zero_phase_filters import edge_samples, low_pass
 from armid.measurement.low_pass_band import Band
 from armid.measurement.observations import Observations
 from armid.model.base_parameters import find_base_parameters
-from armid.model.dynamics import DynamicsModel
+from armid.model.dynamics_model import DynamicsModel
 from armid.model.hysteresis_memory import Play
 from armid.model.motion import Motion
 from armid.model.terms import Hysteresis, LoadCoulomb, Offset, RigidBody, Viscous

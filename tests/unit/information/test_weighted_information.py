@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from armid.checked_array import Array
 from armid.information import weighted_rows
 from armid.information.accumulate import accumulate_information
 from armid.information.column_source import column_source
@@ -14,7 +15,6 @@ from armid.information.information import total
 from armid.information.weighted_rows import Segment, WeightedRows, weighted_information
 from armid.measurement.low_pass_band import Band
 from armid.measurement.observations import Observations
-from armid.values import Array
 from informed import EXACT, RATE, assert_products, assert_says, branching_arm, dense, recorded
 from problems import one_run, raw
 

@@ -12,7 +12,7 @@ from armid.errors import ArmidError
 from armid.excitation.builtin_plans import PLANS, builtin_plan
 from armid.excitation.fourier import Excitation, load_plan, save_plan
 from armid.lab.inverse_dynamics_recording import THESIS_FRICTION, Sensors, record, thesis_truth
-from armid.model.dynamics import DynamicsModel
+from armid.model.dynamics_model import DynamicsModel
 from armid.model.terms import Coulomb, Offset, RigidBody, Viscous
 from armid.robot import load_robot
 from labs import PERIOD, RATE, small_model, small_plan, small_truth

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from armid.excitation.fourier import Excitation
+from armid.lab.detect_placeholder_limits import placeholder_finding
 from armid.lab.friction import Friction
 from armid.lab.known_arms import OWN, truth_of
 from armid.lab.options import Arm, LabOptions
-from armid.lab.placeholder_limits import placeholder_finding
 from armid.lab.simulation import simulate, simulation_findings
 from armid.robot import load_robot
 from labs import LINK, small_plan

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from armid.checked_array import Array
 from armid.errors import EstimationError, UnsolvedError
 from armid.maths.barrier_function import LogDet, Smooth
 from armid.maths.barrier_method import minimise
 from armid.maths.conic_solver import Cone, solve_cones, symmetric, upper_triangle
-from armid.values import Array
 
 EXACT = 1e-6
 """Error that a gap of 1e-9 leaves where the objective is as curved as here."""

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from armid.checked_array import Array
 from armid.maths import barrier_function
 from armid.maths.barrier_function import Barriers, LogDet, Smooth
 from armid.maths.barrier_method import minimise
 from armid.maths.conic_solver import Cone, upper_triangle
-from armid.values import Array
 
 ROUNDING = 1e-9
 """Of a step, beside that of formulas written out: both solve equations of condition 1e4 or so."""

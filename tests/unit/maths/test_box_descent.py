@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import scipy.optimize
 
+from armid.checked_array import Array
 from armid.maths.box_descent import descend_in_box
-from armid.values import Array
 
 CLOSE = 1e-6
 """Distance from a minimum at which the values differ by rounding alone."""

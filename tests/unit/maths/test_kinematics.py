@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from armid.errors import ArmidError
-from armid.maths.spatial import homogeneous
+from armid.maths.rotations import homogeneous
 from armid.robot import Frame, Joint, Link, Robot, forward_kinematics, frame_pose
 
 

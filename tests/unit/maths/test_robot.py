@@ -10,7 +10,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from armid.errors import ArmidError, RobotError
-from armid.maths.spatial import homogeneous
+from armid.maths.rotations import homogeneous
 from armid.robot import (
     Frame,
     InertialParameters,
@@ -22,7 +22,7 @@ from armid.robot import (
     frame_pose,
     load_robot,
 )
-from armid.values import load, save
+from armid.value_files import load, save
 
 UNLIMITED = (-math.inf, math.inf)
 

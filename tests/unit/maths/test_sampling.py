@@ -1,4 +1,4 @@
-"""Resampling, automatic cut-off and delays of `armid.maths.resampling`."""
+"""Resampling, automatic cut-off and delays of signals."""
 
 from __future__ import annotations
 
@@ -7,7 +7,9 @@ import pytest
 import scipy.interpolate
 
 from armid.errors import ArmidError
-from armid.maths.resampling import automatic_cutoff, periodic_delay, periodic_shift, resample
+from armid.maths.signals.delay import periodic_delay, periodic_shift
+from armid.maths.signals.motion_cutoff import automatic_cutoff
+from armid.maths.signals.resampling import resample
 
 
 def jittered_clock(samples: int, rate: float, spread: float, seed: int = 0):

@@ -1,4 +1,4 @@
-"""Filters and derivatives of `armid.maths.signals` on signals whose answer is known."""
+"""Filters and derivatives of `armid.maths.signals.zero_phase_filters` on signals whose answer is known."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ import pytest
 import scipy.signal
 
 from armid.errors import ArmidError
-from armid.maths.signal_derivatives import central_difference, periodic_derivative
-from armid.maths.signals import (
+from armid.maths.signals.derivatives import central_difference, periodic_derivative
+from armid.maths.signals.zero_phase_filters import (
     butterworth,
     decimate,
     decimation_filter,

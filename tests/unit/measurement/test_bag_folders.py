@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from armid.errors import RecordingError
+from armid.hashes import sha256_of_file
 from armid.measurement.bag_paths import sha256_of_recording
 from armid.measurement.log_format import LogFormat
 from armid.measurement.readers import load_recording
 from armid.measurement.robot_convention import to_robot_convention
 from armid.robot.robot import Frame, Joint, Link, Robot
-from armid.values import sha256_of_file
 from recordings import JOINT_STATE, joint_state, message, ros_types, write_bag, write_bag_folder
 
 pytest.importorskip("rosbags")

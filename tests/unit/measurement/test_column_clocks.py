@@ -7,7 +7,7 @@ import pytest
 
 from armid.errors import RecordingError
 from armid.measurement.columns.clocks import ClockRequest, clock_columns
-from armid.measurement.columns.names import time_unit
+from armid.measurement.columns.column_name_parsing import time_unit
 from armid.measurement.log_format import LogFormat
 from armid.measurement.processing.row_checks import clean
 from armid.measurement.readers import load_recording

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from armid.errors import RecordingError
-from armid.measurement.columns.names import clock_of, column_unit, named
+from armid.measurement.columns.column_name_parsing import clock_of, column_unit, named
 from armid.measurement.columns.pattern_matching import ClockRequest, Guess, guess_columns
 from armid.measurement.columns.unread import effort_possible, pattern_of
 from armid.measurement.log_format import LogFormat

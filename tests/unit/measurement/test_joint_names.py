@@ -10,7 +10,7 @@ import pytest
 
 from armid.errors import RecordingError
 from armid.measurement.columns.joint_assignment import in_joint_order
-from armid.measurement.columns.joint_names import stated_joints
+from armid.measurement.columns.joint_name_comparison import stated_joints
 from armid.measurement.columns.lookup import Selection, select
 from armid.measurement.joint_states import Publisher, joined
 from armid.measurement.log_format import LogFormat

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from armid.checked_array import Array
 from armid.measurement.limit_check import in_degrees
 from armid.robot import Robot
-from armid.values import Array
 from sick import arm, sound
 
 LIMITS = np.array([[-2.0, 2.0], [-1.6, 1.6], [-1.6, 1.6], [-1.8, 1.8], [-np.pi, np.pi], [-1.1, 1.1]])

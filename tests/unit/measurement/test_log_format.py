@@ -3,7 +3,7 @@ import pytest
 
 from armid.errors import RecordingError
 from armid.measurement.log_format import PRESETS, QUANTITIES, LogFormat
-from armid.values import load, save
+from armid.value_files import load, save
 
 
 def test_the_keys_are_those_of_a_study():

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
+from armid.checked_array import Array
 from armid.errors import RecordingError
-from armid.estimation.uncertainty.frequency_bands import find_periods
-from armid.estimation.uncertainty.thresholds import FEWEST_PERIODS
+from armid.estimation.uncertainty.covariance_choice_thresholds import FEWEST_PERIODS
+from armid.estimation.uncertainty.cross_products_by_frequency import find_periods
 from armid.measurement.log_format import LogFormat
 from armid.measurement.processing.period import FEWEST_COMPARED, SHORTEST, repetition
 from armid.measurement.processing.pipeline import ProcessingOptions, process_recording
-from armid.values import Array
 from motions import codes, recording
 
 NEAR = 0.1  # samples

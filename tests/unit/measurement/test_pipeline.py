@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from armid.errors import RecordingError, StudyError
-from armid.maths.signals import butterworth, zero_phase
+from armid.maths.signals.zero_phase_filters import butterworth, zero_phase
 from armid.measurement.processing.options import THESIS
 from armid.measurement.processing.pipeline import (
     ProcessingOptions,

@@ -3,7 +3,7 @@ import pytest
 
 from armid.errors import RecordingError
 from armid.measurement.recording import Recording
-from armid.values import load, save
+from armid.value_files import load, save
 
 TIME = np.arange(12) / 100
 Q = np.column_stack([np.sin(TIME), np.cos(TIME)])

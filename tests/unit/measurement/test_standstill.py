@@ -19,7 +19,7 @@ from armid.measurement.processing.options import THESIS, ProcessingOptions
 from armid.measurement.processing.standstill import BESIDE, SLIDING, position_noise, standing, sticks_and_rests
 from armid.measurement.recording import Recording
 from armid.measurement.robot_convention import to_robot_convention
-from armid.model.dynamics import DynamicsModel
+from armid.model.dynamics_model import DynamicsModel
 from armid.model.terms import Coulomb, RigidBody, Viscous
 from armid.study.diagnosis import diagnose_recording
 from labs import FRICTION

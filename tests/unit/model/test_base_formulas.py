@@ -7,10 +7,10 @@ import json
 import numpy as np
 import pytest
 
-from armid.maths.spatial import rotation_x
+from armid.maths.rotations import rotation_x
 from armid.model.base_formulas import base_formulas, base_record, column_formulas
 from armid.model.base_parameters import BaseParameters, find_base_parameters
-from armid.model.dynamics import DynamicsModel
+from armid.model.dynamics_model import DynamicsModel
 from armid.model.terms import RigidBody
 from trees import chain, robot_of
 

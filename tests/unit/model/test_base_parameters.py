@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from armid.errors import ModelError
-from armid.maths.spatial import rotation_x
+from armid.maths.rotations import rotation_x
 from armid.model import base_parameters as base_module
 from armid.model.base_parameters import BaseParameters, find_base_parameters
-from armid.model.dynamics import DynamicsModel
+from armid.model.dynamics_model import DynamicsModel
 from armid.model.motion import Motion
 from armid.model.terms import (
     TERMS,
@@ -31,7 +31,7 @@ from armid.model.terms import (
     Stribeck,
     Viscous,
 )
-from armid.values import load, save
+from armid.value_files import load, save
 from memories import with_any_past
 from trees import chain, iiwa_tree, random_inertial, random_states, random_tree, robot_of, structured_tree
 

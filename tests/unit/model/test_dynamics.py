@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from armid.errors import ArmidError, ModelError
-from armid.model.dynamics import DynamicsModel
+from armid.model.dynamics_model import DynamicsModel
 from armid.model.motion import Motion
 from armid.model.terms import Coulomb, Coupling, Offset, RigidBody, RotorInertia, Viscous
 from trees import random_inertial, random_states, random_tree, robot_of

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from armid.maths.spatial import rotation_x
+from armid.maths.rotations import rotation_x
 from armid.model.identifiable_structure import clean, echelon, parameter_units, structural_base
 from trees import chain, iiwa_tree
 

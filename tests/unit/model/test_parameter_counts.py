@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from armid.model.base_parameters import find_base_parameters
-from armid.model.dynamics import DynamicsModel
+from armid.model.dynamics_model import DynamicsModel
 from armid.model.parameter_counts import by_joint, count_text
 from armid.model.parameter_name import parameter_names
 from armid.model.term_descriptions import describe_term, friction_of_joint

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from armid.errors import ArmidError, ModelError
-from armid.model.dynamics import DynamicsModel
+from armid.model.dynamics_model import DynamicsModel
 from armid.model.motion import Motion
 from armid.model.terms import (
     AsymmetricCoulomb,

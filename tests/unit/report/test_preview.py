@@ -20,13 +20,13 @@ from armid.excitation.plan import Plan
 from armid.excitation.poses_and_sweeps import Moves
 from armid.maths.inertia import com_inertia_to_vector
 from armid.measurement.recording import Recording
-from armid.report.preview.approach import bodies_to_watch, closest
 from armid.report.preview.clip import FRAMES, MAX_FRAMES, Clip, clip_of_plan, clip_of_recording
+from armid.report.preview.make_preview import preview_of
 from armid.report.preview.masses import ellipsoid_of
-from armid.report.preview.meshes import mesh_record, simplified
+from armid.report.preview.mesh_simplification import mesh_record, simplified
+from armid.report.preview.nearest_bodies import bodies_to_watch, closest
 from armid.report.preview.page import Preview, render_preview
 from armid.report.preview.scene import bodies_of, joint_records
-from armid.report.preview.sources import preview_of
 from armid.robot import Robot, load_robot
 from armid.robot.kinematics import forward_kinematics
 from armid.robot.shapes import Shape

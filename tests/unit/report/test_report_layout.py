@@ -15,7 +15,7 @@ import pytest
 
 from armid.estimation.link_properties import QUANTITIES, link_table
 from armid.excitation.collision.closest_approach import ClosestApproach
-from armid.model.dynamics import DynamicsModel
+from armid.model.dynamics_model import DynamicsModel
 from armid.model.parameter_name import parameter_names
 from armid.model.terms import Coulomb, Hysteresis, Ripple, Viscous
 from armid.report.data.friction_law_text import law_text
@@ -26,14 +26,14 @@ from armid.report.page import render
 from armid.report.plots.arm_picture import skeleton
 from armid.report.plots.plot_data import PlotRange
 from armid.report.preflight_page import nearest_of_links
-from armid.report.sections.bodies import show_bodies
-from armid.report.sections.links import show_links
+from armid.report.sections.link_properties import show_link_properties
 from armid.report.sections.parameters import show_parameters
 from armid.report.sections.residuals import show_residuals
+from armid.report.sections.standard_parameters import show_standard_parameters
 from armid.report.sections.torque import show_torque
 from armid.report.tables import Column, Table, TableCell
 from armid.robot import Robot, load_robot
-from armid.robot.body_names import BodyName, BodyPair
+from armid.robot.collision_body_names import BodyName, BodyPair
 from armid.runs.run import load_run
 from armid.study.storage.provenance import RunOrigin
 from paged import understood
@@ -276,7 +276,7 @@ def test_the_picture_shows_every_joint_once(name: str, material: PageData):
 
 
 def test_what_is_not_identifiable_has_no_interval(bodies: PageData):
-    section, fit = show_links(bodies), bodies.run.estimate.fit.standard
+    section, fit = show_standard_parameters(bodies), bodies.run.estimate.fit.standard
     assert section is not None and fit is not None and "not identifiable" in fit.status
     (table,) = section.tables
     titles = [column.title for column in table.columns]
@@ -323,7 +323,7 @@ def test_links_of_several_bodies_are_one_pair_and_the_worst_of_it_is_shown():
 
 
 def test_links_show_their_bodies_as_described_and_as_identified(bodies: PageData):
-    section, table = show_bodies(bodies), link_table(bodies.run.model, bodies.run.estimate)
+    section, table = show_link_properties(bodies), link_table(bodies.run.model, bodies.run.estimate)
     assert section is not None
     (shown,) = section.tables
     rows = list(csv.reader(io.StringIO(shown.csv())))
@@ -342,6 +342,6 @@ def test_links_show_their_bodies_as_described_and_as_identified(bodies: PageData
 
 
 def test_base_parameters_have_the_bodies_of_the_description_and_the_way_to_others(material: PageData):
-    section = show_bodies(material)
+    section = show_link_properties(material)
     assert section is not None and "--method physical" in section.content["note"]
     assert {row[1].text for row in section.tables[0].rows} == {"CAD/URDF"}

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from armid.maths.spatial import homogeneous, rotation_x, rotation_y, rotation_z, rpy_rotation
+from armid.maths.rotations import homogeneous, rotation_x, rotation_y, rotation_z, rpy_rotation
 from armid.robot import Frame, Joint, Link, Robot
 from armid.robot.angle_rounding import ROUNDING, rounded, snapped_axis, snapped_rotation
 

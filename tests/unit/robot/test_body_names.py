@@ -7,7 +7,7 @@ import pickle
 
 import pytest
 
-from armid.robot.body_names import BodyName, BodyPair, link_of
+from armid.robot.collision_body_names import BodyName, BodyPair, link_of
 
 
 @pytest.mark.parametrize("again", [copy.deepcopy, lambda value: pickle.loads(pickle.dumps(value))])

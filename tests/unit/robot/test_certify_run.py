@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from armid.cli.commands.certify_consistency import _report
+from armid.cli.commands.certify_parameters import _report
 from armid.errors import EstimationError, ModelError
 from armid.robot import load_robot
 from armid.robot.readers.urdf import read

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from armid.errors import RobotError
-from armid.maths.spatial import homogeneous, rotation_x, rotation_z
+from armid.maths.rotations import homogeneous, rotation_x, rotation_z
 from armid.robot import frame_pose, load_robot
 from armid.robot.readers import dh
 from paged import DOCS, follow

@@ -7,7 +7,7 @@ import pytest
 
 from armid.errors import RobotError
 from armid.excitation.collision.coal import distances, mesh_triangles
-from armid.excitation.collision.convex_hulls import Hulls
+from armid.excitation.collision.hull_distances import Hulls
 from armid.report.preview.scene import bodies_of
 from armid.robot import load_robot
 from armid.robot.kinematics import forward_kinematics

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from armid.errors import ArmidError, MissingExtraError, RobotError
-from armid.maths.spatial import axis_rotation, homogeneous, rotation_x, rotation_z
+from armid.maths.rotations import axis_rotation, homogeneous, rotation_x, rotation_z
 from armid.robot import frame_pose, load_robot, readers
 from armid.robot.readers import READERS, dh, mjcf, urdf
 

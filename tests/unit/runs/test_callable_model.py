@@ -10,16 +10,16 @@ import numpy as np
 import pytest
 
 from armid.codegen.functions import make_programs
-from armid.codegen.kernel_tape import make_tape, record_tape
+from armid.codegen.kernel_program import make_tape, record_tape
 from armid.errors import ArmidError
 from armid.kernel import _native, in_use
 from armid.model.base_parameters import find_base_parameters
-from armid.model.dynamics import DynamicsModel
+from armid.model.dynamics_model import DynamicsModel
 from armid.model.motion import Motion
 from armid.model.terms import Coulomb, Offset, RigidBody, Viscous
 from armid.robot import load_robot
 from armid.runs.callable_model import CallableModel
-from armid.runs.prediction import predict
+from armid.runs.validation_and_prediction import predict
 from coded import ARMS, case
 from reports import make_run
 from trees import random_states

@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 
 from armid.cli.main import main
-from armid.runs.prediction import band, predict
 from armid.runs.run import load_run
+from armid.runs.validation_and_prediction import band, predict
 from labs import small_plan
 
 RUNS = Path(__file__).parents[2] / "data" / "runs_format_1"

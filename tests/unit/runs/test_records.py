@@ -12,7 +12,7 @@ import pytest
 
 from armid.report.data.page_data import gather
 from armid.report.page import render
-from armid.runs.records import read_records, records_of
+from armid.runs.read_records import read_records, records_of
 from armid.runs.run import load_run, run_of, save_run
 from armid.study.compare_methods import MethodTable, compare_methods, compare_record
 from armid.study.config import EstimationChoice, ModelChoice, load_study

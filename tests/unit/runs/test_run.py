@@ -15,8 +15,8 @@ from armid.errors import ArmidError, OutputError, StudyError
 from armid.excitation.fourier import save_plan
 from armid.measurement.log_format import LogFormat
 from armid.runs import run as run_module
-from armid.runs.prediction import motion_of, predict, validate_run, write_torque
 from armid.runs.run import FORMAT, load_run, refuse_folder, save_run
+from armid.runs.validation_and_prediction import motion_of, predict, validate_run, write_torque
 from armid.study.config import ModelChoice, load_study
 from armid.study.identify import Result, identify
 from labs import small_plan, small_recording, write_recording, write_recordings, write_study

@@ -10,7 +10,7 @@ import pytest
 
 from armid.errors import ArmidError
 from armid.measurement.recording import Recording
-from armid.model.dynamics import DynamicsModel
+from armid.model.dynamics_model import DynamicsModel
 from armid.model.motion import Motion
 from armid.model.terms import Coulomb, RigidBody, Viscous
 from armid.runs.run import Run, load_run, save_run

@@ -9,18 +9,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from armid.checked_array import Array
 from armid.doctor.check_input import LogEvidence
 from armid.doctor.checks.dynamics import rotor_inertia_missing
 from armid.lab.inverse_dynamics_recording import record
 from armid.measurement.log_format import LogFormat
 from armid.measurement.recording import Recording
-from armid.model.dynamics import DynamicsModel
+from armid.model.dynamics_model import DynamicsModel
 from armid.model.terms import RotorInertia
 from armid.robot import Robot
 from armid.study.config import ModelChoice, RecordingChoice, RobotChoice, Study
 from armid.study.diagnosis import diagnose
 from armid.study.identify import Result, identify
-from armid.values import Array
 from labs import SENSORS, small_model, small_plan, small_truth, write_arm
 
 ROTORS = (0.3, 0.3, 0.1)

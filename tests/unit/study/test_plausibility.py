@@ -10,6 +10,7 @@ import numpy as np
 
 import cranes
 from armid import DynamicsModel, accumulate_information, find_base_parameters, load_robot
+from armid.checked_array import Array
 from armid.estimation.estimators import PhysicallyConsistent, WeightedLeastSquares
 from armid.estimation.problem import EstimationProblem, standard_of
 from armid.excitation.builtin_plans import builtin_plan
@@ -17,7 +18,6 @@ from armid.lab.inverse_dynamics_recording import thesis_truth
 from armid.model.motion import Motion
 from armid.model.terms import Coulomb, RigidBody, Viscous
 from armid.study.plausibility import excitation_finding, far_findings, gravity_finding, weak_finding
-from armid.values import Array
 from problems import one_run, raw
 
 

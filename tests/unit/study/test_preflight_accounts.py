@@ -10,7 +10,7 @@ import pytest
 from armid.excitation.collision.ignored_pairs import parse_ignored
 from armid.excitation.design.objective import CriterionGoal
 from armid.model.base_parameters import find_base_parameters
-from armid.model.dynamics import DynamicsModel
+from armid.model.dynamics_model import DynamicsModel
 from armid.model.terms import RigidBody
 from armid.report.preflight_page import render_preflight
 from armid.robot import load_robot

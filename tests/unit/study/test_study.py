@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from armid.errors import ArmidError, ModelError, RecordingError, StudyError
-from armid.estimation.estimate import Estimate, standard_parameters
 from armid.estimation.estimators import PhysicallyConsistent, Ridge, WeightedLeastSquares
+from armid.estimation.saved_estimate import Estimate, standard_parameters
 from armid.measurement.processing.options import ProcessingOptions
 from armid.model.terms import DEFAULT_TERMS, TERMS, Coulomb, Stribeck, Viscous
 from armid.study.config import (

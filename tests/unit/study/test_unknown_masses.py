@@ -10,7 +10,7 @@ import pytest
 from armid.excitation.design.objective import CriterionGoal
 from armid.excitation.limits.joint_limits import limits_of
 from armid.model.base_parameters import find_base_parameters
-from armid.model.dynamics import DynamicsModel
+from armid.model.dynamics_model import DynamicsModel
 from armid.model.terms import RigidBody
 from armid.robot import Robot, load_robot
 from armid.robot.missing_inertia import joints_with_unknown_load, links_without_inertia

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from armid import DynamicsModel, find_base_parameters, load_robot
+from armid.checked_array import Array
 from armid.lab.inverse_dynamics_recording import thesis_truth
 from armid.model.base_parameters import BaseParameters
 from armid.model.terms import Coulomb, RigidBody, Viscous
 from armid.runs.consistency_check import certify_named
 from armid.validation.gravity_sign import gravity_sign_finding
-from armid.values import Array
 
 TRUTH = json.loads((Path(__file__).parents[2] / "golden" / "data" / "truth.json").read_text())
 HANGING = (0.0, 0.0, 9.81)

@@ -9,11 +9,12 @@ from functools import cache
 import numpy as np
 import pytest
 
-from armid.estimation.estimate import Estimate, torque_parameters
+from armid.checked_array import Array
 from armid.estimation.estimators import OrdinaryLeastSquares
 from armid.estimation.fit_result import Fit
-from armid.estimation.per_recording import separate_by_recording
+from armid.estimation.friction_per_recording import separate_by_recording
 from armid.estimation.problem import EstimationProblem
+from armid.estimation.saved_estimate import Estimate, torque_parameters
 from armid.information.accumulate import accumulate_information
 from armid.information.residuals import compare
 from armid.measurement.low_pass_band import Band
@@ -23,7 +24,6 @@ from armid.model.terms import RigidBody
 from armid.study.storage.records import to_json, validation_record
 from armid.validation import prediction, prediction_interval
 from armid.validation.prediction import Score, score, validate
-from armid.values import Array
 from labs import small_model, small_plan, small_truth
 from problems import one_run, raw
 

@@ -17,7 +17,7 @@ from armid.lab.known_arms import KnownArm
 from armid.lab.true_motion import closed_loop
 from armid.measurement.low_pass_band import Band
 from armid.measurement.observations import Observations, ObservedRun
-from armid.model.dynamics import DynamicsModel
+from armid.model.dynamics_model import DynamicsModel
 from armid.model.motion import Motion
 from armid.model.terms import Coulomb, Hysteresis, LoadCoulomb, RigidBody, RotorInertia, Stribeck, Viscous
 from armid.runs.rollout import judged_by_motion, load_feedback

@@ -14,8 +14,8 @@ from armid.cli.value_completion import moving_links
 if TYPE_CHECKING:
     from rich.table import Table
 
+    from armid.checked_array import Array
     from armid.runs.payload import Payload
-    from armid.values import Array
 
 
 PayloadLinkName = Annotated[
@@ -67,11 +67,11 @@ def payload(
 
         armid payload runs/arm with_load.csv --link forearm_link
     """
+    from armid.atomic_file import replace_file
     from armid.cli.console import print_findings
     from armid.runs.payload import find_payload, payload_record
     from armid.runs.run import load_run
     from armid.study.storage.records import to_json
-    from armid.values import replace_file
 
     loaded = load_run(run)
     found = find_payload(

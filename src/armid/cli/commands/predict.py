@@ -42,7 +42,7 @@ def predict(
 
     from armid.cli.console import print_findings
     from armid.notebook import plural
-    from armid.runs import prediction
+    from armid.runs import validation_and_prediction
     from armid.runs.run import load_run
     from armid.study.extrapolation import speed_finding
     from armid.study.storage.records import to_json
@@ -54,10 +54,10 @@ def predict(
         )
     loaded = load_run(run)
     reading = changed_reading(loaded.reading, rate, torque_sign, columns)
-    along = prediction.motion_of(loaded, motion, rate=plan_rate, reading=reading)
-    torque = prediction.predict(loaded, along)
-    width = prediction.band(loaded, along) if band else None
-    path = prediction.write_torque(out, along, torque, loaded.robot.joint_names, band=width)
+    along = validation_and_prediction.motion_of(loaded, motion, rate=plan_rate, reading=reading)
+    torque = validation_and_prediction.predict(loaded, along)
+    width = validation_and_prediction.band(loaded, along) if band else None
+    path = validation_and_prediction.write_torque(out, along, torque, loaded.robot.joint_names, band=width)
     if json:
         record = {"path": str(path), "samples": along.samples, "rms": np.sqrt(np.mean(torque**2, axis=0))}
         if width is not None:

@@ -41,8 +41,8 @@ def recalibrate(
         armid recalibrate runs/spring other_tool.csv --tool
     """
     from armid.cli.console import print_findings
-    from armid.runs.changes import CHANGES, changes_record
     from armid.runs.recalibration import recalibrate as stage
+    from armid.runs.recalibration_record import CHANGES, changes_record
     from armid.runs.run import load_run, refuse_folder, save_run
     from armid.study.storage.records import estimate_record, to_json, validation_record
 

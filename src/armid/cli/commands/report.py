@@ -88,7 +88,7 @@ def write_page(
     from armid.report.data.page_data import gather
     from armid.report.page import write_page as write_one
     from armid.report.rendering import require_extra
-    from armid.runs.records import records_of
+    from armid.runs.read_records import records_of
 
     predicted = list(zip(recordings, result.predictions, strict=True))
 

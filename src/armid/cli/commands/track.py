@@ -47,13 +47,13 @@ def track(
 
         armid track runs/spring picking.csv --tool --memory 5
     """
+    from armid.atomic_file import replace_file
     from armid.cli.console import print_findings, progress
     from armid.runs.run import load_run
     from armid.runs.tracking import track as stage
     from armid.runs.tracking import track_record, track_table
     from armid.study.storage.atomic_folder import refuse, whole_folder
     from armid.study.storage.records import to_json
-    from armid.values import replace_file
 
     if tool and everything:
         raise StudyError(
@@ -117,7 +117,7 @@ def _report(run: Run, tracked: TrackedRun, *, tool: bool) -> None:
 
 def _before(run: Run, tracked: TrackedRun, k: int) -> tuple[float, float]:
     """Value of a parameter in the run, and its change since, divided by the standard deviation of the change."""
-    from armid.estimation.estimate import averaged
+    from armid.estimation.saved_estimate import averaged
 
     fit = averaged(run.estimate.base.names, run.estimate.fit)
     value, variance = (float(fit.values[k]), float(fit.covariance[k, k])) if k < len(fit.values) else (0.0, 0.0)

@@ -44,9 +44,9 @@ def validate(
     """
     from armid.cli.commands.validate_rollout import motion_table, roll_out
     from armid.cli.console import output_console, print_findings, print_verdict, validation_table
-    from armid.runs.prediction import validate_run
     from armid.runs.rollout import judged_by_motion, motion_record
     from armid.runs.run import load_run
+    from armid.runs.validation_and_prediction import validate_run
     from armid.study.storage.records import to_json, validation_record
 
     loaded = load_run(run)

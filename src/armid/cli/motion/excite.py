@@ -252,8 +252,8 @@ def _write_pages(designed: Checked, folder: Path, stage: Stage) -> None:
         Exit: The user has stopped it.
     """
     from armid.report.preflight_page import write_preflight
+    from armid.report.preview.make_preview import preview_of_design
     from armid.report.preview.page import write_preview
-    from armid.report.preview.sources import preview_of_design
 
     page = PREFLIGHT
     try:

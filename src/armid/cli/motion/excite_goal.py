@@ -9,15 +9,16 @@ from typing import Any
 
 import numpy as np
 
+from armid.checked_array import Array
 from armid.cli.motion.motion_of_file import motion_of_file, series_of_file
 from armid.cli.motion.number_options import numbers
 from armid.errors import ArmidError
 from armid.excitation.design.objective import CriterionGoal, information_along, known_sizes
 from armid.information.information import Information
 from armid.model.base_parameters import BaseParameters, find_base_parameters
-from armid.model.dynamics import DynamicsModel
+from armid.model.dynamics_model import DynamicsModel
 from armid.runs.run import MARKER, load_run
-from armid.values import Array, load
+from armid.value_files import load
 
 
 def goal_of(model: DynamicsModel, options: Mapping[str, Any]) -> CriterionGoal:

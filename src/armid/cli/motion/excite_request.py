@@ -7,6 +7,7 @@ from concurrent.futures import Executor
 from dataclasses import replace
 from typing import Any
 
+from armid.checked_array import Array
 from armid.cli.motion.excite_goal import goal_of, identified_parameters
 from armid.cli.motion.motion_of_file import motion_of_file
 from armid.cli.motion.number_options import numbers, parse_limits
@@ -14,14 +15,13 @@ from armid.errors import ArmidError
 from armid.excitation.collision.ignored_pairs import ignored_of_srdf, parse_ignored
 from armid.excitation.design.multistart import Progress
 from armid.excitation.limits.workspace import Workspace, box_workspace
-from armid.model.dynamics import DynamicsModel
+from armid.model.dynamics_model import DynamicsModel
 from armid.robot.robot import Robot
 from armid.robot.shapes import Shape
 from armid.study.plans.design import DesignConstraints, DesignGoal, SearchBudget, Stage, design_plan
 from armid.study.plans.designed import Designed
 from armid.study.plans.poses_and_sweeps import DesignedMoves, MovesGoal, design_moves
 from armid.study.plans.surroundings import assumed_floor, meshes_are_missing, surroundings_of
-from armid.values import Array
 
 TORQUE_MARGIN = 0.1
 """Default share of the torque limits that stays unused, because the masses of a description are inaccurate."""

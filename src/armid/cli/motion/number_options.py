@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from armid.checked_array import Array
 from armid.errors import ArmidError
-from armid.values import Array
 
 Limit = float | tuple[float, float]
 

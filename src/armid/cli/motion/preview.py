@@ -70,8 +70,8 @@ def preview(
         armid preview arm.urdf runs/today
     """
     from armid.cli.console import print_missing_meshes
+    from armid.report.preview.make_preview import preview_of
     from armid.report.preview.page import write_preview
-    from armid.report.preview.sources import preview_of
     from armid.report.rendering import require_extra
     from armid.study.config import load_choice
 
@@ -130,7 +130,7 @@ def _estimate(run: Run | None, arm: Robot) -> MassLayer | None:
     """Inertias of the links from a run, or consistent ones with its base values; `None` for another arm."""
     from armid.errors import ArmidError
     from armid.export.standard_values import values_to_write
-    from armid.report.preview.sources import estimate_layer
+    from armid.report.preview.make_preview import estimate_layer
 
     if run is None or run.robot.joint_names != arm.joint_names:
         return None

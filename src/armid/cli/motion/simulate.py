@@ -13,7 +13,7 @@ from armid.cli.options import Gravity, Json, Lock, Only, Out, Package, RobotName
 
 if TYPE_CHECKING:
     from armid.lab.options import LabOptions
-    from armid.study.plans.simulation import WrittenSimulation
+    from armid.study.plans.simulation_files import WrittenSimulation
 
 
 def simulate(
@@ -64,7 +64,7 @@ def simulate(
     from armid.cli.console import print_findings, progress
     from armid.lab.simulation import simulation_findings
     from armid.study.config import load_choice
-    from armid.study.plans.simulation import refuse_format, simulate_to, the_plan
+    from armid.study.plans.simulation_files import refuse_format, simulate_to, the_plan
 
     refuse_format(kind)
     arm = load_choice(robot_choice(robot, gravity, lock, only, tip, package))

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from armid.codegen.code_printer import Notation, body
 from armid.codegen.language_input import FunctionSource
 from armid.codegen.program import Program
 from armid.codegen.thesis_functions import thesis_programs
-from armid.codegen.writing import Notation, body
 
 FUNCTIONS = {
     "sin": "sin({})",

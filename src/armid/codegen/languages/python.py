@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from armid.codegen.code_printer import Notation, body, matrix_rows
 from armid.codegen.language_input import FunctionSource
 from armid.codegen.program import Program
-from armid.codegen.writing import Notation, body, matrix_rows
 
 FUNCTIONS = {
     "sin": "sin({})",

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from armid.checked_array import Array
 from armid.errors import EstimationError
 from armid.estimation.prior import MASS, Prior, relative_precision, size_of_bodies
 from armid.estimation.problem import StandardParameters
@@ -20,7 +21,6 @@ from armid.estimation.whitened_system import WhitenedSystem
 from armid.maths.barrier_function import LogDet, Smooth
 from armid.maths.barrier_method import minimise
 from armid.maths.inertia import PSEUDO_INERTIA_OF, pseudo_inertia
-from armid.values import Array
 
 AIM = 1e-6
 """Target gap: the Hessian needs the centre to a few hundredths of a standard deviation."""

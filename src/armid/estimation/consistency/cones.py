@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from armid.checked_array import Array
 from armid.estimation.problem import StandardParameters
 from armid.maths.conic_solver import Cone, upper_triangle
 from armid.maths.inertia import PSEUDO_INERTIA_OF, pseudo_inertia
-from armid.values import Array
 
 EPSILON = 1e-6
 """Smallest eigenvalue required of a pseudo-inertia [kg and kg·m²]: a milligram, so that no mass is zero."""

@@ -11,12 +11,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from armid.checked_array import Array
 from armid.errors import UnsolvedError
-from armid.estimation.consistency.constraints import Feasible
+from armid.estimation.consistency.additional_constraints import Feasible
 from armid.maths.conic_solver import Cone, solve_cones, symmetric, upper_triangle
 from armid.maths.linalg import orthonormal
 from armid.maths.median import median
-from armid.values import Array
 
 GOOD = 2e-7
 """Relative gap at which the search ends: a fifth of the largest accepted gap."""

@@ -13,17 +13,22 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from armid.checked_array import Array
 from armid.errors import EstimationError, UnsolvedError
+from armid.estimation.consistency.additional_constraints import (
+    ContradictionError,
+    Feasible,
+    Requirements,
+    feasible_set,
+)
 from armid.estimation.consistency.cones import smallest_eigenvalues
 from armid.estimation.consistency.conic_programs import GOOD, NearestPoint, interior_point, nearest
-from armid.estimation.consistency.constraints import ContradictionError, Feasible, Requirements, feasible_set
 from armid.estimation.consistency.infeasible_subset import conflicting
 from armid.estimation.prior import MASS, Prior, size_of_bodies
 from armid.estimation.problem import StandardParameters
 from armid.maths.barrier_function import Smooth
 from armid.maths.barrier_method import GAP, SmoothSolution, minimise
 from armid.maths.conic_solver import ACCEPTED
-from armid.values import Array
 
 UNFELT = (1e-6, 1e-4, 1e-2)
 """Negligible weights of a mass prior, used where no prior is asked for; the first that the solver can resolve is

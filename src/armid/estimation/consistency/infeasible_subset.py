@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
 
-from armid.estimation.consistency.constraints import Requirements
+from armid.estimation.consistency.additional_constraints import Requirements
 
 
 def conflicting(asked: Requirements, empty: Callable[[Requirements], bool]) -> list[str]:

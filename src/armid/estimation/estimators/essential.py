@@ -25,6 +25,7 @@ from typing import ClassVar, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from armid.checked_array import Array
 from armid.errors import EstimationError, Finding, did_you_mean
 from armid.estimation.crossvalidation import held_out_squares
 from armid.estimation.estimators.wls import WeightedLeastSquares
@@ -36,7 +37,6 @@ from armid.information.information import Information, restrict, stack, total
 from armid.maths.linalg import condition, scaled_condition
 from armid.maths.median import median
 from armid.threads import one_blas_thread
-from armid.values import Array
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,6 +19,7 @@ from typing import ClassVar, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from armid.checked_array import Array
 from armid.errors import EstimationError, Finding, did_you_mean
 from armid.estimation.crossvalidation import folds, held_out_error, held_out_squares, split
 from armid.estimation.fit_result import Fit
@@ -30,7 +31,6 @@ from armid.estimation.whitened_system import WhitenedSystem, rows_of, whiten
 from armid.information.information import Information, stack
 from armid.maths.linalg import condition, scaled_condition
 from armid.threads import one_blas_thread
-from armid.values import Array
 
 STRENGTHS = np.concatenate([np.logspace(6.0, -4.0, 31), [0.0]])
 """Weights of the prior that are tried, in independent samples, strongest first: from links known to 0.1 % to links

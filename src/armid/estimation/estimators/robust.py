@@ -25,12 +25,13 @@ from typing import ClassVar, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from armid.checked_array import Array
 from armid.errors import EstimationError, Finding, did_you_mean
 from armid.estimation.crossvalidation import held_out_squares
 from armid.estimation.estimators.wls import RESOLUTION, WeightedLeastSquares
 from armid.estimation.fit_result import Fit
+from armid.estimation.friction_per_recording import separate_by_recording
 from armid.estimation.least_squares import Solution, solve
-from armid.estimation.per_recording import separate_by_recording
 from armid.estimation.problem import EstimationProblem
 from armid.estimation.uncertainty.covariance import scale_covariance
 from armid.information.column_source import column_source
@@ -39,7 +40,6 @@ from armid.information.weighted_rows import Segment, WeightedRows, weighted_info
 from armid.maths.median import median
 from armid.remedy import Remedy, setting
 from armid.threads import one_blas_thread
-from armid.values import Array
 
 HUBER, TUKEY = 1.345, 4.685
 """Constants that give an efficiency of 95 % under normal noise [Holland1977]."""

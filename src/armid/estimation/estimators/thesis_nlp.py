@@ -17,16 +17,16 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from armid.checked_array import Array
 from armid.errors import EstimationError, Finding, MissingExtraError, did_you_mean
 from armid.estimation.fit_result import Fit
-from armid.estimation.per_recording import standard_per_recording
-from armid.estimation.physical_fit import PhysicalEstimate, fit_of
+from armid.estimation.fit_with_prior import PhysicalEstimate, fit_of
+from armid.estimation.friction_per_recording import standard_per_recording
 from armid.estimation.prior import make_prior
 from armid.estimation.problem import EstimationProblem, StandardParameters
 from armid.estimation.standard_parameter_status import PriorUse
 from armid.estimation.whitened_system import WhitenedSystem, whiten
 from armid.threads import one_blas_thread
-from armid.values import Array
 
 CONSTRAINTS = ("3.52d", "3.53a", "3.53b", "3.53c", "3.53d", "3.53e", "3.53f")
 """All inequalities beside the bounds; (3.52c), positive masses, is the lower bound of the masses."""

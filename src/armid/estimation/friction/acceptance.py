@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from armid.checked_array import Array
 from armid.estimation.friction.candidates import Candidate, CandidateFamily
-from armid.values import Array
 
 LOWEST_RATIO = 0.1
 """Lower limit of the error ratio of a fold: one fold explained by chance must not outweigh all others."""

@@ -1,7 +1,7 @@
 """Friction candidates by family, the model extended by all of them, and the torque terms that they become.
 
 Which candidates there are, and what is particular to each, is in the files of the terms
-(`armid.model.terms.automatic`). The extended model holds the candidates of all joints, so that their
+(`armid.model.terms.selection_candidates`). The extended model holds the candidates of all joints, so that their
 columns are computed once. The selected candidates become ordinary torque terms, each restricted to the joints that
 have its shapes.
 """
@@ -15,14 +15,20 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from armid.estimation.friction.band_attenuation import RESOLVED, passed_height, passed_transition
+from armid.estimation.friction.laws_resolved_by_band import RESOLVED, passed_height, passed_transition
 from armid.information.hysteresis_states import with_hysteresis_states
 from armid.measurement.observations import Observations
 from armid.model.base_parameters import BaseParameters
-from armid.model.dynamics import DynamicsModel
+from armid.model.dynamics_model import DynamicsModel
 from armid.model.expression import Expression, symbols
 from armid.model.terms import TERMS, Coulomb, Law, Term
-from armid.model.terms.automatic import AutomaticChoice, Candidate, CandidateFamily, Option, automatic_choice
+from armid.model.terms.selection_candidates import (
+    AutomaticChoice,
+    Candidate,
+    CandidateFamily,
+    Option,
+    automatic_choice,
+)
 from armid.robot.robot import Robot
 
 SPEED_QUANTILE = 0.95

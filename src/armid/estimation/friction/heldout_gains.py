@@ -18,9 +18,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from armid.checked_array import Array
 from armid.estimation.crossvalidation import held_out_squares, training_information
 from armid.information.information import Information, select
-from armid.values import Array
 
 ROUNDING = 1e-11
 """Added to the diagonal of products with columns of unit length, so that dependent columns do not divide by zero. It

@@ -14,9 +14,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from armid.checked_array import Array
 from armid.errors import EstimationError
 from armid.estimation.crossvalidation import can_cross_validate, folds, one_standard_error
-from armid.estimation.estimate import torque_parameters
 from armid.estimation.estimators.ridge import Ridge
 from armid.estimation.friction.candidates import (
     Candidate,
@@ -28,21 +28,21 @@ from armid.estimation.friction.candidates import (
     friction_families,
     terms_of,
 )
+from armid.estimation.friction.forward_selection import HeldOutTrial, SelectionPath, select_forward
 from armid.estimation.friction.heldout_gains import GainPrior, HeldOutFolds, make_folds
-from armid.estimation.friction.search import HeldOutTrial, SelectionPath, select_forward
 from armid.estimation.friction.shape_fit import refine_shapes
-from armid.estimation.per_recording import contrasted, offset_names, separate_by_recording
+from armid.estimation.friction_per_recording import contrasted, offset_names, separate_by_recording
 from armid.estimation.prior import make_prior, project_covariance
 from armid.estimation.problem import EstimationProblem, build_problem
+from armid.estimation.saved_estimate import torque_parameters
 from armid.estimation.whitened_system import WhitenedSystem, whiten
 from armid.information.accumulate import accumulate_information
 from armid.information.information import Information, restrict, total
 from armid.maths.linalg import inverse_of
 from armid.measurement.observations import Observations
 from armid.model.base_parameters import find_base_parameters
-from armid.model.dynamics import DynamicsModel
+from armid.model.dynamics_model import DynamicsModel
 from armid.model.terms import Term
-from armid.values import Array
 
 FOLDS = 8
 """Number of folds: each leaves most of the data for training, and a standard error has seven degrees of freedom."""

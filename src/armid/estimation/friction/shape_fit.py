@@ -12,11 +12,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from armid.checked_array import Array
 from armid.estimation.friction.candidates import Candidate, CandidateModel, choice_of
+from armid.estimation.friction.forward_selection import SelectionPath
 from armid.estimation.friction.heldout_gains import GainPrior, make_folds
-from armid.estimation.friction.search import SelectionPath
 from armid.information.information import Information
-from armid.values import Array
 
 ExtendModel = Callable[[Sequence[frozenset[Candidate]]], tuple[CandidateModel, Information]]
 """Extends the model by candidates of each joint and computes the information of the data for it."""

@@ -20,7 +20,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from armid.values import Array
+from armid.checked_array import Array
 
 RETURN = 100.0
 """Largest ratio of forgotten to new information in a direction. Motion with a tenth of the earlier amplitude still

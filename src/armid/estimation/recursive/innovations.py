@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from armid.checked_array import Array
 from armid.estimation.recursive.state import Innovations, RecursiveState
 from armid.information.information import Information
-from armid.values import Array
 
 CREEP = 2.0
 """Limit of a block's squared error, over the usual one, in the average that gives the usual error, where the block

@@ -24,6 +24,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from armid.checked_array import Array, array
 from armid.errors import EstimationError
 from armid.estimation.fit_result import CovarianceReport, Fit
 from armid.estimation.recursive.forgetting import discount, retained_rows
@@ -35,7 +36,6 @@ from armid.information.information import Information, JointFactors, merge, stac
 from armid.kernel import factor_columns
 from armid.maths.linalg import condition, inverse_of, scaled_condition
 from armid.maths.median import median
-from armid.values import Array, array
 
 ITERATIONS = 1000
 STANDSTILL = 1e-9

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from armid.checked_array import Array
 from armid.errors import EstimationError
 from armid.estimation.whitened_system import minimum_norm_solution
 from armid.information.information import FactorOrigin, Information, JointFactors
 from armid.model.parameter_name import ParameterName
-from armid.values import Array
 
 JUMP = 1000.0
 """Standard deviation of a sudden change of a parameter, over that of its estimate: larger than any real change."""

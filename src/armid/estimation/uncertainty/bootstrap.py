@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from armid.checked_array import Array
 from armid.estimation.fit_result import Fit
 from armid.estimation.uncertainty.jackknife import block_products, group_blocks
 from armid.information.information import Information
-from armid.values import Array
 
 
 def bootstrap(fit: Fit, information: Information, *, draws: int = 1000, seed: int = 0, per_group: int = 1) -> Array:

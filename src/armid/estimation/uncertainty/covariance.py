@@ -25,14 +25,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from armid.checked_array import Array
 from armid.estimation.fit_result import CovarianceReport, Fit
 from armid.estimation.problem import EstimationProblem
 from armid.estimation.standard_parameter_status import stated
-from armid.estimation.uncertainty.frequency_bands import BandProducts, band_products, find_periods
-from armid.estimation.uncertainty.jackknife import RepetitionBlocks, correlation, group_blocks, jackknife, periods
-from armid.estimation.uncertainty.noise_spectrum import MAX_SIZE, LevelScatter, NoiseModel
-from armid.estimation.uncertainty.reversals import shift_by_reversals
-from armid.estimation.uncertainty.thresholds import (
+from armid.estimation.uncertainty.covariance_choice_thresholds import (
     EXPECTED_SHIFT,
     FEWEST_BLOCKS,
     FEWEST_PERIODS,
@@ -44,11 +41,14 @@ from armid.estimation.uncertainty.thresholds import (
     SHIFT_SHARE,
     WHITENESS_LEVEL,
 )
+from armid.estimation.uncertainty.cross_products_by_frequency import BandProducts, band_products, find_periods
+from armid.estimation.uncertainty.jackknife import RepetitionBlocks, correlation, group_blocks, jackknife, periods
+from armid.estimation.uncertainty.noise_spectrum import MAX_SIZE, LevelScatter, NoiseModel
+from armid.estimation.uncertainty.reversal_sensitivity import shift_by_reversals
 from armid.estimation.uncertainty.whiteness import whiteness
 from armid.information.hysteresis_states import with_hysteresis_states
 from armid.information.information import Information, stack, total
 from armid.threads import one_blas_thread
-from armid.values import Array
 
 SMALLEST_P = 1e-6
 """Smallest probability that a message states."""

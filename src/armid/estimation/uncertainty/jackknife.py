@@ -18,10 +18,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from armid.estimation.uncertainty.thresholds import SAME_PRODUCTS
+from armid.checked_array import Array
+from armid.estimation.uncertainty.covariance_choice_thresholds import SAME_PRODUCTS
 from armid.information.information import Information
 from armid.measurement.observations import ObservedRun
-from armid.values import Array
 
 RIDGE = 1e-12
 """Added to the diagonal of H, relative: a direction that only one block determines then gets a very large

@@ -18,9 +18,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from armid.estimation.uncertainty.frequency_bands import BandProducts
+from armid.checked_array import Array
+from armid.estimation.uncertainty.cross_products_by_frequency import BandProducts
 from armid.maths.linalg import root_of
-from armid.values import Array
 
 LOWEST_KNOT_SIZE = 10.0
 """Real numbers of the spectrum below the second knot, few but enough to estimate the lowest level."""

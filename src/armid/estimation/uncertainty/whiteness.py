@@ -10,9 +10,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from armid.checked_array import Array
 from armid.estimation.uncertainty.noise_spectrum import NoiseModel
 from armid.maths.distributions import chi_squared_survival
-from armid.values import Array
 
 
 def whiteness(model: NoiseModel, moments: Array, squares: Array, parts: Array, rows: Array) -> float:

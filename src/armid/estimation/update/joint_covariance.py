@@ -13,16 +13,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from armid.checked_array import Array
 from armid.estimation.fit_result import Fit
 from armid.estimation.problem import EstimationProblem
 from armid.estimation.uncertainty.covariance import Uncertainty
 from armid.estimation.uncertainty.jackknife import blend_with_textbook
-from armid.estimation.uncertainty.reversals import shift_of_unknowns
-from armid.estimation.update.stacked_problem import EarlierErrors
+from armid.estimation.uncertainty.reversal_sensitivity import shift_of_unknowns
+from armid.estimation.update.earlier_and_new_problem import EarlierErrors
 from armid.information.information import Information, stack
 from armid.maths.linalg import root_of, unit_columns
 from armid.maths.median import median
-from armid.values import Array
 
 ROUNDING = 1e-9
 """Share of the earlier rows outside the span of the earlier parameters that counts as rounding error."""

@@ -13,14 +13,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from armid.checked_array import Array
 from armid.errors import EstimationError
 from armid.estimation.fit_result import Fit
 from armid.estimation.uncertainty.covariance import estimate_covariance
+from armid.estimation.update.earlier_and_new_problem import StackedProblem, right_hand_sides, triangular
 from armid.estimation.update.joint_covariance import JointCovariance, prior_information
-from armid.estimation.update.stacked_problem import StackedProblem, right_hand_sides, triangular
 from armid.information.information import Information, JointFactors, select, stack, total
 from armid.maths.linalg import condition, null_directions, scaled_condition, unit_columns
-from armid.values import Array
 
 TOLERANCE = 1e-9
 """Largest relative change of weights and scales that ends the iteration: far below any effect on the estimate."""

@@ -19,11 +19,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from armid.checked_array import Array, array
 from armid.errors import EstimationError
-from armid.estimation.estimate import Status
 from armid.estimation.link_properties import ENTERING
+from armid.estimation.saved_estimate import Status
+from armid.estimation.update.earlier_and_new_problem import StackedProblem
 from armid.estimation.update.joint_solution import JointSolution, solve_stacked
-from armid.estimation.update.stacked_problem import StackedProblem
 from armid.maths.conic_solver import Cone, solve_cones, upper_triangle
 from armid.maths.distributions import student_quantile
 from armid.maths.inertia import (
@@ -33,7 +34,6 @@ from armid.maths.inertia import (
     pseudo_inertia,
     vector_to_com_inertia,
 )
-from armid.values import Array, array
 
 LOAD_NAMES = ("M", "MX", "MY", "MZ", "XX", "XY", "YY", "XZ", "YZ", "ZZ")
 """Names of the payload's parameters, in the order used everywhere."""

@@ -18,12 +18,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from armid.checked_array import Array
 from armid.estimation.crossvalidation import held_out_squares
+from armid.estimation.update.earlier_and_new_problem import StackedProblem
 from armid.estimation.update.joint_solution import solve_values
-from armid.estimation.update.stacked_problem import StackedProblem
 from armid.estimation.whitened_system import WhitenedSystem
 from armid.information.information import Information
-from armid.values import Array
 
 FALSE_ALARMS = 1e-3
 """Probability of the F test to report a recording whose load is on the named link, all joints together."""

@@ -15,18 +15,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from armid.checked_array import Array
 from armid.errors import ArmidError, Finding
 from armid.excitation.collision.coal import distances, too_close
-from armid.excitation.collision.convex_hulls import parts_of
+from armid.excitation.collision.hull_distances import parts_of
 from armid.excitation.collision.ignored_pairs import IgnoredBodies, IgnoredPair, ignored_pairs
 from armid.excitation.collision.pairs import bounding_volumes, joints_between, stands
 from armid.excitation.collision.required_distances import ALWAYS, HALF, LEAST, MOSTLY, RARE
 from armid.excitation.limits.joint_limits import Limits
-from armid.robot.body_names import BodyPair
+from armid.robot.collision_body_names import BodyPair
 from armid.robot.kinematics import forward_kinematics
 from armid.robot.robot import Robot
 from armid.robot.shapes import Shape
-from armid.values import Array
 
 STEP, FEWEST = 0.05, 60
 """Step of the positions of a revolute joint [rad], and smallest number of positions, in which distances are

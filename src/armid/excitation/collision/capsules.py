@@ -15,8 +15,8 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from armid.checked_array import Array
 from armid.robot.shapes import Shape, capsule_between
-from armid.values import Array
 
 Made = TypeVar("Made")
 

@@ -15,14 +15,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from armid.checked_array import Array
 from armid.excitation.collision.adjacent_links import AdjacentPair, spread_positions
 from armid.excitation.collision.coal import distances, too_close, whole
 from armid.excitation.collision.collision_model import CollisionOptions
-from armid.excitation.collision.convex_hulls import parts_of
-from armid.robot.body_names import BodyPair
+from armid.excitation.collision.hull_distances import parts_of
+from armid.robot.collision_body_names import BodyPair
 from armid.robot.kinematics import forward_kinematics
 from armid.robot.robot import Robot
-from armid.values import Array
 
 RATE = 250.0
 """Rate of the poses in which distances are computed [Hz]."""

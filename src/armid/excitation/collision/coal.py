@@ -1,7 +1,7 @@
 """Distances computed with Coal, a library installed with Pinocchio: of bodies, and of convex bodies around them.
 
 Coal is much slower than the capsules of armid. Distances of the bodies themselves are therefore computed only after a
-plan is finished, and those of convex bodies (`armid.excitation.collision.convex_hulls`) only if capsules are too
+plan is finished, and those of convex bodies (`armid.excitation.collision.hull_distances`) only if capsules are too
 wide.
 """
 
@@ -18,9 +18,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from armid.checked_array import Array
 from armid.errors import ArmidError
 from armid.robot.shapes import Shape
-from armid.values import Array
 
 Parts = Callable[[Shape], Sequence[Any]]
 """Function that gives the Coal geometries that represent a body, in the frame of the body."""

@@ -8,11 +8,12 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from armid.checked_array import Array
 from armid.errors import ArmidError
 from armid.excitation.collision.adjacent_links import NO_ADJACENT, AdjacentLinks, adjacent_links
 from armid.excitation.collision.coal import distances, too_close
-from armid.excitation.collision.convex_hulls import Hulls
 from armid.excitation.collision.distances import Clearance, CollisionBodies
+from armid.excitation.collision.hull_distances import Hulls
 from armid.excitation.collision.ignored_pairs import IgnoredBodies, IgnoredPair, ignored_pairs
 from armid.excitation.collision.pairs import pairs_of_bodies, stands
 from armid.excitation.collision.required_distances import (
@@ -29,7 +30,6 @@ from armid.robot.collision_from_visual import missing_bodies
 from armid.robot.kinematics import forward_kinematics
 from armid.robot.robot import Robot
 from armid.robot.shapes import Shape
-from armid.values import Array
 
 LOOKED = 3000
 """Number of random poses in which distances are computed, to find the pairs that are never close. The search ignores

@@ -3,8 +3,8 @@
 A search computes distances millions of times. It therefore represents the bodies of the arm by capsules
 (`armid.excitation.collision.capsules`). A body for which one capsule would be too wide is represented by several.
 Boxes and half-spaces of the surroundings are exact. If capsules overlap but bodies do not, tighter convex hulls are
-used (`armid.excitation.collision.convex_hulls`). After a plan is finished, `armid.excitation.collision.coal` computes
-the distances of the bodies themselves.
+used (`armid.excitation.collision.hull_distances`). After a plan is finished, `armid.excitation.collision.coal`
+computes the distances of the bodies themselves.
 """
 
 from __future__ import annotations
@@ -16,15 +16,15 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from armid.excitation.collision.convex_hulls import Hulls
+from armid.checked_array import Array
+from armid.excitation.collision.hull_distances import Hulls
 from armid.excitation.collision.segment_distances import TINY, nearest_on_box, nearest_on_segments
 from armid.excitation.limits.constraints import States
 from armid.excitation.limits.workspace import SCALE, carried_by, point_gradient
 from armid.kernel.tree import Tree
-from armid.maths.spatial import homogeneous
-from armid.robot.body_names import BodyPair
+from armid.maths.rotations import homogeneous
+from armid.robot.collision_body_names import BodyPair
 from armid.robot.shapes import Shape, rotation_with_z
-from armid.values import Array
 
 FEW, REACH = 80, 0.15
 """Number of pairs above which a stage of a search uses only the pairs that come within a distance [m], and this

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from armid.errors import ArmidError, did_you_mean
-from armid.maths.spatial import homogeneous, rpy_rotation
+from armid.maths.rotations import homogeneous, rpy_rotation
 from armid.robot.robot import Robot
 from armid.robot.shapes import Shape, rotation_with_z
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from armid.errors import ArmidError, did_you_mean
-from armid.robot.body_names import BodyPair, link_of
+from armid.robot.collision_body_names import BodyPair, link_of
 from armid.robot.joint_selection import matching
 
 

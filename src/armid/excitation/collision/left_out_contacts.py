@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from armid.checked_array import Array
 from armid.errors import Finding
 from armid.excitation.collision.adjacent_links import spread_positions
 from armid.excitation.collision.coal import too_close
@@ -22,7 +23,6 @@ from armid.excitation.collision.required_distances import ALWAYS, HALF
 from armid.notebook import plural
 from armid.robot.kinematics import forward_kinematics
 from armid.robot.robot import Robot
-from armid.values import Array
 
 EVERY = 5
 """Stride of the poses that are examined: bodies that touch for a shorter time hardly overlap."""

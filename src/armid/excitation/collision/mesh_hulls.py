@@ -18,11 +18,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
+from armid.checked_array import Array
 from armid.excitation.collision.cache import Arrays, keep, kept
 from armid.excitation.collision.capsules import Points, around, covering, cuts_of, smallest, volume_of
 from armid.excitation.collision.coal import apart, convex, mesh_faces, stamp, version
 from armid.robot.shapes import Shape
-from armid.values import Array
 
 FORMAT = 1
 """Version of the entries in the cache folder; it is increased if the computation of the bounding volumes changes."""

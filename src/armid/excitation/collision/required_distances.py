@@ -16,12 +16,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from armid.checked_array import Array
 from armid.excitation.collision.coal import distances
 from armid.excitation.collision.pairs import joints_between, stands
 from armid.robot.kinematics import forward_kinematics
 from armid.robot.robot import Robot
 from armid.robot.shapes import Shape
-from armid.values import Array
 
 BY_CAPSULES, MEASURED, LEFT_OUT = 0, 1, 2
 """Ways to check a pair: with bounding volumes; with the bodies themselves, after the search; or not at all."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from armid.values import Array
+from armid.checked_array import Array
 
 TINY = 1e-12
 """Squared length [m²] below which a segment is treated as a point."""

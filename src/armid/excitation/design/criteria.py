@@ -16,8 +16,8 @@ from typing import Any, cast
 
 import numpy as np
 
+from armid.checked_array import Array
 from armid.errors import ArmidError, did_you_mean
-from armid.values import Array
 
 lapack: Any = import_module("scipy.linalg.lapack")
 

@@ -24,6 +24,7 @@ from pathlib import Path
 
 import numpy as np
 
+from armid.checked_array import Array
 from armid.errors import ArmidError
 from armid.excitation.collision.distances import Clearance
 from armid.excitation.design.interior_point import descend_inside
@@ -40,7 +41,6 @@ from armid.excitation.design.sqp import (
 from armid.excitation.limits.constraints import States
 from armid.excitation.limits.workspace import Workspace
 from armid.threads import ONE_THREAD
-from armid.values import Array
 
 SCOUTS, REFINED = 6, 2
 """Number of starting points of a round, and number of results that are refined in the sharp stages. The value after

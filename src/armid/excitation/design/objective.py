@@ -13,15 +13,15 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
+from armid.checked_array import Array, array
 from armid.errors import ArmidError
 from armid.excitation.design.criteria import make_criterion
 from armid.excitation.design.regressor_gradients import Columns
 from armid.excitation.rest_to_rest_basis import SeriesBasis
 from armid.information.column_source import ColumnSource, column_source
 from armid.model.base_parameters import BaseParameters
-from armid.model.dynamics import DynamicsModel
+from armid.model.dynamics_model import DynamicsModel
 from armid.model.motion import Motion
-from armid.values import Array, array
 
 SIGNIFICANT = 3.0
 """Ratio of estimate and standard deviation from which a parameter counts as significant. By chance, three of a

@@ -9,9 +9,9 @@ from __future__ import annotations
 import numpy as np
 
 from armid import kernel
+from armid.checked_array import Array
 from armid.excitation.design.term_columns import TermRows
 from armid.information.column_source import ColumnSource
-from armid.values import Array
 
 
 class Columns:

@@ -17,11 +17,11 @@ from functools import cached_property
 import numpy as np
 from scipy.optimize import minimize
 
+from armid.checked_array import Array
 from armid.excitation.collision.distances import Clearance
 from armid.excitation.design.objective import CriterionGoal, Objective
 from armid.excitation.limits.constraints import ConstraintChannel, States, soft_maximum
 from armid.excitation.rest_to_rest_basis import SeriesBasis
-from armid.values import Array
 
 CHECKED = 80.0
 """Points per period of the highest harmonic, for the grid on which candidates are compared. With this grid, the

@@ -12,11 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from armid.checked_array import Array
 from armid.errors import ModelError
 from armid.excitation.design.smoothed_laws import smoothed
 from armid.information.column_source import ColumnSource
 from armid.model.expression import FUNCTIONS, Expression, derivative
-from armid.values import Array
 
 STATES = ("q", "dq", "ddq")
 

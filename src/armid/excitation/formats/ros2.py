@@ -7,10 +7,10 @@ import re
 
 import numpy as np
 
+from armid.checked_array import Array
 from armid.errors import ArmidError
 from armid.excitation.formats.sampled_motion import PLAN_MARK, SampledMotion, plan_in_comments
 from armid.model.motion import Motion
-from armid.values import Array
 
 SUFFIX = ".trajectory.yaml"
 RATE = 100.0

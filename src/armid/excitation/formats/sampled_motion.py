@@ -7,9 +7,9 @@ from typing import Protocol
 
 import numpy as np
 
+from armid.checked_array import Array
 from armid.errors import ArmidError
 from armid.model.motion import Motion
-from armid.values import Array
 
 PLAN_MARK = "armid-plan "
 """Text before the plan in formats that have comments; the plan is one line of JSON in a comment."""

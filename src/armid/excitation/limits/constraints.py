@@ -17,11 +17,11 @@ from typing import Protocol
 
 import numpy as np
 
+from armid.checked_array import Array
 from armid.excitation.design.objective import Objective
 from armid.excitation.design.regressor_gradients import Columns
 from armid.information.column_source import ColumnSource
 from armid.robot.kinematics import forward_kinematics
-from armid.values import Array
 
 ROUND = 1e-8
 """Number that is added under the square root of an amplitude [(rad/s)²], so that the amplitude has a derivative where

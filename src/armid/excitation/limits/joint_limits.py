@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from armid.checked_array import Array, array
 from armid.errors import ArmidError, Finding, did_you_mean
 from armid.excitation.limits.constraints import AmplitudeLimit, CoefficientLimit, ConstraintChannel, RangeLimit
 from armid.excitation.limits.torque_limits import Torque, TorqueModel
@@ -16,7 +17,6 @@ from armid.excitation.rest_to_rest_basis import SeriesBasis
 from armid.model.motion import Motion
 from armid.robot.joint_selection import matching
 from armid.robot.robot import Robot
-from armid.values import Array, array
 
 KINDS = ("position", "velocity", "acceleration", "jerk", "effort")
 """Kinds of limits of a joint."""

@@ -14,8 +14,8 @@ from math import comb
 
 import numpy as np
 
+from armid.checked_array import Array
 from armid.kernel import Tree
-from armid.values import Array
 
 Jet = Sequence[float]
 

@@ -7,14 +7,14 @@ from functools import cached_property
 
 import numpy as np
 
+from armid.checked_array import Array
 from armid.excitation.design.objective import CriterionGoal
 from armid.excitation.design.regressor_gradients import Columns
 from armid.excitation.limits.constraints import States
 from armid.excitation.limits.torque_curvature import ORDERS, torque_curvature
 from armid.information.column_source import ColumnSource, column_source
 from armid.model.base_parameters import BaseParameters
-from armid.model.dynamics import DynamicsModel
-from armid.values import Array
+from armid.model.dynamics_model import DynamicsModel
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from armid.checked_array import Array
 from armid.excitation.limits.constraints import States
 from armid.kernel.tree import Tree
-from armid.values import Array
 
 SCALE = 0.1
 """Distance [m] from the limit at which the utilisation is zero; at the limit the utilisation is one."""

@@ -19,6 +19,7 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from armid.checked_array import Array
 from armid.errors import Finding, OutputError, RobotError
 from armid.export.body_split import placed
 from armid.export.other_programs import mujoco_witness, pinocchio_witness
@@ -39,7 +40,6 @@ from armid.robot.pinocchio_model import build, pinocchio
 from armid.robot.readers import mjcf as reader
 from armid.robot.robot import InertialParameters, Robot
 from armid.robot.xml import parse_xml
-from armid.values import Array
 
 SUFFIX: str = ".xml"
 

@@ -14,6 +14,7 @@ from xml.sax.saxutils import escape, quoteattr
 
 import numpy as np
 
+from armid.checked_array import Array
 from armid.errors import OutputError
 from armid.export.types import (
     Body,
@@ -27,9 +28,8 @@ from armid.export.types import (
     text_of,
     unique_names,
 )
-from armid.maths.spatial import homogeneous, rpy_rotation
+from armid.maths.rotations import homogeneous, rpy_rotation
 from armid.robot.robot import Frame, InertialParameters, Joint, Link, Robot
-from armid.values import Array
 
 SUFFIX: str = ".sdf"
 

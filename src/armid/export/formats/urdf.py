@@ -16,6 +16,7 @@ from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
+from armid.checked_array import Array
 from armid.errors import Finding, OutputError
 from armid.export.body_split import placed
 from armid.export.other_programs import mujoco_witness, pinocchio_witness
@@ -32,11 +33,10 @@ from armid.export.types import (
     unique_names,
 )
 from armid.export.xml_edit import Document, XmlNode, element_text
-from armid.maths.spatial import homogeneous, rpy_rotation
+from armid.maths.rotations import homogeneous, rpy_rotation
 from armid.robot.readers import urdf as reader
 from armid.robot.readers.xacro import expand
 from armid.robot.robot import InertialParameters, Joint, Robot
-from armid.values import Array
 
 SUFFIX: str = ".urdf"
 

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from armid.checked_array import Array
 from armid.errors import RecordingError
 from armid.maths.median import median
-from armid.measurement.columns.names import Clock, clock_of, named, time_unit, words
-from armid.values import Array
+from armid.measurement.columns.column_name_parsing import Clock, clock_of, named, time_unit, words
 
 Values = Callable[[str], NDArray[np.generic]]
 """Function that returns the numbers of a column, or raises `RecordingError` if the column is not numeric."""

@@ -6,13 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from armid.checked_array import Array
 from armid.errors import Finding, RecordingError, did_you_mean
 from armid.maths.median import median
-from armid.measurement.columns.joint_names import comparison
+from armid.measurement.columns.joint_name_comparison import comparison
 from armid.measurement.log_format import LogFormat
 from armid.measurement.recording import Recording
 from armid.robot.robot import Held, Robot
-from armid.values import Array
 
 MOVES = {"rad": 0.01, "m": 1e-3}
 """Position range above which a locked joint counts as moving; noise and the play of a brake stay below it."""

@@ -12,9 +12,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from armid.checked_array import Array
 from armid.errors import Finding, RecordingError
 from armid.measurement.columns.clocks import Values, evenly_growing, unit_of_step
-from armid.measurement.columns.joint_names import other_arm, refuse_other_joints
+from armid.measurement.columns.joint_name_comparison import other_arm, refuse_other_joints
 from armid.measurement.columns.pattern_matching import ClockRequest, Guess, guess_columns
 from armid.measurement.columns.units import factors, hold_current, overruled, stated_units, unit_fields
 from armid.measurement.columns.unread import ambiguous_columns, effort_possible, no_such_column, positions_missing
@@ -23,7 +24,6 @@ from armid.measurement.log_format_remedies import lines, naming
 from armid.measurement.recording import Recording
 from armid.remedy import Remedy, setting
 from armid.robot.robot import Robot
-from armid.values import Array
 
 DEFAULTS: Mapping[str, tuple[str, ...]] = {
     "time": ("t", "time", "timestamp"),

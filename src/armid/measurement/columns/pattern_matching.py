@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from armid.measurement.columns.clocks import ClockRequest, Values, clock_columns
-from armid.measurement.columns.names import ColumnName, clock_of, named, words
+from armid.measurement.columns.column_name_parsing import ColumnName, clock_of, named, words
 
 MOTION = ("q", "dq", "ddq")
 

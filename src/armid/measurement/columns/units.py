@@ -7,7 +7,14 @@ from collections.abc import Collection, Mapping, Sequence
 from itertools import repeat
 from typing import Any
 
-from armid.measurement.columns.names import column_unit, quantity_of, split_time, split_unit, time_unit, words
+from armid.measurement.columns.column_name_parsing import (
+    column_unit,
+    quantity_of,
+    split_time,
+    split_unit,
+    time_unit,
+    words,
+)
 from armid.measurement.log_format import LogFormat
 
 DEGREE = 0.017453292519943295

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from armid.errors import Finding, RecordingError
 from armid.measurement.columns.clocks import ClockRequest
-from armid.measurement.columns.names import split_unit, words
+from armid.measurement.columns.column_name_parsing import split_unit, words
 from armid.measurement.columns.pattern_matching import shortened
 from armid.measurement.log_format import PRESETS, LogFormat
 from armid.measurement.log_format_remedies import naming

@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from armid.checked_array import Array
 from armid.errors import RecordingError
 from armid.maths.median import median
-from armid.maths.resampling import resample
+from armid.maths.signals.resampling import resample
 from armid.measurement.log_format import LogFormat
 from armid.measurement.recording import Recording
-from armid.values import Array
 
 BRIDGED = 0.02
 """Longest time step over which torque is interpolated [s]: a tenth of a period at 5 Hz. Steps up to `USUAL` median

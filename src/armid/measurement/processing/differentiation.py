@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from armid.maths.signal_derivatives import central_difference, periodic_derivative
-from armid.maths.signals import (
+from armid.checked_array import Array
+from armid.maths.signals.derivatives import central_difference, periodic_derivative
+from armid.maths.signals.zero_phase_filters import (
     filtered_derivatives,
     low_pass,
     periodic_filter,
@@ -12,7 +13,6 @@ from armid.maths.signals import (
 from armid.measurement.processing.options import ProcessingOptions
 from armid.measurement.processing.resampling import Stretch
 from armid.model.motion import Motion
-from armid.values import Array
 
 
 def motion_filter(processing: ProcessingOptions, rate: float) -> Array | None:

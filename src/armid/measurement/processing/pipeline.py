@@ -13,8 +13,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from armid.checked_array import array
 from armid.errors import Finding, RecordingError
-from armid.maths.resampling import automatic_cutoff
+from armid.maths.signals.motion_cutoff import automatic_cutoff
 from armid.measurement.observations import Observations, ObservedRun
 from armid.measurement.processing.differentiation import differentiate
 from armid.measurement.processing.options import ProcessingOptions
@@ -35,7 +36,6 @@ from armid.measurement.processing.standstill import position_noise, standstill_f
 from armid.measurement.recording import Recording
 from armid.model.motion import Motion
 from armid.remedy import Remedy, setting
-from armid.values import array
 
 SHORTEST = 4
 """Number of samples that one-sided differences at the ends of a run need."""

@@ -6,11 +6,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from armid.checked_array import Array
 from armid.errors import Finding, RecordingError
-from armid.maths.resampling import periodic_delay, periodic_shift
+from armid.maths.signals.delay import periodic_delay, periodic_shift
 from armid.measurement.processing.resampling import Stretch
 from armid.remedy import Remedy, setting
-from armid.values import Array
 
 SHORT = 1.0
 """Samples that the last repetition may lack: a log of K periods of m samples often ends with sample K m - 1."""

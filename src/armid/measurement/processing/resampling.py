@@ -9,12 +9,12 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from armid.checked_array import Array
 from armid.errors import Finding, RecordingError
 from armid.maths.median import median
-from armid.maths.resampling import resample
+from armid.maths.signals.resampling import resample
 from armid.measurement.recording import Recording
 from armid.remedy import Remedy, setting
-from armid.values import Array
 
 GAP_STEPS = 2.5
 """Number of median steps from which a step counts as a gap; two successive lost samples exceed it, jitter does

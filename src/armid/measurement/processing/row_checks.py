@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from armid.checked_array import Array
 from armid.errors import Finding, RecordingError
 from armid.maths.median import median
 from armid.measurement.log_format import LogFormat
 from armid.measurement.log_format_remedies import excluding, lines, naming
 from armid.measurement.processing.clock_checks import RATE_TOLERANCE, check_clock, without_ties
 from armid.measurement.recording import Recording, kept_rows, recording_error
-from armid.values import Array
 
 MIN_SAMPLES = 10
 """Smallest number of samples; fewer are not enough for derivatives at both ends and for residuals."""

@@ -8,13 +8,13 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from armid.maths.signals import edge_samples, low_pass
+from armid.checked_array import Array
+from armid.maths.signals.zero_phase_filters import edge_samples, low_pass
 from armid.measurement.observations import ObservedRun
 from armid.measurement.processing.differentiation import motion_filter
 from armid.measurement.processing.options import ProcessingOptions
 from armid.measurement.processing.resampling import Stretch
 from armid.model.motion import Motion
-from armid.values import Array
 
 TRIM = 0.5
 """Default time left out at each end of a run whose ends are dropped [s]."""

@@ -28,11 +28,11 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from armid.checked_array import Array
 from armid.errors import Finding
 from armid.maths.median import median
 from armid.measurement.processing.row_mask import MOST_STILL
 from armid.measurement.recording import Recording
-from armid.values import Array
 
 SPAN = 0.024
 """Time over which a speed is measured [s]. Encoder noise of 1e-5 rad at 1 kHz then causes a noise of 3e-4 rad/s,

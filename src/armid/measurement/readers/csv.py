@@ -9,13 +9,13 @@ import zlib
 from dataclasses import replace
 from pathlib import Path
 
+from armid.checked_array import Array
 from armid.errors import MissingExtraError, RecordingError
 from armid.measurement.columns.lookup import assemble, select
 from armid.measurement.log_format import LogFormat
 from armid.measurement.recording import Recording
 from armid.measurement.text_table import decoded, numbers_of, seconds_of, table_of
 from armid.robot.robot import Robot
-from armid.values import Array
 
 EXTRA = "io"
 

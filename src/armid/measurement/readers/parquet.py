@@ -6,12 +6,12 @@ from pathlib import Path
 
 import numpy as np
 
+from armid.checked_array import Array
 from armid.errors import MissingExtraError, RecordingError
 from armid.measurement.columns.lookup import assemble, numeric, select
 from armid.measurement.log_format import LogFormat
 from armid.measurement.recording import Recording
 from armid.robot.robot import Robot
-from armid.values import Array
 
 EXTRA = "io"
 

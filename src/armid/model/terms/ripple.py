@@ -12,8 +12,8 @@ from typing import ClassVar
 
 from armid.errors import ModelError
 from armid.model.expression import Expression, cosine, sine, symbol
-from armid.model.terms.automatic import AutomaticChoice, CandidateFamily, one_by_one
 from armid.model.terms.checks import require_positive, require_rising
+from armid.model.terms.selection_candidates import AutomaticChoice, CandidateFamily, one_by_one
 from armid.model.terms.term import Law, listed, single_joint_laws
 from armid.robot.robot import Robot
 

@@ -46,8 +46,8 @@ class Term(Protocol):
     """Torque term: a frozen dataclass whose fields are its shapes, for instance widths or knots.
 
     A term may have three things more: `automatic`, its part in the automatic selection of friction
-    (`armid.model.terms.automatic`); `describe`, its shapes in words; and `smooths_sign = True` if its shape `width`
-    only smooths a sign, which a simulation sharpens.
+    (`armid.model.terms.selection_candidates`); `describe`, its shapes in words; and `smooths_sign = True` if its
+    shape `width` only smooths a sign, which a simulation sharpens.
 
     Attributes:
         name: Name of the torque term in a study.

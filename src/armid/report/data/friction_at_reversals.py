@@ -8,8 +8,8 @@ from itertools import pairwise
 
 import numpy as np
 
+from armid.checked_array import Array
 from armid.report.data.recording_data import RecordingData
-from armid.values import Array
 
 HALF_WINDOW = 0.6
 """Time shown before and after a reversal [s]; several times the duration of presliding in a gear."""

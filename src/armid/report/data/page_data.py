@@ -8,17 +8,17 @@ from pathlib import Path
 
 import numpy as np
 
+from armid.checked_array import Array
 from armid.errors import ArmidError
 from armid.report.data.recording_data import RecordingData, evaluate_recording
 from armid.robot import Joint
 from armid.runs.consistency_check import Verdict, certify_run
 from armid.runs.locate_recording import read_recording_of
-from armid.runs.records import RunRecords, read_records, trained_and_validated
+from armid.runs.read_records import RunRecords, read_records, trained_and_validated
 from armid.runs.run import Run
 from armid.study.config import Study
 from armid.study.recordings.processed import ProcessedRecording, process_each
 from armid.validation.prediction import PredictedRecording, Score, Validation
-from armid.values import Array
 
 MAX_DRAWN = 3
 """Largest number of plotted recordings of each role; the tables include all."""

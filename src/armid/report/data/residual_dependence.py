@@ -9,11 +9,11 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from armid.checked_array import Array
 from armid.maths.median import median
 from armid.measurement.processing.options import ProcessingOptions
 from armid.report.data.friction_at_reversals import HALF_WINDOW, since_reversal
 from armid.report.data.recording_data import RecordingData, concatenated
-from armid.values import Array
 
 BINS = 12
 """Number of classes of velocity, position and time, so that each class has a dozen rows in short recordings."""

@@ -6,11 +6,11 @@ from html import escape
 
 import numpy as np
 
+from armid.checked_array import Array
 from armid.report.data.joint_names import label_of
 from armid.report.data.page_data import PageData
 from armid.robot import Robot
 from armid.robot.kinematics import forward_kinematics, frame_pose
-from armid.values import Array
 
 SIZE = 240.0
 """Edge of the picture [px]."""

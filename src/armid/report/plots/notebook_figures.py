@@ -24,13 +24,13 @@ from armid.errors import ArmidError, did_you_mean
 from armid.excitation.fourier import Excitation
 from armid.excitation.limits.joint_limits import Limits, described_limits
 from armid.excitation.plan import Plan
-from armid.model.dynamics import DynamicsModel
+from armid.model.dynamics_model import DynamicsModel
 from armid.model.terms import RigidBody
 from armid.report.data.joint_names import heading_of, residual_title
 from armid.report.data.page_data import PageData, with_recordings
+from armid.report.planned_motion import motion_section
 from armid.report.plots.plot_data import Plot
 from armid.report.plots.style import Theme, axes_of, colours, levels_of, resolved, trace_style
-from armid.report.preflight_page import motion_section
 from armid.report.rendering import require_extra
 from armid.report.section import Section
 from armid.report.sections.friction import show_friction

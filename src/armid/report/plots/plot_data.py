@@ -13,7 +13,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from armid.values import Array
+from armid.checked_array import Array
 
 LINE_INTERVALS = 700
 """Number of intervals of a line; each keeps its smallest and largest value, enough for the width of a plot."""

@@ -10,11 +10,11 @@ import re
 from collections.abc import Callable, Mapping
 from typing import Any, Literal, get_args
 
+from armid.checked_array import Array
 from armid.errors import ArmidError, did_you_mean
 from armid.report.plots.encoding import packed
 from armid.report.plots.plot_data import Plot, PlotTrace
 from armid.report.rendering import text_of
-from armid.values import Array
 
 Theme = Literal["light", "dark"]
 

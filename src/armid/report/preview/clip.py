@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from armid.checked_array import Array
 from armid.excitation.plan import Plan
 from armid.excitation.poses_and_sweeps import Moves
 from armid.measurement.recording import Recording
 from armid.model.motion import Motion
-from armid.values import Array
 
 FRAMES = 30.0
 """Frame rate [Hz]; the page interpolates between frames, with errors below a millimetre at the speeds of arms."""

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from armid.checked_array import Array
 from armid.maths.inertia import vector_to_com_inertia
 from armid.robot.robot import Robot
-from armid.values import Array
 
 LIGHTEST = 1e-4
 """Mass below which a link counts as massless [kg]."""

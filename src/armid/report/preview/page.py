@@ -11,20 +11,20 @@ from typing import Any
 
 import numpy as np
 
+from armid.checked_array import Array
 from armid.errors import Finding
 from armid.excitation.collision.collision_model import CollisionOptions
 from armid.excitation.limits.joint_limits import Limits, described_limits
 from armid.report.page_file import write_html
 from armid.report.plots.encoding import compressed, embedded, packed
-from armid.report.preview.approach import NearestBodies, closest
 from armid.report.preview.clip import Clip
 from armid.report.preview.masses import MassLayer
+from armid.report.preview.nearest_bodies import NearestBodies, closest
 from armid.report.preview.scene import bodies_of, joint_records, reach_of, surroundings_of
 from armid.report.rendering import environment, require_extra, text_of
 from armid.robot.kinematics import forward_kinematics, frame_pose
 from armid.robot.robot import Robot
 from armid.robot.shapes import Shape
-from armid.values import Array
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -8,14 +8,14 @@ from typing import Any
 
 import numpy as np
 
+from armid.checked_array import Array
 from armid.errors import ArmidError, Finding
 from armid.excitation.collision.coal import mesh_faces
 from armid.excitation.limits.joint_limits import Limits
-from armid.report.preview.meshes import MAX_TRIANGLES, mesh_record, simplified
-from armid.robot.body_names import link_of
+from armid.report.preview.mesh_simplification import MAX_TRIANGLES, mesh_record, simplified
+from armid.robot.collision_body_names import link_of
 from armid.robot.robot import Robot
 from armid.robot.shapes import Shape
-from armid.values import Array
 
 NOT_DRAWN = ("mesh-missing", "visual-left-out", "visual-missing")
 """Codes of findings about bodies that cannot be drawn."""

@@ -10,16 +10,16 @@ from collections.abc import Callable, Mapping
 
 from armid.report.data.page_data import PageData
 from armid.report.section import Section
-from armid.report.sections.bodies import show_bodies
 from armid.report.sections.consistency import show_consistency
 from armid.report.sections.excitation import show_excitation
 from armid.report.sections.friction import show_friction
 from armid.report.sections.groupings import show_groupings
-from armid.report.sections.links import show_links
+from armid.report.sections.link_properties import show_link_properties
 from armid.report.sections.methods import show_methods
 from armid.report.sections.parameters import show_parameters
 from armid.report.sections.provenance import show_provenance
 from armid.report.sections.residuals import show_residuals
+from armid.report.sections.standard_parameters import show_standard_parameters
 from armid.report.sections.torque import show_torque
 from armid.report.sections.verdict import show_verdict
 
@@ -27,12 +27,12 @@ __all__ = ["SECTIONS"]
 
 SECTIONS: Mapping[str, Callable[[PageData], Section | None]] = {
     "verdict": show_verdict,
-    "bodies": show_bodies,
+    "link-properties": show_link_properties,
     "torque": show_torque,
     "residuals": show_residuals,
     "friction": show_friction,
     "parameters": show_parameters,
-    "links": show_links,
+    "standard-parameters": show_standard_parameters,
     "groupings": show_groupings,
     "consistency": show_consistency,
     "methods": show_methods,

@@ -6,7 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from armid.estimation.estimate import averaged, torque_parameters
+from armid.checked_array import Array
+from armid.estimation.saved_estimate import averaged, torque_parameters
 from armid.model.expression import symbols
 from armid.model.motion import Motion
 from armid.report.data.friction_at_reversals import Reversals, find_reversals
@@ -19,7 +20,6 @@ from armid.report.data.residual_dependence import LARGE_SHARE, residual_shares
 from armid.report.plots.plot_data import Axes, Plot, PlotTrace, binned, every, line, points
 from armid.report.section import Section, effort_unit
 from armid.report.tables import Column, Table, TableCell
-from armid.values import Array
 
 CURVE_POINTS = 241
 """Number of points of a plotted law; enough to show a sign change within a hundredth of the range as a slope."""

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from armid.checked_array import Array
 from armid.report.data.joint_names import heading_of, label_of
 from armid.report.data.number_format import fixed, short
 from armid.report.data.page_data import PageData, velocity_unit
@@ -13,7 +14,6 @@ from armid.report.data.recording_data import RecordingData, concatenated
 from armid.report.plots.plot_data import MAX_POINTS, Axes, Plot, PlotRange, PlotTrace, binned, crest, line, points
 from armid.report.section import Section, clipped_caption, effort_unit
 from armid.report.tables import Column, Table, TableCell
-from armid.values import Array
 
 RANGE_SHARE = 0.1
 """Share of the torque's range with which residuals are compared, as in Figure 4.3 of the thesis."""

@@ -8,15 +8,15 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from armid.checked_array import Array
 from armid.maths.inertia import com_inertia_to_vector, transform
-from armid.maths.spatial import homogeneous
+from armid.maths.rotations import homogeneous
 from armid.robot.mjcf.mesh_assets import MeshAssets
 from armid.robot.mjcf.mesh_files import UncomputableError
 from armid.robot.mjcf.poses import placement_of
 from armid.robot.mjcf.settings import Settings
 from armid.robot.shapes import rotation_with_z
 from armid.robot.xml import numbers
-from armid.values import Array
 
 SIZES = {"sphere": 1, "capsule": 2, "ellipsoid": 3, "cylinder": 2, "box": 3}
 """Number of sizes of each solid primitive."""

@@ -9,12 +9,12 @@ from pathlib import Path
 
 import numpy as np
 
+from armid.checked_array import Array
 from armid.maths.inertia import com_inertia_to_vector
 from armid.robot.mjcf.mesh_files import Faces, UncomputableError, read_mesh
 from armid.robot.mjcf.poses import rotation_of_quaternion
 from armid.robot.mjcf.settings import Settings
 from armid.robot.xml import numbers
-from armid.values import Array
 
 MODES = ("convex", "exact", "legacy", "shell")
 """Values of the attribute `inertia` of a mesh."""

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from armid.checked_array import Array
 from armid.errors import RobotError
-from armid.values import Array
 
 Faces = NDArray[np.intp]
 """Indices of the vertices of each triangle, shape (F, 3), counterclockwise from outside."""

@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 from itertools import count
 from pathlib import Path
 
+from armid.checked_array import Array
 from armid.errors import Finding, RobotError
 from armid.maths.inertia import vector_to_com_inertia
 from armid.robot.described_drive import DescribedDrive, drive_of
@@ -25,7 +26,6 @@ from armid.robot.mjcf.settings import POSE, Settings, settings_of
 from armid.robot.pinocchio_model import DescribedLimits, limits_of
 from armid.robot.robot import EARTH_GRAVITY
 from armid.robot.xml import floating, identity_only, numbers, parse_xml
-from armid.values import Array
 
 REFUSED_ELEMENTS = ("frame", "replicate", "composite", "flexcomp", "attach")
 IGNORED_COMPILER = ("boundmass", "boundinertia", "balanceinertia", "settotalmass")

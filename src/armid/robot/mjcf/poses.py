@@ -6,9 +6,9 @@ import xml.etree.ElementTree as ET
 
 import numpy as np
 
-from armid.maths.spatial import homogeneous
+from armid.checked_array import Array
+from armid.maths.rotations import homogeneous
 from armid.robot.shapes import rotation_with_z
-from armid.values import Array
 
 
 def placement_of(element: ET.Element) -> Array:

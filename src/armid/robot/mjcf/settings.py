@@ -9,10 +9,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from armid.checked_array import Array
 from armid.errors import RobotError
-from armid.maths.spatial import axis_rotation, rotation_x, rotation_y, rotation_z
+from armid.maths.rotations import axis_rotation, rotation_x, rotation_y, rotation_z
 from armid.robot.xml import numbers
-from armid.values import Array
 
 POSE = {"pos": 3, "quat": 4, "xyaxes": 6, "zaxis": 3}
 """Attributes of a pose that Pinocchio reads correctly, with their numbers of values."""

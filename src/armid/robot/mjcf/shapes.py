@@ -15,8 +15,9 @@ from typing import Any
 
 import numpy as np
 
+from armid.checked_array import Array
 from armid.errors import ArmidError, Finding
-from armid.robot.body_names import BodyName
+from armid.robot.collision_body_names import BodyName
 from armid.robot.mjcf.plain_document import Plain
 from armid.robot.mjcf.poses import placement_of
 from armid.robot.pinocchio_model import pinocchio
@@ -27,7 +28,6 @@ from armid.robot.shapes import (
     looks_missing,
     meshes_missing,
 )
-from armid.values import Array
 
 FIRST_HIDDEN = 3.0
 """First group of geoms that the viewer of MuJoCo hides by default."""

@@ -62,14 +62,14 @@ from typing import Any, Literal, cast
 
 import numpy as np
 
+from armid.checked_array import Array
 from armid.errors import Finding, RobotError, did_you_mean
-from armid.maths.spatial import homogeneous, rotation_x, rotation_z, rpy_rotation
-from armid.robot.body_names import BodyName
+from armid.maths.rotations import homogeneous, rotation_x, rotation_z, rpy_rotation
+from armid.robot.collision_body_names import BodyName
 from armid.robot.joint_selection import JointOutline, SelectedJoint
 from armid.robot.robot import EARTH_GRAVITY, Frame, InertialParameters, Joint, Link, Robot
 from armid.robot.shapes import Shape, capsule_between
 from armid.robot.xml import check_locked
-from armid.values import Array
 
 SUFFIXES: tuple[str, ...] = (".toml",)
 

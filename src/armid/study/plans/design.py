@@ -11,6 +11,7 @@ from typing import Literal
 
 import numpy as np
 
+from armid.checked_array import Array
 from armid.errors import ArmidError, Finding, did_you_mean
 from armid.excitation.certification import certified, fine_grid
 from armid.excitation.collision.collision_model import CollisionOptions
@@ -33,9 +34,8 @@ from armid.robot.robot import Robot
 from armid.study.plans.designed import SPREAD, Designed
 from armid.study.plans.goals import LIMIT_KINDS, DesignConstraints, DesignGoal, SearchBudget, constrained_limits
 from armid.study.plans.leads import add_leads, check_leads
-from armid.study.plans.start_pose import place_motion
+from armid.study.plans.start_pose_and_bodies import place_motion
 from armid.study.plans.torque_constraint import judged_torque, pose_holds, torque_lacks
-from armid.values import Array
 
 DRAWN, DRAWN_BY = 0.1, 0.85
 """Smallest factor, and factor of each step, by which a plan is scaled down about its start pose to separate bodies

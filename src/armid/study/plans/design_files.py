@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from armid.atomic_file import replace_file
 from armid.errors import ArmidError, did_you_mean
 from armid.excitation.formats import FORMATS, SampledMotion
 from armid.excitation.plan import Plan
@@ -19,7 +20,6 @@ from armid.study.plans.poses_and_sweeps import DesignedMoves
 from armid.study.plans.preflight_text import report_record, report_text
 from armid.study.storage.atomic_folder import refuse, whole_folder
 from armid.study.storage.records import finding_record, to_json
-from armid.values import replace_file
 
 
 def refuse_plan_folder(folder: Path | str) -> None:

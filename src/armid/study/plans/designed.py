@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from armid.checked_array import Array
 from armid.errors import Finding
 from armid.excitation.certification import Margin
 from armid.excitation.collision.collision_model import CollisionOptions
@@ -17,7 +18,6 @@ from armid.excitation.plan import Plan
 from armid.excitation.preflight import Expectation, Preflight, worst
 from armid.notebook import Displayed, Summary
 from armid.robot.robot import Robot
-from armid.values import Array
 
 SPREAD = 200.0
 """Rate at which extreme positions and accelerations of a motion are sampled [Hz]."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from armid.checked_array import Array
 from armid.excitation.collision.ignored_pairs import IgnoredBodies
 from armid.excitation.design.objective import CriterionGoal
 from armid.excitation.limits.joint_limits import Limits, limits_of
@@ -13,7 +14,6 @@ from armid.model.motion import Motion
 from armid.robot.robot import Robot
 from armid.robot.shapes import Shape
 from armid.study.plans.surroundings import AssumedFloor
-from armid.values import Array
 
 LIMIT_KINDS = ("true", "thesis", "thesis-literal")
 """Forms of position and velocity limits: on the motion, or on sums of amplitudes (equations 3.55d-f of the

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from armid.checked_array import Array
 from armid.errors import ArmidError
 from armid.excitation.collision.closest_approach import closest_approaches
 from armid.excitation.collision.collision_model import CollisionOptions
@@ -14,7 +15,6 @@ from armid.excitation.plan import Plan, seconds_for
 from armid.excitation.rest_to_rest_basis import SeriesBasis
 from armid.robot.robot import Robot
 from armid.study.plans.goals import DesignGoal
-from armid.values import Array
 
 LEAD_SHARE = 0.5
 """Share of the velocity limits that the motions to and from the start pose use."""

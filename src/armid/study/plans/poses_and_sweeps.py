@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from armid.checked_array import Array
 from armid.errors import ArmidError, Finding, did_you_mean
 from armid.excitation.certification import UNITS, Margin
 from armid.excitation.collision.closest_approach import ClosestApproach, closest_approaches
@@ -26,13 +27,12 @@ from armid.excitation.poses_and_sweeps import (
 )
 from armid.excitation.preflight import Preflight
 from armid.model.base_parameters import find_base_parameters
-from armid.model.dynamics import DynamicsModel
+from armid.model.dynamics_model import DynamicsModel
 from armid.model.motion import Motion
 from armid.robot.robot import Robot
 from armid.study.plans.goals import DesignConstraints, constrained_limits
-from armid.study.plans.start_pose import place_motion
+from armid.study.plans.start_pose_and_bodies import place_motion
 from armid.study.plans.torque_constraint import judged_torque, pose_holds, torque_lacks
-from armid.values import Array
 
 CHECK_RATE, APPROACH_RATE = 1000.0, 100.0
 """Rates at which limits and distances of bodies are checked along the moves [Hz]."""

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from armid.checked_array import Array
 from armid.errors import Finding
 from armid.excitation.design.objective import CriterionGoal
 from armid.excitation.limits.joint_limits import (
@@ -20,7 +21,6 @@ from armid.model.described_torque import described_drives, described_torque
 from armid.robot.missing_inertia import inertial_key, joints_with_unknown_load, links_without_inertia, massless_joints
 from armid.robot.robot import Robot
 from armid.study.plans.goals import DesignConstraints
-from armid.values import Array
 
 HELD = 0.9
 """Largest share of the torque limits that is needed to hold the arm in an automatically chosen start pose."""

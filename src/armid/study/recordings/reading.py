@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from armid.checked_array import Array
 from armid.errors import Finding
 from armid.measurement.readers import load_recording
 from armid.measurement.recording import Recording
@@ -15,7 +16,6 @@ from armid.robot import Robot
 from armid.study.config import RecordingChoice, Study
 from armid.study.progress import Progress
 from armid.study.recordings.parts import cut_recording, refuse_shared
-from armid.values import Array
 
 
 def read_choice(

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from armid.doctor.check_definition import LogCheck
 from armid.doctor.check_input import LogEvidence
 from armid.doctor.checks.signals.motor_side import has_placeholder_masses
-from armid.doctor.log_check import LogCheck
 from armid.errors import Finding
 
 CODE = "description-does-not-match"

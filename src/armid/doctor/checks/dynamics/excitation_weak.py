@@ -6,16 +6,16 @@ from typing import Literal
 
 import numpy as np
 
+from armid.checked_array import Array
+from armid.doctor.check_definition import LogCheck
 from armid.doctor.check_input import LogEvidence
-from armid.doctor.log_check import LogCheck
-from armid.doctor.log_interpretation import LogState
+from armid.doctor.interpreted_log import LogState
 from armid.doctor.quick_fit import products
 from armid.errors import Finding
 from armid.model.base_parameters import find_base_parameters
-from armid.model.dynamics import DynamicsModel
+from armid.model.dynamics_model import DynamicsModel
 from armid.model.terms import RotorInertia
 from armid.robot import Robot
-from armid.values import Array
 
 WEAK_CONDITION = 100.0
 """Condition number, with columns of unit length, above which an estimate may fail on other motion. Good recordings

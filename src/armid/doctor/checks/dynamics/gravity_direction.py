@@ -8,18 +8,18 @@ from functools import lru_cache
 
 import numpy as np
 
+from armid.checked_array import Array
+from armid.doctor.check_definition import LogCheck
 from armid.doctor.check_input import Explanation, LogEvidence
-from armid.doctor.log_check import LogCheck
-from armid.doctor.log_interpretation import LogState
+from armid.doctor.interpreted_log import LogState
 from armid.doctor.quick_fit import QuickRows, cost_of, make_rows, products, solve
 from armid.errors import Finding
 from armid.information.column_source import column_source
 from armid.model.base_parameters import find_base_parameters
-from armid.model.dynamics import DynamicsModel
+from armid.model.dynamics_model import DynamicsModel
 from armid.remedy import Remedy, setting
 from armid.robot.robot import Robot
 from armid.validation.gravity_sign import gravity_sign_finding
-from armid.values import Array
 
 CODE = "gravity-direction"
 

@@ -9,20 +9,20 @@ from itertools import permutations
 import numpy as np
 from numpy.typing import NDArray
 
+from armid.checked_array import Array
 from armid.doctor.channel_orders import BEYOND, LimitExcess, exchanges, limit_excess, shifts, usual_orders
+from armid.doctor.check_definition import LogCheck
 from armid.doctor.check_input import Explanation, LogEvidence
 from armid.doctor.checks.signals import velocity_mismatch
 from armid.doctor.checks.signals.position_limits import outside_limits
 from armid.doctor.downsample import DownsampledLog
-from armid.doctor.log_check import LogCheck
-from armid.doctor.log_interpretation import LogState
+from armid.doctor.interpreted_log import LogState
 from armid.doctor.quick_fit import QuickRows, cost_of, make_rows, products, tables
 from armid.errors import Finding
 from armid.measurement.columns.joint_assignment import by_number
 from armid.measurement.log_format_remedies import lines, naming
 from armid.measurement.robot_convention import understood
 from armid.remedy import Remedy
-from armid.values import Array
 
 CODE = "joint-order"
 

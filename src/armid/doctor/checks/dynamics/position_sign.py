@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
+from armid.checked_array import Array
+from armid.doctor.check_definition import LogCheck
 from armid.doctor.check_input import Explanation, LogEvidence
 from armid.doctor.checks.dynamics.torque_sign import FLIP, cost_with_signs, relative_signs, signs_value
-from armid.doctor.log_check import LogCheck
-from armid.doctor.log_interpretation import LogState
+from armid.doctor.interpreted_log import LogState
 from armid.doctor.quick_fit import cost_of, products
 from armid.errors import Finding
 from armid.maths.median import median
 from armid.measurement.log_format_remedies import lines
-from armid.values import Array
 
 CODE = "position-sign"
 

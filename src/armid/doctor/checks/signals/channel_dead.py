@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from armid.doctor.check_definition import LogCheck
 from armid.doctor.check_input import LogEvidence
-from armid.doctor.log_check import LogCheck
 from armid.errors import Finding
 from armid.measurement.log_format_remedies import excluding, lines
 

@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from armid.doctor.check_definition import LogCheck
 from armid.doctor.check_input import LogEvidence
 from armid.doctor.downsample import downsample
-from armid.doctor.log_check import LogCheck
 from armid.doctor.remedy_trial import RemedyTrial, try_remedy
 from armid.errors import Finding
 from armid.maths.median import median

@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from armid.checked_array import Array
+from armid.doctor.check_definition import LogCheck
 from armid.doctor.check_input import Explanation, LogEvidence
-from armid.doctor.log_check import LogCheck
-from armid.doctor.log_interpretation import LogState
+from armid.doctor.interpreted_log import LogState
 from armid.errors import Finding
 from armid.measurement.limit_check import WIDEST
 from armid.measurement.log_format import LogFormat
 from armid.measurement.log_format_remedies import lines
-from armid.values import Array
 
 CODE = "degrees"
 

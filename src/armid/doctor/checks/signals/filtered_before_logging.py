@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from armid.checked_array import Array
+from armid.doctor.check_definition import LogCheck
 from armid.doctor.check_input import LogEvidence
-from armid.doctor.log_check import LogCheck
 from armid.errors import Finding
 from armid.maths.median import median
-from armid.maths.spectrum import power_spectrum
+from armid.maths.signals.spectrum import power_spectrum
 from armid.measurement.processing.resampling import resample_uniform, stretches
-from armid.values import Array
 
 SEGMENT = 512
 """Number of samples of a segment. It gives a resolution of 0.2 Hz at 100 Hz and enough segments for an average."""

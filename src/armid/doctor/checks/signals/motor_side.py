@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from armid.checked_array import Array
+from armid.doctor.check_definition import LogCheck
 from armid.doctor.check_input import Explanation, LogEvidence
-from armid.doctor.log_check import LogCheck
-from armid.doctor.log_interpretation import LogState
+from armid.doctor.interpreted_log import LogState
 from armid.errors import Finding
 from armid.maths.median import median
 from armid.measurement.log_format_remedies import lines
-from armid.values import Array
 
 MOTOR, CURRENT, UNIT = "motor-side", "current-without-gain", "torque-unit"
 

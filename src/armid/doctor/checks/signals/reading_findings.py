@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from armid.doctor.check_definition import LogCheck
 from armid.doctor.check_input import LogEvidence
-from armid.doctor.log_check import LogCheck
 from armid.errors import Finding
 
 EFFECTS = {

@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from armid.checked_array import Array
+from armid.doctor.check_definition import LogCheck
 from armid.doctor.check_input import LogEvidence
-from armid.doctor.log_check import LogCheck
 from armid.errors import Finding
 from armid.measurement.log_format_remedies import excluding, lines
 from armid.robot.robot import Joint
-from armid.values import Array
 
 FEWEST, SHARE = 10, 0.002
 """Smallest number of samples at the same extreme value that form a plateau, and their smallest share of all

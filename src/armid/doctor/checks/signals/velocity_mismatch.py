@@ -6,16 +6,16 @@ from typing import Literal
 
 import numpy as np
 
+from armid.checked_array import Array
+from armid.doctor.check_definition import LogCheck
 from armid.doctor.check_input import LogEvidence
-from armid.doctor.log_check import LogCheck
 from armid.errors import Finding
 from armid.maths.median import median
-from armid.maths.signal_derivatives import central_difference
-from armid.maths.signals import edge_samples, low_pass, zero_phase
+from armid.maths.signals.derivatives import central_difference
+from armid.maths.signals.zero_phase_filters import edge_samples, low_pass, zero_phase
 from armid.measurement.log_format_remedies import naming
 from armid.measurement.processing.resampling import is_brief, resample_uniform, stretches
 from armid.measurement.recording import Recording
-from armid.values import Array
 
 CUTOFF = 4.0
 """Cut-off of the low-pass filter that is applied to both before they are compared [Hz]."""

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from armid.model.expression import magnitude, symbol
-from armid.model.terms.automatic import ASYMMETRY, AutomaticChoice, Candidate, one_by_one
+from armid.model.terms.selection_candidates import ASYMMETRY, AutomaticChoice, Candidate, one_by_one
 from armid.model.terms.term import Law, single_joint_laws
 from armid.robot.robot import Robot
 

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from armid.model.hysteresis_memory import Play
-from armid.model.terms.automatic import AutomaticChoice, Candidate, CandidateFamily, Option, one_by_one
 from armid.model.terms.checks import require_rising
+from armid.model.terms.selection_candidates import AutomaticChoice, Candidate, CandidateFamily, Option, one_by_one
 from armid.model.terms.term import Law, listed, single_joint_laws
 from armid.robot.robot import Robot
 

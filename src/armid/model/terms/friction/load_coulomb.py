@@ -11,9 +11,9 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from armid.model.expression import magnitude, symbol
-from armid.model.terms.automatic import AutomaticChoice, CandidateFamily, one_by_one
 from armid.model.terms.checks import require_width
 from armid.model.terms.friction.coulomb import coulomb_law
+from armid.model.terms.selection_candidates import AutomaticChoice, CandidateFamily, one_by_one
 from armid.model.terms.term import Law, single_joint_laws
 from armid.robot.robot import Robot
 

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from armid.model.expression import maximum, symbol
-from armid.model.terms.automatic import VELOCITY, AutomaticChoice, Candidate
 from armid.model.terms.checks import require_rising
+from armid.model.terms.selection_candidates import VELOCITY, AutomaticChoice, Candidate
 from armid.model.terms.term import Law, listed, single_joint_laws
 from armid.robot.robot import Robot
 

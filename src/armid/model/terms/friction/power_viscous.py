@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from armid.model.expression import symbol
-from armid.model.terms.automatic import VELOCITY, AutomaticChoice, one_by_one
 from armid.model.terms.checks import require_positive
+from armid.model.terms.selection_candidates import VELOCITY, AutomaticChoice, one_by_one
 from armid.model.terms.term import Law, single_joint_laws
 from armid.robot.robot import Robot
 

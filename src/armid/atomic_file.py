@@ -1,0 +1,41 @@
+"""Replacement of a file as a whole or not at all; all writers of armid use it."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from pathlib import Path
+
+from armid.errors import OutputError
+
+
+def replace_file(path: Path | str, content: bytes | str) -> Path:
+    """Writes `content` to `path` whole or not at all, through a temporary file in the same folder.
+
+    Raises:
+        OutputError: The folder cannot be made or written, or the disk is full; nothing is left behind.
+    """
+    path = Path(path)
+    data = content.encode() if isinstance(content, str) else content
+    temporary: str | None = None
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+        with os.fdopen(handle, "wb") as stream:
+            stream.write(data)
+            stream.flush()
+            os.fsync(stream.fileno())
+        mask = os.umask(0)
+        os.umask(mask)
+        os.chmod(temporary, 0o666 & ~mask)
+        os.replace(temporary, path)
+        temporary = None
+    except OSError as error:
+        raise OutputError(
+            f"{path} could not be written: {error.strerror or error}.",
+            remedy="choose a folder that exists, is writable and has room.",
+        ) from error
+    finally:
+        if temporary is not None:
+            Path(temporary).unlink(missing_ok=True)
+    return path

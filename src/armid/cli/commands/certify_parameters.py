@@ -1,0 +1,129 @@
+"""`armid certify`: physical consistency of parameters and the mass matrix over all poses."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from armid.cli.options import Gravity, Json, Lock, Only, Package, TipLink, robot_choice
+
+if TYPE_CHECKING:
+    from armid.checked_array import Array
+    from armid.runs.consistency_check import Verdict
+
+RULES = {
+    "(3.52c)": "mass above zero",
+    "(3.52d)": "smallest principal moment of inertia above zero",
+    "(3.53a)": "triangle inequality of the moments of inertia",
+    "(3.53b)": "smallest moment of inertia at least a hundredth of the largest",
+    "(3.53c)": "products of inertia at most a tenth of the smallest moment of inertia",
+    "(3.53d)": "smallest moment of inertia at least 1e-4 kg·m²",
+    "(3.53e)": "moments about x and y at least three times the moment about z, as for a link that is long along z",
+    "(3.53f)": "moments about x and z at least three times the moment about y, as for a link that is long along y",
+}
+"""Requirement of each constraint of the thesis [Halper2024], by the number of its equation."""
+
+
+def certify(
+    subject: Annotated[
+        str,
+        typer.Argument(metavar="RUN | ROBOT", help="A run; or an arm, whose description or VALUES.json is checked."),
+    ],
+    values: Annotated[
+        str | None,
+        typer.Argument(
+            metavar="[VALUES.json]",
+            help="JSON file {name: value} with base (ZZR_1), standard (ZZ_1) or physical parameters (m_1, rx_1, "
+            "Ixx_1), and friction (FV_1, FS_1).",
+        ),
+    ] = None,
+    motion: Annotated[
+        str | None, typer.Option(metavar="PLAN", help="Check the mass matrix on this plan, too.")
+    ] = None,
+    heaviest: Annotated[
+        float | None,
+        typer.Option(
+            min=0.0, help="Largest mass of a link, kg; 10 by default, or twice a heaviest link above 10 kg."
+        ),
+    ] = None,
+    gravity: Gravity = None,
+    lock: Lock = None,
+    only: Only = None,
+    tip: TipLink = None,
+    package: Package = None,
+    json: Json = False,
+) -> None:
+    """Certify parameters: physical consistency, mass matrix in all poses, rules of thumb for single links.
+
+    Exit code 1: the parameters are not physically consistent, that is, no links with positive density can have them.
+
+    Examples:
+        armid certify runs/today
+
+        armid certify arm.urdf
+
+        armid certify iiwa14-r820 values.json --gravity 0 0 9.81 --motion thesis-a2
+    """
+    from armid.runs import consistency_check as stage
+    from armid.runs.run import load_run
+    from armid.study.config import load_choice
+    from armid.study.storage.records import to_json
+
+    along = None if motion is None else stage.read_plan(motion)
+    if values is None and Path(subject).is_dir():
+        verdict = stage.certify_run(load_run(subject), motion=along, heaviest=heaviest)
+    else:
+        robot = load_choice(robot_choice(subject, gravity, lock, only, tip, package))
+        named = stage.described_values(robot) if values is None else stage.read_values(values)
+        verdict = stage.certify_named(robot, named, motion=along, heaviest=heaviest)
+    if json:
+        sys.stdout.write(to_json(stage.verdict_record(verdict)) + "\n")
+    else:
+        _report(verdict, motion)
+    if not verdict.certificate.feasible:
+        raise typer.Exit(1)
+
+
+def _report(verdict: Verdict, motion: str | None) -> None:
+    """Print the verdict on standard output and the findings on standard error."""
+    from armid.cli.console import output_console, print_findings
+
+    console, certificate = output_console(), verdict.certificate
+    yes = "[bold green]physically consistent[/]: links with positive density can have them"
+    no = "[bold red]not physically consistent[/]: no links with positive density can have them"
+    console.print(f"{verdict.kind} parameters: {yes if certificate.feasible else no}")
+    console.print(
+        f"  nearest consistent parameters: Euclidean distance {certificate.distance:.4g} "
+        f"({100 * certificate.relative_distance:.3g} % of all, {100 * certificate.inertial_distance:.3g} % of the "
+        f"inertial parameters); one choice of link masses for them, kg: {_list(certificate.masses)}"
+    )
+    console.print(
+        f"  with no link above {verdict.heaviest:.3g} kg (10 kg, or twice the heaviest link of the "
+        f"description; option --heaviest): distance {verdict.limited.distance:.4g}; masses, kg: "
+        f"{_list(verdict.limited.masses)}"
+    )
+    definite = "positive definite" if verdict.pose.min_eigenvalue > 0.0 else "not positive definite everywhere"
+    console.print(
+        f"mass matrix within the joint limits: {definite}; smallest eigenvalue {verdict.pose.min_eigenvalue:.5g} "
+        f"{verdict.pose.unit} at q = {_list(verdict.pose.q)}"
+    )
+    if verdict.along is not None:
+        console.print(f"  along {motion}: {verdict.along.min_eigenvalue:.5g} {verdict.along.unit}")
+    broken = [each for each in verdict.constraints if not each.ok]
+    if broken:
+        console.print(
+            "rules of thumb that are not met; they do not affect the verdict, because some real bodies do "
+            "not meet them:"
+        )
+    for each in broken:
+        note = " (met within rounding)" if each.rounding else ""
+        rule = f"{RULES[each.constraint]} {each.constraint}"
+        console.print(f"  link {each.link}: {rule}: {each.value:.4g}, bound {each.bound:.4g}{note}")
+    print_findings(verdict.findings)
+
+
+def _list(numbers: Array) -> str:
+    return ", ".join(f"{x:.4g}" for x in numbers)

@@ -1,0 +1,237 @@
+"""Interpretation of a log, the fit of a model to it, and further evidence about the arm."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armid import kernel
+from armid.checked_array import Array
+from armid.doctor.downsample import DownsampledLog
+from armid.doctor.quick_fit import QuickFit, QuickRows, make_rows, solve
+from armid.information.column_source import ColumnSource, column_source
+from armid.information.filtering import in_band
+from armid.measurement.observations import ObservedRun
+from armid.model.base_parameters import BaseParameters
+from armid.model.dynamics_model import DynamicsModel
+from armid.model.motion import Motion
+
+JOINT_SYMBOLS = ("FV", "FS", "FO", "IA")
+"""Symbols of parameters that belong to one joint only: friction, offset, rotor inertia."""
+
+POSES = 40
+"""Poses along the motion at which joint inertias are computed."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class DescriptionComparison:
+    """Comparison of measured and described torque, joint by joint, after friction and offset are projected out.
+
+    Attributes:
+        scale: Factor from described to measured torque, shape (n,).
+        correlation: Correlation of described and measured torque, shape (n,).
+        size: RMS of the described torque after the projection, shape (n,) [N·m or N].
+    """
+
+    scale: Array
+    correlation: Array
+    size: Array
+
+
+@dataclass(frozen=True, eq=False)
+class LogState:
+    """Interpretation of a log, and the model that is fitted to it.
+
+    Attributes:
+        model: Arm and torque terms.
+        base: Base parameters of the model.
+        log: The recording at a moderate rate.
+    """
+
+    model: DynamicsModel
+    base: BaseParameters
+    log: DownsampledLog
+
+    @cached_property
+    def source(self) -> ColumnSource:
+        """Source of the columns of the base parameters."""
+        return column_source(self.model, self.base)
+
+    @cached_property
+    def rows(self) -> QuickRows:
+        """Filtered columns and torque."""
+        return make_rows(self.source, self.log)
+
+    def with_torque(self, factor: Array) -> LogState:
+        """The same with the torque of each joint multiplied by a factor (n,); the columns are reused."""
+        runs = tuple(replace(run, torque=run.torque * factor) for run in self.log.runs)
+        after = self.on(replace(self.log, runs=runs))
+        after.__dict__["rows"] = replace(self.rows, torque=self.rows.torque * factor)
+        return after
+
+    def on(self, log: DownsampledLog) -> LogState:
+        """The same model with another log."""
+        after = LogState(self.model, self.base, log)
+        after.__dict__["source"] = self.source  # where `cached_property` keeps it
+        return after
+
+    def without(self, left_out: NDArray[np.bool_]) -> LogState:
+        """The same without some rows; their flags have shape (M, n), or (M,) for all joints."""
+        flags = left_out[:, None] if left_out.ndim == 1 else left_out
+        ends = np.cumsum([len(run.mask) for run in self.log.runs])[:-1]
+        included = np.split(~flags, ends)
+        runs = tuple(replace(run, mask=run.mask & rows) for run, rows in zip(self.log.runs, included, strict=True))
+        after = self.on(replace(self.log, runs=runs))
+        after.__dict__["rows"] = replace(self.rows, mask=self.rows.mask & ~flags)
+        return after
+
+    @cached_property
+    def fit(self) -> QuickFit:
+        """Fit of all joints with one set of parameters."""
+        return solve(self.rows)
+
+    @cached_property
+    def joint_fits(self) -> tuple[QuickFit, ...]:
+        """Separate fit of each joint, with separate parameters."""
+        return tuple(solve(self._joint_rows(j)) for j in range(self.rows.n))
+
+    @property
+    def conflict(self) -> float:
+        """Logarithm of the residual of the common fit divided by the residual of separate fits of the joints.
+
+        An effect that the model does not contain, such as friction at reversals, is missing in both fits and cancels.
+        A large ratio therefore shows wrong geometry: order of channels, gravity, zeros, signs or scales.
+        """
+        alone = np.array([fit.sigma[0] for fit in self.joint_fits])
+        return self.fit.cost - float(np.mean(np.log(alone)))
+
+    def _joint_rows(self, j: int) -> QuickRows:
+        """Rows of joint j, with separate parameters."""
+        rows, count = self.rows, len(self.rows.parameters[j])
+        return replace(
+            rows,
+            columns=(rows.columns[j],),
+            parameters=(np.arange(count, dtype=np.int32),),
+            count=count,
+            torque=rows.torque[:, [j]],
+            mask=rows.mask[:, [j]],
+        )
+
+    def symbols(self, j: int) -> list[str]:
+        """Symbols of the columns of joint j; empty for terms of other joints."""
+        parameters = [self.model.parameters[self.base.kept[p]] for p in self.rows.parameters[j]]
+        return [p.symbol if p.number == j + 1 or p.symbol not in JOINT_SYMBOLS else "" for p in parameters]
+
+    def standard(self, values: Array) -> Array:
+        """Standard parameters (p,) that give the same torque as base parameters (b,)."""
+        theta = np.zeros(len(self.model.parameters))
+        theta[self.base.kept] = values[: self.base.count]
+        return theta
+
+    def rigid_torque(self, theta: Array) -> Array:
+        """Filtered torque of the links at the rows, shape (M, n) [N·m or N]."""
+        bodies = self._bodies(theta)
+        return self._at_rows(lambda run: self._torque(bodies, run.motion, run.motion.q))
+
+    def rigid_slopes(self, theta: Array, step: float) -> Array:
+        """Filtered derivative of the torque of the links by each position at the rows, shape (n, M, n) [N·m/rad].
+
+        Args:
+            theta: Standard parameters.
+            step: Displacement of the central difference [rad or m].
+        """
+        bodies, moves = self._bodies(theta), np.eye(self.rows.n) * step
+
+        def slopes(run: ObservedRun) -> Array:
+            m = run.motion
+            moved = [self._torque(bodies, m, m.q + e) - self._torque(bodies, m, m.q - e) for e in moves]
+            return np.stack(moved, axis=1) / (2.0 * step)
+
+        return np.moveaxis(self._at_rows(slopes), 1, 0)
+
+    def torque_slope(self) -> Array:
+        """Time derivative of the filtered torque at the rows, shape (M, n) [N·m/s]."""
+        parts = [
+            np.gradient(in_band(run.torque, run.rate, self.log.band), 1.0 / run.rate, axis=0)[run.rows]
+            for run in self.log.runs
+        ]
+        return np.concatenate(parts)
+
+    def _bodies(self, theta: Array) -> Array:
+        """Inertial parameters of the links, (n, 10)."""
+        return theta[self.model.inertial_columns].reshape(-1, 10)
+
+    def _torque(self, bodies: Array, motion: Motion, q: Array) -> Array:
+        """Torque of the links (N, n) with the velocities of a motion at other positions q (N, n)."""
+        return kernel.inverse_dynamics(self.model.tree, bodies, q, motion.dq, motion.ddq)
+
+    def _at_rows(self, compute: Callable[[ObservedRun], Array]) -> Array:
+        """Filters the values (N, ...) that a function computes for each run and takes their rows (M, ...)."""
+        parts: list[Array] = []
+        for run in self.log.runs:
+            x, raw = compute(run), self.log.band.is_open or not run.consecutive
+            parts.append((x if raw else in_band(x, run.rate, self.log.band))[run.rows])
+        return np.concatenate(parts)
+
+    def joint_columns(self, j: int) -> Array:
+        """Columns of joint j's friction, offset and rotor inertia, shape (M, k)."""
+        joint_rows = [k for k, symbol in enumerate(self.symbols(j)) if symbol in JOINT_SYMBOLS]
+        return self.rows.columns[j][joint_rows].T
+
+    @cached_property
+    def nominal(self) -> DescriptionComparison | None:
+        """Comparison with the torque of the description; `None` if the description contains no inertias."""
+        theta = self.model.nominal_parameters()
+        if theta is None:
+            return None
+        described = self.rigid_torque(theta)
+        scale, correlation, size = np.zeros((3, self.rows.n))
+        for j in range(self.rows.n):
+            included = self.rows.mask[:, j]
+            Q = np.linalg.qr(self.joint_columns(j)[included])[0]
+            x, y = described[included, j], self.rows.torque[included, j]
+            x, y = x - Q @ (Q.T @ x), y - Q @ (Q.T @ y)
+            power = float(x @ x)
+            size[j] = np.sqrt(power / max(len(x), 1))
+            if power > 0.0 and (y @ y) > 0.0:
+                scale[j], correlation[j] = x @ y / power, x @ y / np.sqrt(power * (y @ y))
+        return DescriptionComparison(scale, correlation, size)
+
+    @cached_property
+    def dissipation(self) -> Array:
+        """Power that the friction of each joint dissipates, divided by its standard deviation, shape (n,)."""
+        z = np.zeros(self.rows.n)
+        for j, fit in enumerate(self.joint_fits):
+            power = np.array(
+                [
+                    float(np.mean(column * self.rows.motion.dq[:, j])) if symbol in ("FV", "FS") else 0.0
+                    for symbol, column in zip(self.symbols(j), self.rows.columns[j], strict=True)
+                ]
+            )
+            z[j] = _certainty(power, fit)
+        return z
+
+    @cached_property
+    def inertia(self) -> Array:
+        """Mean inertia of each joint, divided by its standard deviation, shape (n,)."""
+        rows, n = self.rows, self.rows.n
+        q = rows.motion.q[:: max(1, rows.motion.samples // POSES)]
+        still = np.zeros_like(q)
+        rest = self.model.regressor(Motion.of_states(q, still, still))
+        z = np.zeros(n)
+        for j, fit in enumerate(self.joint_fits):
+            unit = still.copy()
+            unit[:, j] = 1.0
+            per_acceleration = (self.model.regressor(Motion.of_states(q, still, unit)) - rest)[:, j].mean(axis=0)
+            z[j] = _certainty(per_acceleration[self.base.kept[rows.parameters[j]]], fit)
+        return z
+
+
+def _certainty(direction: Array, fit: QuickFit) -> float:
+    """Linear function of an estimate, divided by the standard deviation of the result."""
+    spread = float(np.sqrt(max(direction @ fit.covariance @ direction, 0.0)))
+    return float(direction @ fit.values) / spread if spread > 0.0 else 0.0

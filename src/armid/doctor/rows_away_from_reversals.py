@@ -1,0 +1,43 @@
+"""Rows of a log away from reversals of its joints, at which static friction has no effect.
+
+If the friction of a model reverses with the velocity, static friction at reversals causes a large part of the
+residual. It hides small effects of inertia, and it shifts estimates that depend on time, such as delays.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armid.doctor.check_input import ROWS
+from armid.doctor.interpreted_log import LogState
+from armid.measurement.observations import ObservedRun
+
+SLOW = 0.1
+"""Share of the RMS speed of a joint below which the joint counts as near a reversal."""
+
+SPREAD = 1.0
+"""Time before and after slow rows that is also left out, in periods of the cut-off: the filter spreads the torque of
+a reversal that far."""
+
+
+def away_from_reversals(state: LogState) -> LogState:
+    """The log without the rows of each joint near its reversals.
+
+    While a joint sticks, its torque passes from one bound of static friction to the other, at a time that depends on
+    the controller. In the model, friction reverses with the velocity, many milliseconds earlier or later. This
+    difference is not a delay of the log. A joint with too few remaining rows for a fit keeps no rows.
+    """
+    runs, rows = state.log.runs, state.rows
+    slow = SLOW * np.sqrt(np.mean(np.concatenate([run.motion.dq for run in runs]) ** 2, axis=0))
+    near = np.concatenate([_any_within(np.abs(r.motion.dq) < slow, SPREAD / state.log.cutoff, r) for r in runs])
+    kept = (rows.mask & ~near).sum(axis=0)
+    few = kept <= ROWS * np.array([len(parameters) for parameters in rows.parameters])
+    return state.without(near | few)
+
+
+def _any_within(flags: NDArray[np.bool_], seconds: float, run: ObservedRun) -> NDArray[np.bool_]:
+    """Flags at the rows of a run; true if any sample within some seconds is flagged."""
+    reach, rows = int(np.ceil(seconds * run.rate)), run.rows
+    counts = np.concatenate([np.zeros((1, flags.shape[1]), dtype=np.int64), flags.cumsum(axis=0)])
+    return counts[np.minimum(rows + reach + 1, len(flags))] > counts[np.maximum(rows - reach, 0)]

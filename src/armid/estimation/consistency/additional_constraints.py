@@ -1,0 +1,273 @@
+"""Requirements on standard parameters beside physical consistency, as cones and as a smaller set of unknowns.
+
+θ = origin + basis · x        the origin holds the fixed parameters; equal parameters share an unknown
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armid.checked_array import Array
+from armid.errors import EstimationError, did_you_mean
+from armid.estimation.consistency.cones import consistency_cones, smallest_eigenvalues
+from armid.estimation.problem import StandardParameters
+from armid.maths.conic_solver import Cone
+
+ROUNDED = 1e-9
+"""Largest negative eigenvalue, as absolute value, of a given link that counts as rounding of its description."""
+
+
+class ContradictionError(EstimationError):
+    """Requirements that no body meets."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Requirements:
+    """Options of the physical estimate.
+
+    Attributes:
+        epsilon: Smallest eigenvalue of a pseudo-inertia.
+        heaviest: Largest mass of any link [kg].
+        total_mass: Least and largest mass of all links together [kg].
+        masses: Least and largest mass of a link [kg], by its number.
+        com: Points around a link's centre of mass [m], by its number: two corners of a box, or a hull.
+        equal: Sets of parameters that have one value.
+        fixed: Parameters that are known.
+        known: Numbers of links whose parameters the description gives.
+    """
+
+    epsilon: float
+    heaviest: float | None = None
+    total_mass: tuple[float, ...] | None = None
+    masses: Mapping[str, Any] | None = None
+    com: Mapping[str, Any] | None = None
+    equal: Sequence[Sequence[str]] = ()
+    fixed: Mapping[str, Any] | None = None
+    known: Sequence[int] = ()
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Feasible:
+    """Feasible set of the standard parameters: origin + basis · x with x in the cones.
+
+    Attributes:
+        origin: Fixed part of the parameters, shape (p,).
+        basis: Parameters that each unknown moves, shape (p, x); each parameter depends on one unknown at most.
+        cones: Cones of the unknowns x.
+    """
+
+    origin: Array
+    basis: Array
+    cones: tuple[Cone, ...]
+
+    def of(self, x: Array) -> Array:
+        """Standard parameters (p,) of the unknowns."""
+        return self.origin + self.basis @ x
+
+    def unknowns(self, values: Array) -> Array:
+        """Unknowns (x,) of standard parameters, or of the nearest point that has the form origin + basis · x."""
+        return np.asarray(self.basis.T @ (values - self.origin), dtype=np.float64) / np.sum(self.basis**2, axis=0)
+
+
+def feasible_set(standard: StandardParameters, asked: Requirements, margin: float = 0.0) -> Feasible:
+    """Feasible set of the requirements.
+
+    Args:
+        standard: The standard parameters.
+        asked: The requirements.
+        margin: Addition to the smallest eigenvalue, which covers the rounding of a solver.
+
+    Raises:
+        EstimationError: A requirement names an unknown parameter or link, or has a wrong form.
+        ContradictionError: A given value contradicts a bound.
+    """
+    origin, basis = _affine(standard, asked)
+    p = len(standard.names)
+    cones = consistency_cones(standard, p, epsilon=asked.epsilon + margin, heaviest=asked.heaviest)
+    cones += _mass_cones(standard, asked) + _com_cones(standard, asked.com or {})
+    moved = [replace(c, matrix=c.matrix @ basis, offset=c.offset + c.matrix @ origin) for c in cones]
+    for own, cone in zip(standard.inertial, moved, strict=False):
+        if (
+            not cone.matrix.any()
+            and smallest_eigenvalues(standard, origin)[list(standard.inertial[:, 0]).index(own[0])] < -ROUNDED
+        ):
+            raise EstimationError(
+                f"The link of {standard.names[own[0]]} is given by options, but no real body can have its values.",
+                remedy="correct its values in `fixed`, or remove the link from `fixed` and `known`, so that it is "
+                "estimated.",
+            )
+    return Feasible(origin, basis, tuple(part for cone in moved if (part := _felt(cone)) is not None))
+
+
+def _felt(cone: Cone) -> Cone | None:
+    """Cone without rows that no unknown moves, which single bounds may have; `None` where no row remains."""
+    moves = cone.matrix.any(axis=1)
+    if cone.kind == "semidefinite":
+        return cone if moves.any() else None
+    if (cone.offset[~moves] < -ROUNDED).any():
+        raise ContradictionError("Given parameters contradict a bound.", remedy="correct `fixed` or `known`.")
+    return Cone(cone.kind, cone.matrix[moves], cone.offset[moves]) if moves.any() else None
+
+
+def _affine(standard: StandardParameters, asked: Requirements) -> tuple[Array, Array]:
+    position: dict[str, int] = {name: k for k, name in enumerate(standard.names)}
+    origin = np.zeros(len(standard.names))
+    given = np.zeros(len(standard.names), dtype=bool)
+    for number in asked.known:
+        own = standard.inertial[_link(standard, str(number), "known")]
+        if standard.nominal is None:
+            raise EstimationError(
+                "The option `known` needs a description with inertial parameters.", remedy="use `fixed` instead."
+            )
+        origin[own], given[own] = standard.nominal[own], True
+    for name, value in (asked.fixed or {}).items():
+        k = _position(position, name, "fixed")
+        if given[k]:
+            raise EstimationError(
+                f"{name} is given twice: {value!r} by `fixed`, and {origin[k]:g} because its link is in `known`.",
+                remedy="remove the parameter from `fixed`, or the link from `known`.",
+            )
+        if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+            raise EstimationError(
+                f"The option `fixed` gives {name} = {value!r}, which is not a number.",
+                remedy="give a number in SI units.",
+            )
+        origin[k], given[k] = value, True
+    leader = np.arange(len(origin))
+    for group in asked.equal:
+        where = [_position(position, name, "equal") for name in group]
+        if len(where) < 2 or given[where].any():
+            raise EstimationError(
+                "Each list in `equal` must contain at least two parameters that no other option sets; found "
+                f"{list(group)}.",
+                remedy="add parameters to the list, or remove those that `fixed` or `known` sets.",
+            )
+        if len(units := dict.fromkeys(standard.units[k] for k in where)) > 1:
+            raise EstimationError(
+                f"Each list in `equal` must contain parameters of one unit; found {list(group)} in "
+                f"{', '.join(units)}.",
+                remedy="give one list for each unit.",
+            )
+        joined = np.isin(leader, leader[where])
+        leader[joined] = leader[joined].min()
+    unknown = np.unique(leader[~given])
+    basis = np.zeros((len(origin), len(unknown)))
+    free = np.flatnonzero(~given)
+    basis[free, np.searchsorted(unknown, leader[free])] = 1.0
+    return origin, basis
+
+
+def at_mass_limit(standard: StandardParameters, asked: Requirements, values: Array, near: Array) -> NDArray[np.bool_]:
+    """Mask (p,) of the masses at one of their limits.
+
+    Args:
+        standard: The standard parameters.
+        asked: The requirements.
+        values: The estimate, shape (p,).
+        near: Largest distance from a limit at which a parameter counts as being at it, shape (p,).
+    """
+    low, high = np.full(len(values), -np.inf), np.full(len(values), np.inf)
+    masses = standard.inertial[:, 0]
+    if asked.heaviest is not None:
+        high[masses] = asked.heaviest
+    for number, (least, largest) in (asked.masses or {}).items():
+        k = masses[_link(standard, number, "masses")]
+        low[k], high[k] = least, min(high[k], largest)
+    return np.asarray((values <= low + near) | (values >= high - near))
+
+
+def _mass_cones(standard: StandardParameters, asked: Requirements) -> list[Cone]:
+    """Bounds of single masses and of their sum."""
+    p = len(standard.names)
+    rows: list[Array] = []
+    offsets: list[float] = []
+    bounds = [
+        (standard.inertial[_link(standard, k, "masses"), :1], v, "masses") for k, v in (asked.masses or {}).items()
+    ]
+    if asked.total_mass is not None:
+        bounds.append((standard.inertial[:, 0], asked.total_mass, "total_mass"))
+    for where, value, name in bounds:
+        good = isinstance(value, list | tuple) and len(value) == 2 and 0.0 <= value[0] < value[1]
+        if not good:
+            raise EstimationError(f"{name} must be a lower and an upper bound of the mass [kg]; found {value!r}.")
+        row = np.zeros(p)
+        row[where] = 1.0
+        rows += [row, -row]
+        offsets += [-float(value[0]), float(value[1])]
+    return [Cone("nonnegative", np.array(rows), np.array(offsets))] if rows else []
+
+
+def _com_cones(standard: StandardParameters, com: Mapping[str, Any]) -> list[Cone]:
+    """Half spaces n·c ≤ d of centres of mass c = h / m, that is d m - n·h ≥ 0."""
+    cones: list[Cone] = []
+    for key, points in com.items():
+        own = standard.inertial[_link(standard, key, "com")]
+        normals, distances = _half_spaces(key, points)
+        matrix = np.zeros((len(distances), len(standard.names)))
+        matrix[:, own[0]] = distances
+        matrix[:, own[1:4]] = -normals
+        cones.append(Cone("nonnegative", matrix, np.zeros(len(distances))))
+    return cones
+
+
+def _half_spaces(link: str, points: Any) -> tuple[Array, Array]:
+    """Outward normals (k, 3) and distances (k,) of a box between two corners or of a hull of more points."""
+    try:
+        given: Any = np.array(points, dtype=np.float64)
+    except (TypeError, ValueError):
+        given = np.zeros(0)
+    if (
+        given.ndim != 2
+        or given.shape[1] != 3
+        or len(given) not in (2, *range(4, 1000))
+        or not np.isfinite(given).all()
+    ):
+        raise EstimationError(
+            f"`com` of link {link} must be two corners of a box or at least four points of a hull, each [x, y, z] "
+            f"[m]; found {points!r:.80}."
+        )
+    if len(given) == 2:
+        low, high = given.min(axis=0), given.max(axis=0)
+        if (low >= high).any():
+            raise EstimationError(
+                f"`com` of link {link}: the box has no volume.",
+                remedy="give a second corner with larger x, y and z than the first.",
+            )
+        return np.vstack([np.eye(3), -np.eye(3)]), np.concatenate([high, -low])
+    from scipy.spatial import ConvexHull, QhullError  # the import takes 0.2 s
+
+    try:
+        equations = ConvexHull(given).equations
+    except QhullError as error:
+        raise EstimationError(
+            f"`com` of link {link}: the points lie in a plane.", remedy="give points that enclose a volume."
+        ) from error
+    return equations[:, :3], -equations[:, 3]
+
+
+def _link(standard: StandardParameters, key: str, option: str) -> int:
+    """Row of a link, given by its number, among the inertial parameters."""
+    numbers = [str(standard.names[own[0]].number) for own in standard.inertial]
+    if str(key) not in numbers:
+        raise EstimationError(
+            f"The option `{option}` contains an unknown link {key!r}.",
+            possible=", ".join(numbers),
+            remedy="name a link by its number, counted from 1 at the base.",
+        )
+    return numbers.index(str(key))
+
+
+def _position(position: Mapping[str, int], name: str, option: str) -> int:
+    if name not in position:
+        raise EstimationError(
+            f"The option `{option}` contains an unknown parameter {name!r}.",
+            possible=", ".join(position),
+            remedy=did_you_mean(name, position),
+        )
+    return position[name]

@@ -1,0 +1,293 @@
+"""Fit of base and standard parameters from an estimate with a prior and constraints."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armid.checked_array import Array
+from armid.errors import Finding
+from armid.estimation.consistency.additional_constraints import Requirements, at_mass_limit
+from armid.estimation.consistency.analytic_centre import AnalyticCentre, find_centre
+from armid.estimation.consistency.cones import smallest_eigenvalues
+from armid.estimation.crossvalidation import held_out_squares
+from armid.estimation.fit_result import Fit
+from armid.estimation.prior import INFORMED, Prior, project_covariance, weight_finding
+from armid.estimation.problem import StandardParameters
+from armid.estimation.standard_parameter_status import (
+    IDENTIFIED,
+    PriorUse,
+    Proof,
+    StandardFit,
+    StandardMap,
+    map_to_standard,
+    shares,
+    stated,
+    status_of,
+)
+from armid.estimation.uncertainty.covariance import scale_covariance
+from armid.estimation.whitened_system import WhitenedSystem
+from armid.information.information import stack
+from armid.maths.linalg import condition, inverse_of, scaled_condition
+from armid.maths.median import median
+from armid.remedy import Remedy, setting
+
+PRICE = 0.05
+"""Relative increase of the squared residual by consistency that is reported; noise causes far less than 0.01."""
+
+PUSHED = 2.0
+"""Distance between a held parameter and the value that fits the data best, in standard deviations, that is
+reported."""
+
+AT_BOUND = 1e-3
+"""Distance from a bound, in standard deviations, below which a parameter counts as at the bound."""
+
+NAMED = 0.01
+"""Component in an undetermined direction, for columns of unit length, from which a parameter is named."""
+
+REMEDY = Remedy("use ", setting("method", "physical"), " for simulation or export.")
+
+PHYSICAL = -1e-9
+"""Smallest eigenvalue of a pseudo-inertia that counts as zero within rounding [kg and kg·m²]."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class PhysicalEstimate:
+    """Estimate of standard parameters with a prior and constraints, from any method.
+
+    Attributes:
+        standard: The standard parameters.
+        weighted: The whitened data.
+        prior: The prior for weight 1; if the estimate has none, the prior that fits any arm.
+        use: Kind and weight of the prior in the estimate.
+        values: The estimate, shape (p,).
+        gap: Duality gap of the method; NaN if the method has none.
+        basis: Derivatives of the parameters (p,) by each unknown, shape (p, x); the identity if not given.
+        requirements: Requirements of the study on the parameters.
+    """
+
+    standard: StandardParameters
+    weighted: WhitenedSystem
+    prior: Prior
+    use: PriorUse
+    values: Array
+    gap: float = float("nan")
+    basis: Array = None  # pyright: ignore[reportAssignmentType]
+    requirements: Requirements | None = None
+
+    def __post_init__(self) -> None:
+        if self.basis is None:  # pyright: ignore[reportUnnecessaryComparison]
+            object.__setattr__(self, "basis", np.eye(len(self.values)))
+
+    @property
+    def base(self) -> Array:
+        """Base parameters, shape (b,)."""
+        return self.standard.regrouping @ self.values
+
+    @property
+    def is_informed(self) -> bool:
+        """Tests whether the prior determines parameters that the data do not determine."""
+        return self.use.kind in INFORMED
+
+    @property
+    def is_reduced(self) -> bool:
+        """Tests whether there are fewer unknowns than parameters."""
+        return self.basis.shape[0] != self.basis.shape[1]
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class _Held:
+    """Masks (p,) of parameters that are held away from the values that fit the data best.
+
+    Attributes:
+        at_zero: Held by the bound at zero.
+        at_limit: Held by a limit of the study.
+        inside: Held by prior and constraints between all bounds.
+    """
+
+    at_zero: NDArray[np.bool_]
+    at_limit: NDArray[np.bool_]
+    inside: NDArray[np.bool_]
+
+
+def fit_of(estimate: PhysicalEstimate, findings: Sequence[Finding] = ()) -> Fit:
+    """Fit of an estimate, with further findings of its method."""
+    data, values, basis = estimate.weighted, estimate.values, estimate.basis
+    eigenvalues = smallest_eigenvalues(estimate.standard, values)
+    prior = _prior_precision(estimate)
+    centre = _centre(estimate, float(eigenvalues.min(initial=0.0)))
+    feasible = prior if centre is None else basis.T @ centre.precision @ basis
+    precision = None
+    if centre is not None or estimate.is_informed or len(data.unseen) or estimate.is_reduced:
+        precision = _base_precision(estimate, feasible)
+    white = data.inverse if precision is None else inverse_of(data.rows.T @ data.rows + precision)
+    whole, rows, unweighted = data.whole, data.whole.rows[0], stack(data.whole)[0]
+    squares = held_out_squares(whole, estimate.base)
+    known = scale_covariance(whole, data.weights, white)
+    price = float(data.weights**2 @ (squares - data.squares)) / data.freedom
+    lift = map_to_standard(
+        feasible,
+        estimate.standard.regrouping,
+        basis,
+        data.correlation,
+        np.zeros(len(values)) if centre is None else centre.values - values,
+        _bounded(estimate.standard),
+    )
+    standard, held = _standard_fit(estimate, prior, eigenvalues, price, lift)
+    standard = stated(standard, data.correlation * white, known, np.full(whole.count, data.freedom))
+    return Fit(
+        whole.names,
+        estimate.base,
+        np.sqrt(np.diag(white)),
+        white + known,
+        "white",
+        data.freedom,
+        np.sqrt(squares / np.maximum(rows, 1)),
+        rows,
+        condition(unweighted),
+        scaled_condition(unweighted),
+        data.weights,
+        prior_precision=precision,
+        prior_correlation=data.correlation,
+        findings=(*findings, *estimate.prior.findings, *_findings(estimate, eigenvalues, price, held)),
+        standard=standard,
+    )
+
+
+def _prior_precision(estimate: PhysicalEstimate) -> Array:
+    """Precision (x, x) of the prior at the estimate, in units of the weighted normal equations."""
+    weight = estimate.use.weight if estimate.is_informed else 1.0
+    curvature = estimate.prior.curvature(estimate.standard, estimate.values, weight)
+    return estimate.weighted.correlation * (estimate.basis.T @ curvature @ estimate.basis)
+
+
+def _centre(estimate: PhysicalEstimate, lowest_eigenvalue: float) -> AnalyticCentre | None:
+    """Analytic centre; `None` if there is none, or if the estimate is outside of the cone."""
+    standard, values = estimate.standard, estimate.values
+    if min(lowest_eigenvalue, float(values[standard.nonnegative].min(initial=0.0))) < PHYSICAL:
+        return None
+    return find_centre(standard, estimate.weighted, estimate.prior, estimate.use, values, estimate.basis)
+
+
+def _base_precision(estimate: PhysicalEstimate, precision: Array) -> Array:
+    """Precision (b, b) of prior and cone in base parameters, from that of the unknowns (x, x)."""
+    covariance = project_covariance(precision, estimate.standard.regrouping @ estimate.basis)
+    if not estimate.is_reduced:
+        return inverse_of(covariance)
+    # What is given has no variance; a millionth of the others' stands for that.
+    length = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    length = np.where(length > 0.0, length, median(length) if length.any() else 1.0)
+    return inverse_of(covariance + 1e-6 * np.diag(length**2))
+
+
+def _bounded(standard: StandardParameters) -> Array:
+    """Mask (p,) of the parameters that cannot be negative."""
+    bounded = standard.nonnegative.astype(np.float64)
+    bounded[standard.inertial[:, [0, 4, 6, 9]]] = 1.0  # mass and the moments of inertia about the axes
+    return bounded
+
+
+def _standard_fit(
+    estimate: PhysicalEstimate, prior: Array, eigenvalues: Array, price: float, lift: StandardMap
+) -> tuple[StandardFit, _Held]:
+    """Standard parameters with the share of the data in each, and masks of those that are held."""
+    standard, data, values, basis = estimate.standard, estimate.weighted, estimate.values, estimate.basis
+    columns = data.rows @ standard.regrouping @ basis
+    covariance, share = shares(columns.T @ columns, prior)
+    spread = basis @ covariance @ basis.T
+    moves = basis != 0.0
+    given, resolution = ~moves.any(axis=1), moves @ share
+    held = _held(estimate, np.sqrt(np.maximum(np.diag(spread), 0.0)), given, resolution)
+    lowest = float(values[standard.nonnegative].min(initial=np.inf))
+    fit = StandardFit(
+        standard.names,
+        standard.units,
+        values,
+        data.correlation * spread,
+        np.stack([values, values], axis=1),
+        resolution,
+        status_of(resolution, estimate.is_informed, given, held.at_zero | held.at_limit | held.inside),
+        estimate.use,
+        Proof(price, float(eigenvalues.min(initial=np.inf)), lowest, estimate.gap),
+        lift,
+    )
+    return fit, held
+
+
+def _held(estimate: PhysicalEstimate, white: Array, given: NDArray[np.bool_], resolution: Array) -> _Held:
+    """Masks of the parameters that are held, among those that the study does not give.
+
+    Args:
+        estimate: The estimate.
+        white: Deviations under white noise, shape (p,).
+        given: Mask of the parameters that the study gives, shape (p,).
+        resolution: Share of the data, shape (p,).
+    """
+    standard, data, values = estimate.standard, estimate.weighted, estimate.values
+    root = np.sqrt(data.correlation)
+    # Gradient of the squared residuals, over what white noise makes of it.
+    gradient = standard.regrouping.T @ (data.rows.T @ (data.rows @ (estimate.base - data.values))) * white
+    at_bound = standard.nonnegative & (values <= AT_BOUND * np.maximum(root * white, np.finfo(np.float64).tiny))
+    at_limit = _limited(estimate, root * white) & ~given
+    far = np.zeros(len(values), dtype=np.bool_)
+    far[standard.inertial] = np.abs(gradient[standard.inertial]) > PUSHED * root
+    inside = far & (resolution >= IDENTIFIED) & ~given & ~at_limit
+    return _Held(at_bound & (gradient > PUSHED) & ~given, at_limit, inside)
+
+
+def _limited(estimate: PhysicalEstimate, deviation: Array) -> NDArray[np.bool_]:
+    """Mask of parameters (p,) at a limit of the study, or equal to a mass at such a limit."""
+    if estimate.requirements is None:
+        return np.zeros(len(estimate.values), dtype=bool)
+    near = AT_BOUND * np.maximum(deviation, np.abs(estimate.values))
+    at = at_mass_limit(estimate.standard, estimate.requirements, estimate.values, near)
+    return np.asarray((estimate.basis != 0.0) @ (estimate.basis[at] != 0.0).any(axis=0), dtype=bool)
+
+
+def _findings(estimate: PhysicalEstimate, eigenvalues: Array, price: float, held: _Held) -> list[Finding]:
+    """Findings about the bodies, the prior, the data and the parameters that are held."""
+    standard, data, use = estimate.standard, estimate.weighted, estimate.use
+    findings: list[Finding] = []
+    for own, smallest in zip(standard.inertial, eigenvalues, strict=True):
+        if smallest < PHYSICAL:
+            message = (
+                "No real body can have the values of this link: its pseudo-inertia has the eigenvalue "
+                f"{smallest:.2g}."
+            )
+            findings.append(Finding("not-physical", "warning", standard.names[own[0]], message, REMEDY))
+    if estimate.is_informed:
+        findings.append(weight_finding(f"{use.kind} prior", use.weight, use.how))
+    if len(data.unseen):
+        length = np.linalg.norm(stack(data.whole)[0], axis=0)
+        part = np.abs(data.unseen * np.where(length > 0.0, length, 1.0)).max(axis=0)
+        named = _listed(data.whole.names, part > NAMED)
+        message = f"The data do not determine {len(data.unseen)} directions of the base parameters, in {named}."
+        remedy = "record a motion that determines them; with these data, their values follow from the prior."
+        findings.append(Finding("prior-dominated", "warning", "", message, remedy))
+    if price > PRICE:
+        message = f"Physical consistency and the prior increase the squared residual by {100.0 * price:.3g} %."
+        remedy = (
+            "add torque terms that reduce the residuals, or give the prior less weight. A wrong sign or a wrong "
+            "gravity would be reported as a separate finding."
+        )
+        findings.append(Finding("price-of-consistency", "warning", "", message, remedy))
+    far = f"more than {PUSHED:g} standard deviations from the values that fit the data best"
+    for code, mask, message in (
+        ("held-at-zero", held.at_zero, "Without the bound at zero, these parameters would be negative"),
+        ("held-at-limit", held.at_limit, "These parameters are held at limits of the study"),
+        (
+            "held-inside",
+            held.inside,
+            f"Physical consistency, the prior and the limits of the study hold these parameters {far}",
+        ),
+    ):
+        if mask.any():
+            findings.append(Finding(code, "info", "", f"{message}: {_listed(standard.names, mask)}."))
+    return findings
+
+
+def _listed(names: Sequence[str], mask: NDArray[np.bool_]) -> str:
+    return ", ".join(name for name, is_listed in zip(names, mask, strict=True) if is_listed)

@@ -1,0 +1,335 @@
+"""Forward selection of friction candidates, family by family and joint by joint, by the error on held-out folds.
+
+Rules for acceptance are in `acceptance`. Gains are measured with the model's other parameters as all data give them,
+which has far less scatter where bodies have many parameters, and then checked with all parameters estimated without
+the fold. A candidate that could imitate gravity must gain in this check too, and on long folds with other poses,
+since only these show the imitation.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armid.checked_array import Array
+from armid.estimation.friction.acceptance import (
+    LARGE,
+    REJECTION_MARGIN,
+    CandidateGain,
+    choose_for_arm,
+    choose_for_joint,
+    error_log_ratios,
+    standard_error,
+)
+from armid.estimation.friction.candidates import Candidate, CandidateFamily, CandidateModel, choice_of
+from armid.estimation.friction.heldout_gains import HeldOutFolds, Reduced
+
+RIDGES = (0.003, 0.03)
+"""Shrinkages of added columns that are tried, in shares of their squared length: enough to distribute a torque among
+similar columns, and ten times that."""
+
+PASSES = 4
+"""Largest number of passes over all families: a small effect shows once larger ones are explained."""
+
+
+@dataclass(frozen=True, slots=True)
+class HeldOutTrial:
+    """Trial of an option on a joint, added to the model at the time of the trial.
+
+    Attributes:
+        joint: Index of the joint.
+        family: The kind of friction.
+        candidates: Candidates of the option.
+        gain: Reduction of the joint's squared held-out error, as a share; negative where the error grows.
+        deviation: Standard error of the gain, from the scatter between folds.
+        chosen: Whether the option was selected.
+    """
+
+    joint: int
+    family: str
+    candidates: tuple[Candidate, ...]
+    gain: float
+    deviation: float
+    chosen: bool
+
+    @property
+    def ratio(self) -> float:
+        """Held-out RMS with the candidate over that without."""
+        return float(np.sqrt(max(1.0 - self.gain, 0.0)))
+
+
+@dataclass(frozen=True, slots=True)
+class SelectedCandidate:
+    """Option that was selected for a joint in one round.
+
+    Attributes:
+        family: The kind of friction.
+        joint: Index of the joint.
+        candidates: Candidates of the option.
+        ridge: Shrinkage of its columns in the trial.
+    """
+
+    family: str
+    joint: int
+    candidates: tuple[Candidate, ...]
+    ridge: float
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class SelectionPath:
+    """Result of a forward selection.
+
+    Attributes:
+        selected: Selected options in the order of selection, without those that were withdrawn.
+        kept: Positions of the columns of the extended model that are in the selected model.
+        ridge: Shrinkage of each column of the extended model, in shares of its squared length, shape (b,).
+        trials: Last trial of every option on every joint.
+    """
+
+    selected: tuple[SelectedCandidate, ...]
+    kept: NDArray[np.intp]
+    ridge: Array
+    trials: tuple[HeldOutTrial, ...]
+
+    def chosen(self, joints: int) -> tuple[frozenset[Candidate], ...]:
+        """Selected candidates of each of `joints` joints."""
+        by_joint: list[set[Candidate]] = [set() for _ in range(joints)]
+        for each in self.selected:
+            by_joint[each.joint] |= set(each.candidates)
+        return tuple(frozenset(candidates) for candidates in by_joint)
+
+
+def select_forward(
+    short_folds: HeldOutFolds,
+    long_folds: HeldOutFolds,
+    extended: CandidateModel,
+    allowed: Sequence[frozenset[Candidate]],
+    families: Sequence[CandidateFamily],
+    start: SelectionPath | None = None,
+) -> SelectionPath:
+    """Selects friction candidates by forward selection on held-out folds.
+
+    Args:
+        short_folds: Data of the extended model in folds.
+        long_folds: The same data in a few long folds, on which pose-dependent candidates must gain as well.
+        extended: The model with all candidates.
+        allowed: Candidates that each joint may get.
+        families: Families to try, in order.
+        start: Selection to continue; the model without candidates where not given.
+    """
+    search = _Search(short_folds, long_folds, extended, [set(candidates) for candidates in allowed])
+    if start is not None:
+        search.trials = {(trial.joint, trial.candidates): trial for trial in start.trials}
+        for each in start.selected:
+            search.add(each)
+    search.try_families(families)
+    if start is None:
+        search.withdraw({family.name for family in families if family.reselect})
+        search.try_families(families)
+    search.prune({family.name for family in families if not family.shared})
+    search.drop_widths()
+    return SelectionPath(tuple(search.selected), search.kept, search.ridge, tuple(search.trials.values()))
+
+
+class _Search:
+    """State of a forward selection."""
+
+    def __init__(
+        self,
+        short_folds: HeldOutFolds,
+        long_folds: HeldOutFolds,
+        extended: CandidateModel,
+        allowed: list[set[Candidate]],
+    ) -> None:
+        self.short_folds = short_folds
+        self.long_folds = long_folds
+        self.extended = extended
+        self.allowed = allowed
+        self.chosen: list[set[Candidate]] = [set() for _ in allowed]
+        self.selected: list[SelectedCandidate] = []
+        self.ridge = np.zeros(extended.count)
+        self.trials: dict[tuple[int, tuple[Candidate, ...]], HeldOutTrial] = {}
+        self.cache: dict[tuple[bool, bool], tuple[tuple[SelectedCandidate, ...], Reduced]] = {}
+
+    @property
+    def kept(self) -> NDArray[np.intp]:
+        """Positions of the columns of the present model."""
+        kept = self.extended.in_model.copy()
+        for joint, candidates in enumerate(self.chosen):
+            kept[self._columns(joint, candidates)] = True
+        return np.flatnonzero(kept)
+
+    def try_families(self, families: Sequence[CandidateFamily]) -> None:
+        """Passes over all families until nothing more is selected."""
+        for _ in range(PASSES):
+            before = sum(len(candidates) for candidates in self.chosen)
+            for family in families:
+                for _ in range(family.rounds):
+                    if not self.try_family(family):
+                        break
+            self.try_family(self.combined())
+            if sum(len(candidates) for candidates in self.chosen) == before:
+                break
+
+    def withdraw(self, families: set[str]) -> None:
+        """Withdraws all selected options of some families."""
+        for each in tuple(self.selected):
+            if each.family in families:
+                self._withdraw(each)
+
+    def try_family(self, family: CandidateFamily) -> bool:
+        """Adds the best acceptable option of a family to each joint; returns whether any was added."""
+        strict = self._reduced(self.short_folds, refit_all=True)
+        all_data = self._reduced(self.short_folds, refit_all=False)
+        on_long_folds = self._reduced(self.long_folds, refit_all=True) if family.position else None
+        measured = self._measured(family, all_data)
+        shared = choose_for_arm(family, measured) if family.shared else None
+        selected: list[CandidateGain] = []
+        for joint in range(len(self.allowed)):
+            of_joint = [each_gain for each_gain in measured if each_gain.joint == joint]
+            choice = choose_for_joint(
+                family, of_joint, None if shared is None else [o for o in shared if o.joint == joint]
+            )
+            if choice is not None and not self._contradicted(choice, strict, on_long_folds):
+                selected.append(choice)
+            self._record(family, of_joint, choice if choice in selected else None)
+        for choice in selected:
+            self.add(SelectedCandidate(family.name, choice.joint, choice.candidates, choice.ridge))
+        return bool(selected)
+
+    def combined(self) -> CandidateFamily:
+        """Family of joint options that combine large but not significant ones.
+
+        Two effects can hide each other. So for each joint the best such option of every family is put into one.
+        """
+        options: list[tuple[Candidate, ...]] = []
+        for joint, chosen in enumerate(self.chosen):
+            best: dict[str, HeldOutTrial] = {}
+            for trial in self.trials.values():
+                is_open = trial.joint == joint and not trial.chosen and chosen.isdisjoint(trial.candidates)
+                if is_open and trial.gain > max(LARGE, best[trial.family].gain if trial.family in best else 0.0):
+                    best[trial.family] = trial
+            candidates = dict.fromkeys(candidate for trial in best.values() for candidate in trial.candidates)
+            if len(best) > 1:
+                options.append(tuple(candidates))
+        return CandidateFamily("together", tuple(options), position=True, min_gain=LARGE)
+
+    def add(self, selected: SelectedCandidate) -> None:
+        """Adds a selected option to the model."""
+        self.chosen[selected.joint] |= set(selected.candidates)
+        self.ridge[self._columns(selected.joint, selected.candidates)] = selected.ridge
+        self.selected.append(selected)
+
+    def prune(self, families: set[str]) -> None:
+        """Removes options that no longer lower the error of the whole model, the last selected first."""
+        error = self._errors().sum()
+        for each in tuple(reversed(self.selected)):
+            if each.family not in families:
+                continue
+            self.chosen[each.joint] -= set(each.candidates)
+            without = self._errors().sum()
+            if without < error:
+                error = without
+                self._withdraw(each)
+            else:
+                self.chosen[each.joint] |= set(each.candidates)
+
+    def drop_widths(self) -> None:
+        """Removes single widths of hysteresis that do not lower the error of their joint.
+
+        The widest stays: motion with fewer reversals than the recorded one needs it, which no fold can show.
+        """
+        while True:
+            error = self._errors()
+            removable: list[tuple[float, SelectedCandidate, Candidate]] = []
+            for each in self.selected:
+                widths = sorted((p for p in each.candidates if choice_of(p.term).is_sum), key=lambda p: p.shape)
+                for candidate in widths[:-1]:
+                    self.chosen[each.joint].discard(candidate)
+                    increase = self._errors() - error
+                    self.chosen[each.joint].add(candidate)
+                    if increase[each.joint] <= 0.0:
+                        removable.append((float(increase[each.joint] / error[each.joint]), each, candidate))
+            if not removable:
+                return
+            _, each, candidate = min(removable, key=lambda entry: entry[0])
+            others = tuple(other for other in each.candidates if other != candidate)
+            self.chosen[each.joint].discard(candidate)
+            self.selected[self.selected.index(each)] = replace(each, candidates=others)
+            trial = self.trials.pop((each.joint, each.candidates))
+            self.trials[each.joint, others] = replace(trial, candidates=others)
+
+    def _reduced(self, short_folds: HeldOutFolds, *, refit_all: bool) -> Reduced:
+        """Products with the present model eliminated, computed again only after the model has changed."""
+        key, state = (short_folds is self.long_folds, refit_all), tuple(self.selected)
+        if key not in self.cache or self.cache[key][0] != state:
+            self.cache[key] = state, short_folds.reduced(self.kept, self.ridge, refit_all=refit_all)
+        return self.cache[key][1]
+
+    def _withdraw(self, selected: SelectedCandidate) -> None:
+        self.chosen[selected.joint] -= set(selected.candidates)
+        self.selected.remove(selected)
+        key = selected.joint, selected.candidates
+        self.trials[key] = replace(self.trials[key], chosen=False)
+
+    def _errors(self) -> Array:
+        """Weighted squared error (n,) of each joint on all folds, all parameters estimated without the fold."""
+        return self.short_folds.errors(self.kept, self.ridge).sum(axis=0) * self.short_folds.weights**2
+
+    def _columns(self, joint: int, candidates: set[Candidate] | tuple[Candidate, ...]) -> NDArray[np.intp]:
+        columns = [self.extended.columns[joint, candidate] for candidate in candidates]
+        return np.concatenate([np.zeros(0, dtype=np.intp), *columns])
+
+    def _measured(self, family: CandidateFamily, reduced: Reduced) -> list[CandidateGain]:
+        """Gains of all options of a family on all joints, with each shrinkage."""
+        measured: list[CandidateGain] = []
+        for joint, allowed in enumerate(self.allowed):
+            available = allowed - self.chosen[joint]
+            used_terms = {candidate.term for candidate in self.chosen[joint] if choice_of(candidate.term).one_shape}
+            seen: set[tuple[Candidate, ...]] = set()
+            for option, candidates in enumerate(family.options):
+                remaining = tuple(
+                    candidate
+                    for candidate in candidates
+                    if candidate in available and candidate.term not in used_terms
+                )
+                squares = reduced.squares[:, joint]
+                if not remaining or remaining in seen or squares.sum() <= 0.0:
+                    continue
+                seen.add(remaining)
+                columns = self._columns(joint, remaining)
+                for ridge in RIDGES:
+                    gains = reduced.gains(joint, columns, ridge)
+                    if gains is not None:
+                        changes = error_log_ratios(gains[0], squares)
+                        measured.append(
+                            CandidateGain(joint, option, remaining, ridge, gains[0] / squares.sum(), changes)
+                        )
+        return measured
+
+    def _contradicted(self, choice: CandidateGain, strict: Reduced, on_long_folds: Reduced | None) -> bool:
+        """Checks whether an option loses where all parameters are estimated without the fold, or on long folds."""
+        columns = self._columns(choice.joint, choice.candidates)
+        gains = strict.gains(choice.joint, columns, choice.ridge)
+        if gains is None or any(each.sum() < -REJECTION_MARGIN * standard_error(each) for each in gains):
+            return True
+        if on_long_folds is None:
+            return False
+        if gains[0].sum() <= 0.0:
+            return True
+        gains = on_long_folds.gains(choice.joint, columns, choice.ridge)
+        if gains is None:
+            return True
+        gain, squares = gains[0], on_long_folds.squares[:, choice.joint]
+        return bool(gain.sum() <= 0.0 and error_log_ratios(gain, squares).sum() >= 0.0)
+
+    def _record(self, family: CandidateFamily, of_joint: list[CandidateGain], choice: CandidateGain | None) -> None:
+        """Records the trial of every option, with the better shrinkage."""
+        for each_gain in sorted(of_joint, key=lambda each_gain: (each_gain is choice, each_gain.gain)):
+            deviation = standard_error(each_gain.gains)
+            self.trials[each_gain.joint, each_gain.candidates] = HeldOutTrial(
+                each_gain.joint, family.name, each_gain.candidates, each_gain.gain, deviation, each_gain is choice
+            )

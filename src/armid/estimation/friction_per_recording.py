@@ -1,0 +1,170 @@
+"""Shared inertial parameters with friction, or offsets alone, of its own for each recording.
+
+Friction changes with temperature and age, and sensors are zeroed anew; links stay. Each recording's rows then touch
+the shared parameters and its own copies of the others, named `FV_1[1]`, `FV_1[2]`, …; the factors are rearranged, the
+data are not read again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armid.estimation.problem import StandardParameters
+from armid.information.information import Information, JointFactors
+from armid.kernel import factor_columns
+from armid.model.base_parameters import BaseParameters
+from armid.model.dynamics_model import DynamicsModel
+from armid.model.expression import symbols
+from armid.model.parameter_name import ParameterName
+from armid.model.terms import Offset
+
+
+def offset_names(model: DynamicsModel) -> tuple[str, ...]:
+    """Names of the standard parameters that are offsets of the torque."""
+    return tuple(parameter.name for parameter in model.parameters if parameter.kind == Offset.name)
+
+
+def changing_parameters(model: DynamicsModel) -> NDArray[np.bool_]:
+    """Flags of standard parameters that may differ between recordings: friction and offsets, no inertia."""
+    changing = np.zeros(len(model.parameters), dtype=np.bool_)
+    for column, (_, law) in zip(model.law_columns, model.laws, strict=True):
+        changing[column] = "ddq" not in symbols(law.expression)
+    return changing
+
+
+def separate_by_recording(information: Information, own: NDArray[np.bool_]) -> Information:
+    """Give each recording its own copy of some parameters.
+
+    Args:
+        information: Blocks of several recordings.
+        own: Which of the b parameters each recording has for itself, shape (b,).
+
+    Returns:
+        Information about the shared parameters followed by each recording's own.
+    """
+    recordings = np.unique(information.recording)
+    if len(recordings) < 2 or not own.any():
+        return information
+    shared = np.flatnonzero(~own)
+    separate = np.flatnonzero(own)
+    names = tuple(information.names[k] for k in shared) + tuple(
+        information.names[k].of_recording(int(r) + 1) for r in recordings for k in separate
+    )
+    joints: list[JointFactors] = []
+    for joint in information.joints:
+        parameters = _parameters(joint.parameters, own, shared, separate, len(recordings))
+        width = len(parameters) + 1
+        R = np.zeros((information.blocks, width, width))
+        for block, of in enumerate(information.recording):
+            copy = int(np.searchsorted(recordings, of))
+            target = _places(joint.parameters, own, shared, separate, copy)
+            columns = np.zeros((width, joint.R.shape[1]))
+            columns[np.searchsorted(parameters, target)] = joint.R[block, :, :-1].T
+            columns[-1] = joint.R[block, :, -1]
+            R[block] = factor_columns(columns)[0]
+        joints.append(JointFactors(parameters, R))
+    return replace(information, names=names, joints=tuple(joints))
+
+
+def contrasted(information: Information, names: Collection[str]) -> Information:
+    """The same with further parameters: how far some lie in each recording from their mean over all.
+
+    With values v_r in R recordings and their mean v = Σ v_r / R, the further ones are d_r = v_r - v for all but the
+    last recording, since they add to zero. What stood in the information keeps its place, and means v.
+
+    Args:
+        information: Blocks of several recordings.
+        names: Parameters that may differ.
+
+    Returns:
+        Information with `FO_1~1`, `FO_1~2`, … last; the same where there is one recording.
+    """
+    recordings = np.unique(information.recording)
+    more = len(recordings) - 1
+    own = [k for k, name in enumerate(information.names) if name in names] if more else []
+    if not own:
+        return information
+    sign = (information.recording[:, None] == recordings[:-1]) * 1.0
+    sign[information.recording == recordings[-1]] = -1.0
+    joints: list[JointFactors] = []
+    for joint in information.joints:
+        at = [k for k, parameter in enumerate(joint.parameters) if parameter in own]
+        added = [information.count + own.index(int(joint.parameters[k])) * more + r for k in at for r in range(more)]
+        columns = joint.R[:, :, at, None] * sign[:, None, None, :]
+        wide = np.concatenate(
+            [joint.R[:, :, :-1], columns.reshape(*joint.R.shape[:2], -1), joint.R[:, :, -1:]], axis=2
+        )
+        factors = [factor_columns(np.ascontiguousarray(each.T))[0] for each in wide]
+        joints.append(JointFactors(np.append(joint.parameters, added), np.stack(factors)))
+    names_of = [ParameterName(f"{information.names[k]}~{r + 1}") for k in own for r in recordings[:-1]]
+    return replace(information, names=(*information.names, *names_of), joints=tuple(joints))
+
+
+def standard_per_recording(
+    standard: StandardParameters, base: BaseParameters | None, information: Information
+) -> StandardParameters:
+    """The standard parameters behind information that was separated by recording.
+
+    A standard parameter has copies where it shows in copied base parameters only. One that also has a part in a
+    shared one, such as an offset that a constant gravity torque joins, stays shared.
+
+    Args:
+        standard: Behind the base parameters as they were.
+        base: These, for their names.
+        information: Separated or not.
+    """
+    if base is None or (information.count == len(base.names) and tuple(information.names) == tuple(base.names)):
+        return standard
+    index = {name: k for k, name in enumerate(base.names)}
+    row = np.array([index[name.of_all] for name in information.names])
+    copy = np.array([name.recording or 0 for name in information.names])
+    copied = np.zeros(len(base.names), dtype=np.bool_)
+    copied[row[copy > 0]] = True
+    seen = standard.regrouping != 0.0
+    own = seen[copied].any(axis=0) & ~seen[~copied].any(axis=0)
+    own[standard.inertial] = False
+    source = [(k, 0) for k in np.flatnonzero(~own)]
+    source += [(k, c) for c in np.unique(copy[copy > 0]) for k in np.flatnonzero(own)]
+    which, number = np.array([k for k, _ in source]), np.array([c for _, c in source])
+    regrouping = standard.regrouping[row][:, which] * ((number == 0) | (number == copy[:, None]))
+    place = {int(k): at for at, (k, c) in enumerate(source) if c == 0}
+    names = [standard.names[k].of_recording(int(c)) if c else standard.names[k] for k, c in source]
+    return StandardParameters(
+        tuple(names),
+        tuple(standard.units[k] for k in which),
+        regrouping,
+        np.array([[place[int(k)] for k in link] for link in standard.inertial], dtype=np.intp).reshape(-1, 10),
+        standard.links,
+        standard.nonnegative[which],
+        None if standard.nominal is None else standard.nominal[which],
+    )
+
+
+def _places(
+    parameters: NDArray[np.int32],
+    own: NDArray[np.bool_],
+    shared: NDArray[np.intp],
+    separate: NDArray[np.intp],
+    copy: int,
+) -> NDArray[np.int64]:
+    """New numbers of a joint's parameters for the recording number `copy`."""
+    first = len(shared) + copy * len(separate)
+    return np.where(
+        own[parameters], first + np.searchsorted(separate, parameters), np.searchsorted(shared, parameters)
+    )
+
+
+def _parameters(
+    parameters: NDArray[np.int32],
+    own: NDArray[np.bool_],
+    shared: NDArray[np.intp],
+    separate: NDArray[np.intp],
+    copies: int,
+) -> NDArray[np.int32]:
+    """New numbers that a joint's rows touch in any recording, rising."""
+    places = [_places(parameters, own, shared, separate, copy) for copy in range(copies)]
+    return np.unique(np.concatenate(places)).astype(np.int32)

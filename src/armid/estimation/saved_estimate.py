@@ -1,0 +1,201 @@
+"""Estimate in the form that is saved: values, intervals and status, with the inputs from which they were computed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armid.checked_array import Array
+from armid.errors import Finding
+from armid.estimation.fit_result import Fit
+from armid.estimation.standard_parameter_status import StandardFit, Status
+from armid.information.information import FactorOrigin
+from armid.model.base_parameters import BaseParameters
+from armid.model.parameter_name import ParameterName
+from armid.notebook import Displayed, Summary, percent, plural
+from armid.text_value import TextValue
+
+
+@dataclass(frozen=True, slots=True)
+class TermUse:
+    """Torque term with the joints and shapes with which it was used.
+
+    Attributes:
+        name: Name of the term.
+        joints: Names of the joints on which the term acts.
+        shapes: Shapes of the term, by name.
+    """
+
+    name: str
+    joints: tuple[str, ...]
+    shapes: dict[str, float | tuple[float, ...]]
+
+    def __post_init__(self) -> None:
+        # A file gives lists where tuples were.
+        shapes = {key: tuple(value) if isinstance(value, list) else value for key, value in self.shapes.items()}
+        object.__setattr__(self, "shapes", shapes)
+
+
+@dataclass(frozen=True, slots=True)
+class InputDigest(TextValue):
+    """Digest of an input of an estimate: `robot 1f2e…`.
+
+    Attributes:
+        role: `robot`, `train`, `validate`, `earlier run` or `options`.
+        sha256: Digest.
+    """
+
+    role: str
+    sha256: str
+
+    def __str__(self) -> str:
+        return f"{self.role} {self.sha256}"
+
+    @classmethod
+    def read(cls, text: str) -> InputDigest:
+        """Makes the digest from its text."""
+        role, _, sha256 = text.rpartition(" ")
+        return cls(role, sha256)
+
+
+@dataclass(frozen=True, eq=False, slots=True, repr=False)
+class Estimate(Displayed):
+    """Base parameters of an arm with intervals.
+
+    Attributes:
+        robot: Name of the arm.
+        method: Name of the estimator.
+        terms: Torque terms with their shapes.
+        base: The base parameters and their regrouping.
+        fit: Values, deviations, covariance and residuals.
+        findings: Findings made during the identification.
+        made_from: Digests of the inputs: robot description, recordings and options.
+        made_by: Kernel and method with which the information was computed.
+        seconds: Time from recordings to result [s].
+        speeds: Highest speed of each joint in the training rows, shape (n,) [rad/s or m/s]; `None` if it is not
+            known.
+    """
+
+    robot: str
+    method: str
+    terms: tuple[TermUse, ...]
+    base: BaseParameters
+    fit: Fit
+    findings: tuple[Finding, ...] = ()
+    made_from: tuple[InputDigest, ...] = ()
+    made_by: FactorOrigin = field(default_factory=FactorOrigin)
+    seconds: float = 0.0
+    speeds: Array | None = None
+
+    def summary(self) -> Summary:
+        """Base parameters with deviations and intervals."""
+        units = dict(zip(self.base.names, self.base.units, strict=True))
+        rows = tuple(
+            (name, f"{value:.5g}", units[name.of_all], percent(deviation), f"{low:.5g} … {high:.5g}")
+            for name, value, deviation, (low, high) in zip(
+                self.fit.names, self.fit.values, self.fit.relative_deviation, self.intervals, strict=True
+            )
+        )
+        columns = ("parameter", "value", "unit", "σ", "95 % interval")
+        note = f"condition number {self.fit.condition:.4g}; {plural(len(self.findings), 'finding')}"
+        return Summary(f"{self.robot}: {len(rows)} base parameters, {self.method}", columns, rows, note)
+
+    @property
+    def recording_digests(self) -> tuple[str, ...]:
+        """Digests (sha256) of the recordings for training and validation, in the order of the study."""
+        return tuple(each.sha256 for each in self.made_from if each.role in ("train", "validate"))
+
+    @property
+    def intervals(self) -> Array:
+        """95 % intervals of the parameters, shape (b, 2)."""
+        return self.fit.intervals
+
+
+def torque_parameters(base: BaseParameters, fit: Fit) -> Array:
+    """Standard parameters (p,) with the torque of the estimate: base values on kept columns, zero elsewhere.
+
+    The torque is the same (Y θ = Y_base π), but no real body has these parameters. If friction was estimated for each
+    recording, its mean is used. If the method estimates standard parameters, these are returned.
+    """
+    if fit.standard is not None:
+        return collapse(base.standard_names, fit.standard)
+    theta = np.zeros(len(base.standard_names))
+    theta[base.kept] = collapse(base.names, fit)
+    return theta
+
+
+def collapse(names: Sequence[str], fit: Fit | StandardFit) -> Array:
+    """Values of parameters by name; the mean if a parameter has one value for each recording, as in `FV_1[2]`."""
+    groups: dict[str, list[float]] = {}
+    for name, value in zip(fit.names, fit.values, strict=True):
+        groups.setdefault(name.of_all, []).append(float(value))
+    return np.array([float(np.mean(groups[name])) for name in names], dtype=np.float64)
+
+
+def averaged(names: tuple[ParameterName, ...], fit: Fit) -> Fit:
+    """The fit with parameters by name; the mean if a parameter has one value for each recording, as in `FV_1[2]`."""
+    copies = [name.of_all for name in fit.names]
+    mean = np.array([[name == copy for copy in copies] for name in names], dtype=np.float64)
+    mean /= mean.sum(axis=1, keepdims=True)
+    return replace(
+        fit,
+        names=names,
+        values=mean @ fit.values,
+        white_deviation=np.sqrt(np.diag(mean @ np.diag(fit.white_deviation**2) @ mean.T)),
+        covariance=mean @ fit.covariance @ mean.T,
+        freedom=mean @ fit.freedom,
+        prior_precision=None,
+    )
+
+
+def standard_parameters(estimate: Estimate) -> list[dict[str, Any]]:
+    """Records of all standard parameters, with a value if the data determine the parameter.
+
+    The data determine a parameter if its column is kept and no other parameter is regrouped into it. A regrouped
+    parameter has no value, unless the method estimates standard parameters; its status then shows how far the data
+    determine it.
+    """
+    if estimate.fit.standard is not None:
+        return _estimated(estimate.fit.standard)
+    base, fit = estimate.base, estimate.fit
+    alone = np.count_nonzero(base.regrouping, axis=1) == 1
+    fit = averaged(base.names, fit)
+    ends = fit.intervals
+    position: dict[str, int] = {base.standard_names[k]: row for row, k in enumerate(base.kept)}
+    result: list[dict[str, Any]] = []
+    own: NDArray[np.bool_] = np.zeros(len(base.standard_names), dtype=bool)
+    own[base.kept[alone]] = True
+    for k, (name, unit) in enumerate(zip(base.standard_names, base.standard_units, strict=True)):
+        row = position.get(name) if own[k] else None
+        status: Status = "not identifiable" if row is None else "identified"
+        result.append(
+            {
+                "name": name,
+                "value": None if row is None else float(fit.values[row]),
+                "unit": unit,
+                "interval95": None if row is None else ends[row].tolist(),
+                "status": status,
+            }
+        )
+    return result
+
+
+def _estimated(fit: StandardFit) -> list[dict[str, Any]]:
+    """Records of a method that estimates standard parameters."""
+    return [
+        {
+            "name": name,
+            "value": float(value),
+            "unit": unit,
+            # One choice of many is no knowledge, and a prior's own width no interval.
+            "interval95": None if status == "not identifiable" else ends.tolist(),
+            "status": status,
+        }
+        for name, value, unit, ends, status in zip(
+            fit.names, fit.values, fit.units, fit.intervals, fit.status, strict=True
+        )
+    ]

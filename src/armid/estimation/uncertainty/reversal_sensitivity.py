@@ -1,0 +1,123 @@
+"""Effect of velocity reversals on an estimate: comparison of the estimates with and without rows near them.
+
+Near a reversal dry friction passes through its whole range within milliseconds: the joint sticks for a moment, or its
+filtered velocity crosses zero a little earlier or later than the true one. The resulting model error is not noise. It
+has the sign of the acceleration and occurs when that is largest, so it biases the inertias, and neither scatter nor
+spectrum of the residuals shows the bias. The comparison of two estimates does that are both consistent if the model
+is right [Hausman1978]: with these rows and without them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armid.checked_array import Array
+from armid.estimation.problem import EstimationProblem
+from armid.estimation.uncertainty.covariance_choice_thresholds import MIN_INFORMATION, SLOW_SHARE
+from armid.estimation.uncertainty.cross_products_by_frequency import column_numbers
+from armid.information.column_source import column_source
+from armid.information.hysteresis_states import with_hysteresis_states
+from armid.information.regressor_rows import rows
+from armid.measurement.low_pass_band import Band
+from armid.measurement.observations import ObservedRun
+from armid.measurement.processing.row_mask import LOBE_HALF_WIDTH
+
+MIN_EIGENVALUE = 1e-8
+"""Smallest ratio of the extreme eigenvalues of the normal equations with unit columns at which the remaining rows
+determine an estimate."""
+
+
+def shift_by_reversals(problem: EstimationProblem, values: Array, weights: Array, prior: Array) -> Array | None:
+    """Shift of an estimate when rows near reversals are left out, shape (b,).
+
+    Args:
+        problem: Problem with its samples.
+        values: The estimate, shape (b,).
+        weights: Weight of each joint's rows, shape (n,).
+        prior: Precision of the prior, shape (b, b).
+
+    Returns:
+        The shift; `None` where the remaining rows do not determine an estimate.
+    """
+    normal, pull = np.array(prior, dtype=np.float64), np.zeros(len(values))
+    for _, parameters, columns, side in _rows_away_from_reversals(problem, weights):
+        normal[parameters[:, None], parameters] += columns @ columns.T
+        pull[parameters] += columns @ (side - values[parameters] @ columns)
+    return _solve(normal, pull)
+
+
+def shift_of_unknowns(
+    problem: EstimationProblem,
+    values: Array,
+    weights: Array,
+    column_maps: Sequence[Array],
+    remaining: tuple[Array, Array],
+    root: Array,
+) -> Array:
+    """Shift of u unknowns, from which the parameters of the columns follow, without rows near reversals.
+
+    Directions that only rows near reversals determine cannot be compared; their shift is zero.
+
+    Args:
+        problem: Problem with its samples, in b parameters.
+        values: Parameters of each joint's torque, shape (n, b).
+        weights: Weight of each joint's rows, shape (n,).
+        column_maps: Matrices from the unknowns to each joint's parameters, shapes (b, u).
+        remaining: Normal equations (u, u) and negative gradient (u,) of all data and priors beside the samples.
+        root: Factor of the inverse of all normal equations, shape (u, u).
+
+    Returns:
+        The shift, shape (u,).
+    """
+    n, b = values.shape
+    normals, pulls = np.zeros((n, b, b)), np.zeros((n, b))
+    for j, parameters, columns, side in _rows_away_from_reversals(problem, weights):
+        normals[j, parameters[:, None], parameters] += columns @ columns.T
+        pulls[j, parameters] += columns @ (side - values[j, parameters] @ columns)
+    normal, pull = np.array(remaining[0], dtype=np.float64), np.array(remaining[1], dtype=np.float64)
+    for column_map, joint_normal, joint_pull in zip(column_maps, normals, pulls, strict=True):
+        normal += column_map.T @ joint_normal @ column_map
+        pull += column_map.T @ joint_pull
+    share, directions = np.linalg.eigh(root.T @ normal @ root)
+    inverse = np.where(share > MIN_INFORMATION, 1.0 / np.maximum(share, MIN_INFORMATION), 0.0)
+    return np.asarray(root @ (directions @ (inverse * (directions.T @ (root.T @ pull)))), dtype=np.float64)
+
+
+def _rows_away_from_reversals(
+    problem: EstimationProblem, weights: Array
+) -> Iterator[tuple[int, NDArray[np.int64], Array, Array]]:
+    """Weighted rows away from reversals: joint, numbers of its parameters, columns (k, M) and torque (M,)."""
+    model, base, observations = problem.require_samples("cover")
+    source = column_source(model, base)
+    for given in observations.runs:
+        run = with_hysteresis_states(model, given, observations.band)
+        column_map = column_numbers(source, problem.information.names, run)
+        counts = run.mask & _is_away(run, observations.band)
+        for begin, x in rows(source, run, observations.band):
+            for j, (first, last) in enumerate(zip(source.layout.offset, source.layout.offset[1:], strict=False)):
+                block = weights[j] * x[first:last][:, counts[begin : begin + x.shape[1], j]]
+                yield j, column_map[j], block[:-1], block[-1]
+
+
+def _solve(normal: Array, pull: Array) -> Array | None:
+    """Solution of the normal equations; `None` where they are singular."""
+    size = np.sqrt(np.diag(normal))
+    if not (size > 0.0).all():
+        return None
+    eigenvalues, vectors = np.linalg.eigh(normal / np.outer(size, size))
+    if eigenvalues[0] <= MIN_EIGENVALUE * eigenvalues[-1]:
+        return None
+    return np.asarray(vectors @ ((vectors.T @ (pull / size)) / eigenvalues) / size, dtype=np.float64)
+
+
+def _is_away(run: ObservedRun, band: Band) -> NDArray[np.bool_]:
+    """Mask (M, n) of rows that no reversal affects through averaging or the main lobe of the filter."""
+    speed = np.abs(run.motion.dq)
+    slow = speed < SLOW_SHARE * np.sqrt(np.mean(speed**2, axis=0))
+    reach = -(-run.step // 2) if band.family == "none" else round(LOBE_HALF_WIDTH * run.rate / band.cutoff)
+    counts = np.concatenate([np.zeros((1, slow.shape[1]), dtype=np.int64), slow.cumsum(axis=0)])
+    low, high = np.maximum(run.rows - reach, 0), np.minimum(run.rows + reach + 1, len(slow))
+    return counts[high] == counts[low]

@@ -1,0 +1,94 @@
+"""Convex bodies that enclose bodies more tightly than capsules, and their distances computed with Coal.
+
+A capsule around a cylinder or a shell extends beyond both ends by its radius. Two capsules may therefore overlap in
+every pose although the bodies never touch. An arm has only a few such pairs. Their distances are computed here with
+tighter bodies: capsules, spheres, boxes and half-spaces are exact, a cylinder is enclosed in a prism, and a mesh in
+the convex hulls of its slices (`armid.excitation.collision.mesh_hulls`). For these bodies Coal computes distance,
+direction and nearest points to rounding error, also if the bodies overlap, so that gradients are exact. For cylinders
+it computes only four digits.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armid.checked_array import Array
+from armid.excitation.collision.coal import distances, geometry, nearest, stamp
+from armid.excitation.collision.mesh_hulls import hull_points, outline_of, part_of
+from armid.robot.shapes import Kind, Shape
+
+SIDES = 32
+"""Number of sides of the prism around a cylinder, which is half a percent wider than the cylinder."""
+
+
+def prism(radius: float, length: float) -> Array:
+    """Corners (v, 3) [m] of a prism that encloses a cylinder about z."""
+    angle = 2.0 * np.pi * np.arange(SIDES) / SIDES
+    ring = radius / np.cos(np.pi / SIDES) * np.column_stack([np.cos(angle), np.sin(angle)])
+    return np.vstack([np.column_stack([ring, np.full(SIDES, z)]) for z in (-0.5 * length, 0.5 * length)])
+
+
+def parts_of(shape: Shape) -> tuple[Any, ...]:
+    """Convex Coal geometries that together enclose a body, in the frame of the body."""
+    return _parts_of(shape.kind, tuple(shape.size.tolist()), shape.path, stamp(shape.path))
+
+
+@lru_cache(maxsize=512)
+def _parts_of(kind: Kind, size: tuple[float, float, float], path: str, _stamp: tuple[int, int]) -> tuple[Any, ...]:
+    """Convex bodies as given by `parts_of`; cached by form, because shapes from other processes are new objects."""
+    shape = Shape("", -1, kind, np.array(size), np.eye(4), path)
+    if kind == "cylinder":
+        return (part_of(hull_points(prism(*size[:2]))).solid(),)
+    if kind == "mesh":
+        return tuple(part.solid() for part in outline_of(shape).parts)
+    return (geometry(shape),)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Hulls:
+    """Pairs of bodies whose distances are computed with convex bodies around them.
+
+    Attributes:
+        shapes: Bodies.
+        pairs: Indices of the two bodies of each pair, shape (r, 2).
+        at: Index of each pair in the list of all pairs, in ascending order, shape (r,).
+    """
+
+    shapes: tuple[Shape, ...]
+    pairs: NDArray[np.intp]
+    at: NDArray[np.intp]
+
+    def __len__(self) -> int:
+        return len(self.at)
+
+    def distances(self, poses: tuple[Array, Array]) -> Array:
+        """Distances of the pairs, shape (N, r) [m]; negative where hulls overlap."""
+        return distances(self.shapes, self.pairs, poses, parts_of)
+
+    def distances_below(self, reach: Array, bound: Array, poses: tuple[Array, Array]) -> Array:
+        """Distances (N, r) [m]; a lower bound (N, r) above the reach (r,) [m] of its pair is returned unchanged."""
+        result = bound.copy()
+        for k, pair in enumerate(self.pairs):
+            near = np.flatnonzero(bound[:, k] < reach[k])
+            if len(near):
+                some = poses[0][near], poses[1][near]
+                result[near, k] = distances(self.shapes, pair[None], some, parts_of)[:, 0]
+        return result
+
+    def nearest(self, poses: tuple[Array, Array]) -> tuple[Array, Array, Array, Array]:
+        """Distances (N, r) [m], nearest points of both bodies and unit vectors from the second body, each (N, r, 3).
+
+        Args:
+            poses: Rotations (N, n, 3, 3) and origins (N, n, 3) of the links.
+        """
+        return nearest(self.shapes, self.pairs, poses, parts_of)
+
+    def only(self, which: NDArray[np.intp]) -> Hulls:
+        """Hulls of selected pairs, by ascending indices; the pairs are numbered again in this order."""
+        kept = np.isin(self.at, which)
+        return Hulls(self.shapes, self.pairs[kept], np.searchsorted(which, self.at[kept]))

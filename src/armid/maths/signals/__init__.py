@@ -1,0 +1,1 @@
+"""Sampled signals: filters, spectra, derivatives, resampling and delays."""

@@ -1,0 +1,371 @@
+"""Zero-phase filters of sampled signals, and band-limited derivatives.
+
+A *filter* is an array, and its shape gives its kind: second-order sections, shape (k, 6), which are applied forwards
+and backwards, or symmetric FIR taps, shape (2h+1,), which are centred on the sample. Both kinds have zero phase and a
+real gain, so the same routine applies both. The signal is continued at its ends, by odd reflection or periodically,
+and multiplied by the gain in the frequency domain. The result is that of the forward-backward recursion without its
+initial transient. The time does not depend on the order, and a factor jω gives band-limited derivatives.
+
+Time is axis 0 of a signal, shape (N,) or (N, ...), unless stated otherwise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import lru_cache
+
+import numpy as np
+
+from armid.checked_array import Array
+from armid.errors import ArmidError
+from armid.maths.signals.spectrum import fast_length, frequencies, inverse, spectrum
+
+BLOCK = 40_000
+"""Number of values that are filtered at a time: the intermediate arrays then fit into the cache of a core."""
+
+SETTLED = 1e-9
+"""Decay of the slowest pole at which a filter counts as settled. The effect of the reflected end is then below the
+rounding of 32-bit logs."""
+
+EDGE = 1e-2
+"""Largest share of the sum of the absolute impulse response that lies beyond the end of the run, for a row that is
+kept. Beyond the end, the signal is continued by reflection with the correct value and slope, so the error is far less
+than this share."""
+
+FIR_ATTENUATION = 60.0
+"""Stop-band attenuation of `fir` [dB]. It is a factor of 0.001, below the noise of joint torques; a larger
+attenuation would need a longer impulse response."""
+
+DECIMATION_ATTENUATION = 100.0
+"""Stop-band attenuation of the decimation filter [dB]. Aliases are attenuated by a factor of 1e-5, below 16-bit
+resolution."""
+
+DECIMATION_PASS_BAND = 0.5
+"""Upper end of the pass band of a decimation, divided by the new Nyquist frequency. In the pass band the gain is one,
+to 2e-5, and there are no aliases."""
+
+OVERSAMPLING = 8.0
+"""Smallest ratio of the intermediate sample rate to the cut-off. The decimation then has a gain of one up to twice
+the cut-off. At this frequency, a zero-phase Butterworth filter of order four has a gain of 0.4 %."""
+
+
+# Filters -------------------------------------------------------------------------------------------------------
+
+
+def butterworth(order: int, cutoff: float, rate: float) -> Array:
+    """Butterworth low-pass filter as second-order sections, shape (k, 6).
+
+    Sections are used because the transfer function of a high order at a low cut-off overflows in double precision.
+
+    Args:
+        order: Order of one pass. The filter is applied forwards and backwards, which doubles the slope [dB/octave].
+        cutoff: Cut-off [Hz]; the gain there is -3 dB for one pass and -6 dB for both passes.
+        rate: Sample rate [Hz].
+
+    Raises:
+        ArmidError: The cut-off is not between zero and half the sample rate, or the order is less than one.
+    """
+    _check_cutoff(order, cutoff, rate)
+    # Poles on a circle in the left half plane, moved to the unit disk by the bilinear transform, which maps
+    # infinity, where all zeros lie, to -1; the cut-off is warped beforehand. Each section passes zero frequency.
+    k = np.arange(order // 2)
+    analog = np.tan(np.pi * cutoff / rate) * np.exp(0.5j * np.pi * (1.0 + (2 * k + 1) / order))
+    pole = (1.0 + analog) / (1.0 - analog)
+    a1, a2 = -2.0 * pole.real, np.abs(pole) ** 2
+    one = np.ones(len(k))
+    g = (one + a1 + a2) / 4.0
+    sections = np.stack([g, 2.0 * g, g, one, a1, a2], axis=1)
+    if order % 2:
+        real = np.tan(np.pi * cutoff / rate)
+        real = (1.0 - real) / (1.0 + real)
+        single = np.array([[(1.0 - real) / 2.0, (1.0 - real) / 2.0, 0.0, 1.0, -real, 0.0]])
+        sections = np.concatenate([single, sections])
+    return sections
+
+
+def fir(periods: float, cutoff: float, rate: float) -> Array:
+    """FIR low-pass filter, a windowed sinc over a number of periods of the cut-off; taps of shape (2h+1,).
+
+    The gain is -6 dB at the cut-off, as for both passes of `butterworth`, and exactly one at zero frequency.
+    """
+    _check_cutoff(periods, cutoff, rate)
+    half = max(1, round(0.5 * periods * rate / cutoff))
+    return _windowed_sinc(half, cutoff / rate, FIR_ATTENUATION)
+
+
+def low_pass(family: str, order: int, cutoff: float, rate: float) -> Array | None:
+    """Low-pass filter of a family, order and cut-off [Hz] for a sample rate [Hz]; `None` for the family `none`."""
+    if family == "none":
+        return None
+    return (butterworth if family == "butterworth" else fir)(order, cutoff, rate)
+
+
+def decimation_filter(
+    step: int, *, pass_band: float = DECIMATION_PASS_BAND, attenuation: float = DECIMATION_ATTENUATION
+) -> Array:
+    """Linear-phase low-pass filter for a decimation to every `step`-th sample; taps of shape (2h+1,).
+
+    The gain is one up to `pass_band` times the new Nyquist frequency, and frequencies that alias into this band are
+    attenuated. Aliases of the transition band fall only into the transition band, so it may be twice as wide as for a
+    filter that attenuates all frequencies above the new Nyquist frequency.
+
+    Args:
+        step: Number of samples from one kept sample to the next.
+        pass_band: Upper end of the pass band, divided by the new Nyquist frequency, in (0, 1).
+        attenuation: Attenuation of aliases [dB]. In the pass band, the gain differs from one by at most twice this
+            factor.
+    """
+    if not (step >= 1 and 0 < pass_band < 1):
+        raise ArmidError(
+            f"Decimation by {step} with a pass band of {pass_band} times the new Nyquist frequency is impossible.",
+            remedy="decimate by a smaller factor, or lower the cut-off.",
+        )
+    if step == 1:
+        return np.ones(1)
+    width = (1.0 - pass_band) / step  # from pass to stop band, cycles a sample
+    attenuation += 2.0  # Kaiser's formula for the length overestimates by up to 1.5 dB
+    half = int(np.ceil((attenuation - 7.95) / (14.36 * width) / 2))
+    return _windowed_sinc(half, 0.5 / step, attenuation)
+
+
+def decimation_step(rate: float, cutoff: float, step: int) -> int:
+    """Largest divisor of `step` by which a signal may be decimated before it is filtered with this cut-off [Hz]."""
+    allowed = [d for d in range(1, step + 1) if step % d == 0 and rate >= d * OVERSAMPLING * cutoff]
+    return max(allowed, default=1)
+
+
+def coarsest_step(rate: float, cutoff: float) -> int:
+    """Largest decimation step that keeps all frequencies of a signal that is filtered with `cutoff` [Hz]."""
+    return max(1, int(rate / (OVERSAMPLING * cutoff)))
+
+
+def gain(filter: Array, frequency: Array) -> Array:
+    """Real gain of a zero-phase filter at `frequency` [cycles per sample].
+
+    It is the squared magnitude of the transfer function of sections, or the cosine sum of taps.
+    """
+    if filter.ndim == 1:
+        half = len(filter) // 2
+        return (
+            filter[half]
+            + 2.0 * np.cos(2.0 * np.pi * np.outer(frequency, np.arange(1, half + 1))) @ (filter[half + 1 :])
+        )
+    # Sections one by one in complex form: an expansion of |H|² in cosines loses all digits at a low cut-off.
+    z = np.exp(-2j * np.pi * frequency)
+    response = np.ones(z.shape, dtype=np.complex128)
+    for b0, b1, b2, a0, a1, a2 in filter:
+        response *= (b0 + z * (b1 + z * b2)) / (a0 + z * (a1 + z * a2))
+    return response.real**2 + response.imag**2
+
+
+def settling_samples(filter: Array, decay: float = SETTLED) -> int:
+    """Settling time of a filter in samples.
+
+    After this time the slowest pole of the sections has decayed to `decay`, or the taps have ended.
+    """
+    if filter.ndim == 1:
+        return len(filter) // 2
+    a0, a1, a2 = filter[:, 3:].T
+    root = np.sqrt(a1**2 - 4.0 * a0 * a2 + 0j)
+    radius = float(np.abs(np.array([-a1 + root, -a1 - root]) / (2.0 * a0)).max())
+    return int(np.ceil(np.log(decay) / np.log(radius))) if radius > 0 else 2
+
+
+def edge_samples(filter: Array, share: float = EDGE) -> int:
+    """Number of samples at the end of a run whose impulse response lies beyond the end by more than `share`."""
+    length = fast_length(2 * settling_samples(filter) + 1)
+    kernel = np.abs(inverse(_grid_gain(filter, length).astype(np.complex128), length))[: length // 2]
+    tail = kernel[::-1].cumsum()[::-1]
+    return int(np.argmax(tail <= share * (2.0 * tail[0] - kernel[0])))
+
+
+# Application ---------------------------------------------------------------------------------------------------
+
+
+def zero_phase(filter: Array, x: Array, axis: int = 0, pad: int | None = None) -> Array:
+    """Filters one run of signals, whose ends are continued by odd reflection (with the same value and slope).
+
+    Args:
+        filter: Sections or taps.
+        x: Signals.
+        axis: Index of the time axis.
+        pad: Number of samples by which each end is continued; by default the settling time of the filter.
+
+    Returns:
+        Filtered signals in the shape of `x`. Straight lines are not changed, and the first and last samples are kept.
+    """
+    x = _along(x, axis)
+    if x.ndim != 2:
+        return _back(_reflected(filter, x, pad, (0,))[0], axis)
+    out, few = np.empty_like(x), max(1, BLOCK // max(1, x.shape[1]))
+    for begin in range(0, len(x), few):
+        out[begin : begin + few] = _reflected(filter, x[begin : begin + few], pad, (0,))[0]
+    return _back(out, axis)
+
+
+def periodic_filter(filter: Array, x: Array, axis: int = 0) -> Array:
+    """Filters signals that contain a whole number of periods, exactly and without end effects."""
+    x = _along(x, axis)
+    return _back(_circular(_grid_gain(filter, x.shape[-1]), x, (0,))[0], axis)
+
+
+def filtered_derivatives(
+    filter: Array, x: Array, rate: float, *, periodic: bool = False
+) -> tuple[Array, Array, Array]:
+    """Filtered signals with their first and second derivatives, all by the same low-pass filter.
+
+    The derivatives are exact within the band, because they are computed by the factor jω in the frequency domain. A
+    difference quotient has a relative error of (ω/rate)²/6 in velocity, and half of it in acceleration.
+
+    Args:
+        filter: Sections or taps.
+        x: Signals, shape (N, ...).
+        rate: Sample rate [Hz].
+        periodic: If true, the run is a whole number of periods; otherwise its ends are reflected.
+    """
+    if periodic:
+        parts = _circular(_grid_gain(filter, len(x)), _along(x), (0, 1, 2))
+    else:
+        parts = _reflected(filter, _along(x), None, (0, 1, 2))
+    value, first, second = (_back(part) for part in parts)
+    return value, first * rate, second * rate**2
+
+
+def decimate(x: Array, taps: Array, step: int, offset: int = 0, *, periodic: bool = False) -> Array:
+    """Filters a signal with symmetric taps and keeps the samples `offset`, `offset + step`, ….
+
+    Args:
+        x: Signals, shape (N, ...).
+        taps: Taps of `decimation_filter`.
+        step: Number of samples from one kept sample to the next.
+        offset: Index of the first kept sample.
+        periodic: If true, the signal is continued periodically, otherwise by odd reflection.
+
+    Returns:
+        Filtered samples, shape (ceil((N - offset) / step), ...).
+    """
+    half = len(taps) // 2
+    rows = len(range(offset, len(x), step))
+    if half == 0 or rows == 0:
+        return x[offset::step] * taps[half]
+    extended = _back(_extend(_along(x), half, half, periodic=periodic))
+    windows = np.lib.stride_tricks.sliding_window_view(extended, len(taps), axis=0)[offset::step]
+    return windows[:rows] @ taps
+
+
+def interpolate(x: Array, factor: int, *, periodic: bool = False) -> Array:
+    """Interpolates band-limited signals to `factor` times their sample rate, with the filter of the decimation.
+
+    Args:
+        x: Signals, time on the last axis, shape (..., N), without frequencies above half the Nyquist frequency.
+        factor: Number of new samples for each given sample.
+        periodic: If true, the signals are continued periodically, otherwise by odd reflection.
+
+    Returns:
+        Signals of shape (..., factor N). Every `factor`-th sample is a given sample, to the accuracy of the pass
+        band.
+    """
+    if factor == 1:
+        return x
+    taps = factor * decimation_filter(factor)
+    half = len(taps) // 2
+    reach = half // factor + 1
+    # Row j, column φ: weight of the sample j - reach away for the value φ / factor after a sample.
+    place = np.arange(factor)[None, :] - factor * np.arange(-reach, reach + 1)[:, None] + half
+    weights = np.where((place >= 0) & (place < len(taps)), taps[np.clip(place, 0, len(taps) - 1)], 0.0)
+    extended = _extend(x, reach, reach, periodic=periodic)
+    windows = np.lib.stride_tricks.sliding_window_view(extended, 2 * reach + 1, axis=-1)
+    return (windows @ weights).reshape(*x.shape[:-1], -1)
+
+
+def _along(x: Array, axis: int = 0) -> Array:
+    """Signals with time moved to the last axis, contiguous, which is the fastest layout for a transform."""
+    return np.ascontiguousarray(np.moveaxis(x, axis, -1))
+
+
+def _back(x: Array, axis: int = 0) -> Array:
+    """Signals with time moved from the last axis to `axis`, contiguous."""
+    return np.ascontiguousarray(np.moveaxis(x, -1, axis))
+
+
+def _reflected(filter: Array, x: Array, pad: int | None, orders: Sequence[int]) -> list[Array]:
+    """Derivatives of given orders of filtered signals (..., N) with reflected ends, for a sample time of 1."""
+    samples = x.shape[-1]
+    if samples < 2:
+        return [x * (order == 0) for order in orders]
+    slope = (x[..., -1:] - x[..., :1]) / (samples - 1)
+    line = x[..., :1] + slope * np.arange(samples)
+    pad = settling_samples(filter) if pad is None else pad
+    if pad >= samples - 1:  # repeated reflection makes the signal periodic
+        pad, length = 0, 2 * (samples - 1)
+    else:
+        length = fast_length(samples + 2 * pad)
+    extended = _extend(x - line, pad, length - samples - pad, periodic=False)
+    parts = [part[..., pad : pad + samples] for part in _circular(_grid_gain(filter, length), extended, orders)]
+    straight = (line, slope, 0.0)
+    return [part + straight[order] for part, order in zip(parts, orders, strict=True)]
+
+
+def _circular(response: Array, x: Array, orders: Sequence[int]) -> list[Array]:
+    """Derivatives of given orders of periodic signals (..., N), for a sample time of 1.
+
+    `response` is the gain of the filter at the frequencies of the real FFT.
+    """
+    samples = x.shape[-1]
+    transform = np.moveaxis(spectrum(np.moveaxis(x, -1, 0)), 0, -1)
+    jw = 2j * np.pi * frequencies(samples)
+    result: list[Array] = []
+    for order in orders:
+        scaled = transform * (response * jw**order if order else response)
+        result.append(np.moveaxis(inverse(np.moveaxis(scaled, -1, 0), samples), 0, -1))
+    return result
+
+
+def _grid_gain(filter: Array, length: int) -> Array:
+    """Gain at the frequencies of a real FFT of `length` samples; longer taps wrap around. The last 16 are cached."""
+    return _gain_of(filter.tobytes(), filter.shape, length)
+
+
+@lru_cache(maxsize=16)
+def _gain_of(content: bytes, shape: tuple[int, ...], length: int) -> Array:
+    """Gain, as of `_grid_gain`, of a filter that is given by its bytes and shape."""
+    filter = np.frombuffer(content).reshape(shape)
+    if filter.ndim == 2:
+        return gain(filter, frequencies(length))
+    wrapped = np.zeros(length)
+    np.add.at(wrapped, np.arange(-(len(filter) // 2), len(filter) // 2 + 1) % length, filter)
+    return spectrum(wrapped).real
+
+
+def _extend(x: Array, before: int, after: int, *, periodic: bool) -> Array:
+    """Signals (..., N) continued at both ends: periodically, or by odd reflection (repeated for short signals)."""
+    samples = x.shape[-1]
+    widths = [(0, 0)] * (x.ndim - 1) + [(before, after)]
+    if periodic:
+        return np.pad(x, widths, mode="wrap")
+    if samples < 2:
+        return np.pad(x, widths, mode="edge")
+    if max(before, after) > samples - 1:
+        return np.pad(x, widths, mode="reflect", reflect_type="odd")
+    whole = np.empty((*x.shape[:-1], before + samples + after), dtype=x.dtype)
+    whole[..., before : before + samples] = x
+    np.subtract(2.0 * x[..., :1], x[..., before:0:-1], out=whole[..., :before])
+    np.subtract(2.0 * x[..., -1:], x[..., -2 : -after - 2 : -1], out=whole[..., before + samples :])
+    return whole
+
+
+def _windowed_sinc(half: int, cutoff: float, attenuation: float) -> Array:
+    """Kaiser-windowed low-pass filter of 2·half+1 taps with sum one; cut-off in cycles per sample."""
+    k = np.arange(-half, half + 1)
+    beta = 0.1102 * (attenuation - 8.7)  # Kaiser's formula, valid above 50 dB
+    taps = np.sinc(2.0 * cutoff * k) * np.kaiser(2 * half + 1, beta)
+    return taps / taps.sum()
+
+
+def _check_cutoff(order: float, cutoff: float, rate: float) -> None:
+    if not (order >= 1 and 0 < cutoff < rate / 2):
+        raise ArmidError(
+            f"A low-pass filter of order {order} at {cutoff:g} Hz is impossible for a signal of {rate:g} samples/s.",
+            possible=f"an order of at least 1 and a cut-off between 0 and {rate / 2:g} Hz (half the rate)",
+            remedy="lower the cut-off, or record at a higher sample rate.",
+        )

@@ -1,0 +1,176 @@
+"""Comparison of the joint names in a log with the joints of the description."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Collection, Mapping, Sequence
+from pathlib import Path
+
+from armid.errors import RecordingError
+from armid.measurement.columns.column_name_parsing import (
+    COMMANDED,
+    MEASURED,
+    OTHER,
+    QUANTITIES,
+    WORDS,
+    quantity_of,
+    split_unit,
+    words,
+)
+from armid.measurement.log_format import LogFormat
+from armid.measurement.log_format_remedies import naming
+from armid.remedy import Remedy, setting
+from armid.robot.robot import Robot
+
+LISTED = 12
+"""Largest number of joints named in a message."""
+
+ANGLES = frozenset(("roll", "pitch", "yaw"))
+"""Words of angles of bodies that names of joints have, too."""
+
+GENERIC = frozenset("joint joints jnt axis axes arm robot motor motors link ch channel dof state states".split())
+"""Words that do not identify an arm; words of fewer than three letters are ignored, too."""
+
+
+def stated_joints(names: Sequence[str], quantity: str) -> dict[str, str]:
+    """Columns of a quantity by joint name, which is the rest of the column's name without the words of the quantity.
+
+    Args:
+        names: All columns.
+        quantity: `q`, `dq`, `ddq`, `effort` or `current`.
+    """
+    said = {*QUANTITIES[quantity], *MEASURED, *COMMANDED, "actual"}
+    found: dict[str, str] = {}
+    for column in names:
+        text = split_unit(column)[0]
+        parts = words(text)
+        if quantity_of(parts) != quantity or (OTHER - ANGLES) & set(parts):
+            continue
+        spans = [hit.span() for hit in WORDS.finditer(text) if hit[0].lower() not in said]
+        if spans:
+            found.setdefault(text[spans[0][0] : spans[-1][1]], column)
+    return found
+
+
+def refuse_other_joints(
+    names: Sequence[str],
+    log_format: LogFormat,
+    robot: Robot,
+    labels: Sequence[str],
+    numbered: Sequence[str],
+    path: Path,
+) -> None:
+    """Refuses a log whose columns name joints that are not joints of the description.
+
+    Names that differ only in a number are numbered channels. They are refused if there are more or fewer channels
+    than joints and the names contain the name of another arm.
+
+    Args:
+        names: All columns.
+        log_format: Log format of the file.
+        robot: The arm.
+        labels: Names of its joints in the file.
+        numbered: Columns of positions that would be read by their numbers.
+        path: The file.
+
+    Raises:
+        RecordingError: The log names other joints; the message lists both and the columns to name.
+    """
+    stated = stated_joints(names, "q")
+    stems = Counter(_stem(name) for name in stated)
+    by_word = [name for name in stated if stems[_stem(name)] == 1]
+    fitting = len(numbered) in (robot.n, len(robot.described_joints))
+    words_differ = len(by_word) >= 2 and not (fitting and len(numbered) > len(by_word))
+    other_series = not fitting and other_arm(numbered, labels, robot.name) != ""
+    if log_format.joints or not (words_differ or other_series):
+        return
+    columns = {quantity: stated_joints(names, quantity) for quantity in ("q", "dq", "ddq", "effort")}
+    if not columns["effort"]:
+        columns["effort"] = stated_joints(names, "current")
+    compared = comparison(tuple(stated.values()), labels, robot.name, what="has positions")
+    raise RecordingError(
+        f"{path}: {compared}",
+        possible=f"columns of positions: {', '.join(stated.values())}",
+        remedy=_remedy(columns, log_format, robot, labels),
+    )
+
+
+def comparison(in_log: Sequence[str], labels: Sequence[str], robot: str, *, what: str = "names joints") -> str:
+    """Sentence that compares the joint names of a log with the joints of the description and counts the matches.
+
+    Args:
+        in_log: Names of the joints in the log.
+        labels: Names of the description's joints in the log.
+        robot: Name of the arm.
+        what: Whether names are those of joints or of columns.
+    """
+    matching = sum(any(same_joint(label, name) for name in in_log) for label in labels)
+    count = f"{matching} of {len(labels)} match" if matching else "none match"
+    return f"The log {what} {_listed(in_log)}; {robot} has {_listed(labels)}: {count}."
+
+
+def same_joint(label: str, name: str) -> bool:
+    """Tests whether a name in a log belongs to a joint; additional words, such as a prefix, are ignored."""
+    parts, form = words(name), words(label)
+    return any(parts[k : k + len(form)] == form for k in range(len(parts) - len(form) + 1))
+
+
+def other_arm(columns: Sequence[str], labels: Sequence[str], robot: str) -> str:
+    """Sentence about numbered columns whose names contain the name of another arm; empty if they do not.
+
+    Args:
+        columns: Columns of positions that are read by their numbers.
+        labels: Names of the arm's joints in the file.
+        robot: Name of the arm.
+    """
+    names = list(stated_joints(columns, "q"))
+    known = {word for label in (*labels, robot) for word in words(label)}
+    telling = [
+        word for word in words(names[0] if names else "") if len(word) > 2 and word.isalpha() and word not in GENERIC
+    ]
+    if len(names) != len(columns) or not telling or any(word in known for word in telling):
+        return ""
+    return (
+        f"{comparison(names, labels, robot)} The columns were assigned to the joints by number; check that "
+        "the log was recorded on this arm."
+    )
+
+
+def _stem(name: str) -> str:
+    """Part of a name without its numbers."""
+    return re.sub(r"\d+", "#", name)
+
+
+def _remedy(
+    columns: Mapping[str, Mapping[str, str]], log_format: LogFormat, robot: Robot, labels: Sequence[str]
+) -> Remedy:
+    """Remedy: another description, locks for joints that were not recorded, or column names in joint order."""
+    stated = columns["q"]
+    missing = [label for label in labels if not any(same_joint(label, name) for name in stated)]
+    locked = (
+        f", lock joints that were not recorded ({' '.join(f'--lock {each}' for each in missing)})"
+        if len(missing) < len(labels)
+        else ""
+    )
+    if len(stated) != robot.n:
+        pattern = setting("columns", {"q": ["…", "…"]})
+        return Remedy(
+            f"give the description of the recorded arm{locked}; or name the columns of the {robot.n} joints in the "
+            f"order {', '.join(labels)}: ",
+            pattern,
+        )
+    whole = {key: _in_order(found, stated) for key, found in columns.items()}
+    named = naming(log_format, {key: found for key, found in whole.items() if found})
+    order = f"; or, if they are the joints {', '.join(labels)} in this order, name them: "
+    return Remedy(f"give the description of the recorded arm{locked}{order}", *named.parts)
+
+
+def _in_order(found: Mapping[str, str], joints: Collection[str]) -> list[str]:
+    """Columns of a quantity in the order of the joints; none where one is missing."""
+    return [found[joint] for joint in joints] if all(joint in found for joint in joints) else []
+
+
+def _listed(names: Sequence[str]) -> str:
+    more = f" and {len(names) - LISTED} more" if len(names) > LISTED else ""
+    return ", ".join(names[:LISTED]) + more

@@ -1,0 +1,182 @@
+"""Typed values of a run's records: study, validation, friction selection and comparison of methods.
+
+They are made from a result in memory, or read from the folder of a run; both give the same values.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from armid.checked_array import Array
+from armid.errors import ArmidError
+from armid.estimation.friction.selection import SelectionEvidence
+from armid.measurement.log_format import LogFormat
+from armid.measurement.processing.options import ProcessingOptions
+from armid.runs.run import Run
+from armid.study.compare_methods import MethodScore, MethodTable
+from armid.study.config import EstimationChoice, ModelChoice, RecordingChoice, Study, parse_robot
+from armid.study.identify import Result
+from armid.study.storage.records import SelectionSummary, selection_summary
+from armid.validation.prediction import Check, Score, Validation
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class RunRecords:
+    """Records of a run.
+
+    Attributes:
+        study: Study, in which automatic choices are replaced by their results; its folder is an absolute path.
+        validation: Torque error on the validation recordings.
+        friction: Friction selection, if there was one.
+        methods: Comparison of methods, if there was one.
+    """
+
+    study: Study
+    validation: Validation
+    friction: SelectionSummary | None = None
+    methods: MethodTable | None = None
+
+
+def records_of(result: Result, methods: MethodTable | None = None) -> RunRecords:
+    """Records of a result in memory."""
+    study = replace(result.study, folder=str(Path(result.study.folder).resolve()))
+    selection = result.friction_selection
+    summary = None if selection is None else selection_summary(selection)
+    return RunRecords(study, result.validation, summary, methods)
+
+
+def read_records(run: Run) -> RunRecords:
+    """Reads the records of a run.
+
+    Raises:
+        ArmidError: A record is missing or damaged.
+    """
+    study, validation = _read(run, "study"), _read(run, "validation")
+    friction, methods = (_read(run, name) if _path(run, name).is_file() else None for name in ("friction", "compare"))
+    try:
+        return RunRecords(
+            _study(study),
+            _validation(validation),
+            None if friction is None else _selection(friction),
+            None if methods is None else _methods(methods),
+        )
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise ArmidError(
+            f"A record of {run.folder} is damaged or of another version ({type(error).__name__}: {error}).",
+            remedy="identify again.",
+        ) from error
+
+
+def trained_and_validated(run: Run, study: Study) -> list[tuple[RecordingChoice, str]]:
+    """Recordings in the study of a run, with their digests (sha256)."""
+    return list(zip(study.recordings, run.estimate.recording_digests, strict=True))
+
+
+def _path(run: Run, name: str) -> Path:
+    return Path(run.folder) / f"{name}.json"
+
+
+def _read(run: Run, name: str) -> dict[str, Any]:
+    path = _path(run, name)
+    try:
+        record = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise ArmidError(f"{path} cannot be read: {error}.", remedy="identify again.") from error
+    if not isinstance(record, dict):
+        raise ArmidError(f"{path} does not contain a record of a run.", remedy="identify again.")
+    return record
+
+
+def _study(record: Mapping[str, Any]) -> Study:
+    """Study of `study.json`."""
+    recordings = tuple(
+        RecordingChoice(each["path"], each["role"], LogFormat(**each["reading"]), tuple(each["part"]))
+        for each in record["recordings"]
+    )
+    return Study(
+        parse_robot(record["robot"]),
+        ModelChoice(**record["model"]),
+        recordings,
+        ProcessingOptions(**record["processing"]),
+        EstimationChoice(**record["estimation"]),
+        str(record["folder"]),
+    )
+
+
+def _validation(record: Mapping[str, Any]) -> Validation:
+    """Validation of `validation.json`."""
+    scores = tuple(
+        Score(
+            each["path"],
+            each["sha256"],
+            rms := _numbers(each["rms"]),
+            _numbers(each["rms_raw"]),
+            _spread(rms, _numbers(each["relative"])),
+            _numbers(each["peak"]),
+            _numbers(each["coverage95"]),
+            None if each["prior_rms"] is None else _numbers(each["prior_rms"]),
+        )
+        for each in record["recordings"]
+    )
+    checks = tuple(Check(c["name"], _number(c["value"]), _number(c["bound"]), c["ok"]) for c in record["checks"])
+    return Validation(tuple(record["joints"]), scores, str(record["verdict"]), checks)
+
+
+def _spread(rms: Array, relative: Array) -> Array:
+    """Standard deviation of the torque; zero if the relative error is infinite, which is null in a record."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        spread = rms / relative
+    return np.where(np.isnan(relative) & np.isfinite(rms), 0.0, spread)
+
+
+def _selection(record: Mapping[str, Any]) -> SelectionSummary:
+    """Friction selection of `friction.json`."""
+    evidence = tuple(
+        SelectionEvidence(
+            each["joint"],
+            each.get("rung", ""),
+            each["candidate"],
+            _number(each["ratio"]),
+            _number(each["deviation"]),
+            each["chosen"],
+        )
+        for each in record["evidence"]
+    )
+    ratio, deviation = (_numbers([each[key] for each in record["joints"]]) for key in ("ratio", "deviation"))
+    return SelectionSummary(evidence, ratio, deviation, record["prior_weight"], record["why"])
+
+
+def _methods(record: Mapping[str, Any]) -> MethodTable:
+    """Comparison of methods of `compare.json`."""
+    scores = tuple(
+        MethodScore(
+            each["name"],
+            _numbers(each["training_rms"]),
+            _numbers(each["unseen_rms"]),
+            each["consistent"],
+            _number(each["distance"]),
+            _number(each["relative_distance"]),
+            each["smallest_eigenvalue"],
+            each["dropped"],
+            each["seconds"],
+            each["failure"] or "",
+        )
+        for each in record["methods"]
+    )
+    return MethodTable(tuple(record["joints"]), record["unseen"], scores, record["seconds"])
+
+
+def _number(value: float | None) -> float:
+    """Number of a record; null becomes NaN."""
+    return np.nan if value is None else float(value)
+
+
+def _numbers(values: Any) -> Array:
+    """Numbers of a record's list; null becomes NaN."""
+    return np.array([_number(value) for value in values], dtype=np.float64)

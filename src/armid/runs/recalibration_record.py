@@ -1,0 +1,77 @@
+"""Record of the changes of a recalibration in the folder of its run, and its reader."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+from armid.errors import ArmidError
+from armid.estimation.update.recalibration import ParameterChange
+from armid.hashes import sha256_of_file
+from armid.runs.recalibration import EARLIER_RUN, Recalibration
+from armid.runs.run import Run
+
+CHANGES = "changes.json"
+"""File in the folder of a recalibrated run with every base parameter before and after."""
+
+
+def changes_record(recalibration: Recalibration) -> dict[str, Any]:
+    """The contents of `changes.json`: every base parameter before and after."""
+    base = recalibration.result.estimate.base
+    units: dict[str, str] = dict(zip(base.names, base.units, strict=True))
+    return {
+        "earlier": recalibration.earlier,
+        "let_change": recalibration.changed,
+        "rms_before": [{"path": score.path, "rms": score.rms} for score in recalibration.before],
+        "changes": [
+            {
+                "name": each.name,
+                "unit": units[each.name],
+                "before": each.before,
+                "after": each.after,
+                "change": each.change,
+                "deviation": each.deviation,
+                "half_interval": each.half,
+                "ratio": each.ratio,
+                "beyond": each.beyond,
+            }
+            for each in recalibration.changes
+        ],
+    }
+
+
+def recorded_changes(before: Run, after: Run) -> tuple[ParameterChange, ...] | None:
+    """Changes of the parameters that were recorded when one run was recalibrated from another.
+
+    Args:
+        before: The earlier run.
+        after: The later run.
+
+    Returns:
+        Changes of every base parameter; `None` if the later run is not a recalibration of the earlier run.
+
+    Raises:
+        ArmidError: The record is damaged.
+    """
+    path, estimate = Path(after.folder) / CHANGES, Path(before.folder) / "estimate.npz"
+    made_from = {each.sha256 for each in after.estimate.made_from if each.role == EARLIER_RUN}
+    if not path.is_file() or not estimate.is_file() or sha256_of_file(estimate) not in made_from:
+        return None
+    try:
+        record: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+        return tuple(
+            ParameterChange(
+                str(each["name"]),
+                *(
+                    math.nan if each[key] is None else float(each[key])
+                    for key in ("before", "after", "change", "deviation", "half_interval")
+                ),
+            )
+            for each in record["changes"]
+        )
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise ArmidError(
+            f"{path} is damaged ({type(error).__name__}: {error}).", remedy="recalibrate again."
+        ) from error

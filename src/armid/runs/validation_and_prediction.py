@@ -1,0 +1,140 @@
+"""Validation of a run on new recordings, and prediction of torque."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from armid.atomic_file import replace_file
+from armid.checked_array import Array
+from armid.errors import ArmidError, Finding, StudyError
+from armid.estimation.saved_estimate import torque_parameters
+from armid.information.hysteresis_states import with_hysteresis_states
+from armid.measurement.log_format import LogFormat
+from armid.measurement.processing.pipeline import process_recordings
+from armid.measurement.readers import load_recording
+from armid.measurement.recording import Recording
+from armid.model.motion import Motion
+from armid.runs.run import Run
+from armid.study.config import RecordingChoice
+from armid.study.diagnosis import findings_on
+from armid.study.plans.plan_files import motion_of_plan
+from armid.study.recordings.processed import process_each
+from armid.study.recordings.reading import read_choice
+from armid.study.score_recordings import score_recordings
+from armid.validation.prediction import Validation, validate
+from armid.validation.prediction_interval import torque_band
+
+
+def validate_run(
+    run: Run, paths: Sequence[str], reading: Mapping[str, Any]
+) -> tuple[Validation, tuple[Finding, ...]]:
+    """Validates a run on recordings that did not train it, with findings.
+
+    Args:
+        run: The run.
+        paths: Recordings.
+        reading: Fields of the log format that differ from that of the run's first recording.
+
+    Raises:
+        StudyError: A recording has trained the run.
+        RecordingError: A recording cannot be read or does not fit.
+    """
+    recordings: list[tuple[RecordingChoice, Recording]] = []
+    read_findings: list[tuple[Finding, ...]] = []
+    for path in paths:
+        choice = RecordingChoice(path, "validate", _like(run, reading))
+        recording, found = read_choice(choice, ".", run.robot)
+        read_findings.append(found)
+        if recording.sha256 in run.trained_on:
+            raise StudyError(
+                f"{path} cannot be used to validate {run.folder}, because the run was trained on the same "
+                f"data (sha256 {recording.sha256[:12]}…).",
+                remedy="give a recording that was not used for training.",
+            )
+        recordings.append((choice, recording))
+    scores, found = score_recordings(run.model, run.estimate, process_each(recordings, run.processing, run.robot))
+    findings = findings_on(run.model, recordings, read_findings)
+    return validate(run.robot.joint_names, scores, run.estimate), (*findings, *found)
+
+
+def _like(run: Run, changes: Mapping[str, Any]) -> LogFormat:
+    """Log format of the run for another recording, without the excluded intervals of the run's recording."""
+    return replace(run.reading, exclude=(), start=None, **changes)
+
+
+def motion_of(run: Run, path: str, *, rate: float, reading: Mapping[str, Any]) -> Motion:
+    """Reads the motion of a plan, of a file for a controller, or of a recording as the run processes it.
+
+    Args:
+        run: The run.
+        path: Plan or recording.
+        rate: Sample rate of a plan [Hz].
+        reading: Fields of the log format that differ from that of the run.
+
+    Raises:
+        ArmidError: The motion cannot be read, or its joints are not those of the arm.
+    """
+    planned = motion_of_plan(path, run.robot, rate)
+    if planned is not None:
+        return planned
+    how = _like(run, reading)
+    raw = load_recording(path, how, run.robot)
+    if raw.effort is None:  # only the motion is needed
+        how = replace(how, drive_gain=None, drive_gain_deviation=None)
+    recording, _ = read_choice(RecordingChoice(path, reading=how), ".", run.robot, {path: raw})
+    if recording.effort is None:
+        recording = replace(recording, effort=np.zeros_like(recording.q))
+    every_row = replace(run.processing, slow=0.0, saturation=None, standstill="keep")
+    observations, _ = process_recordings([recording], every_row, periods=[how.stated_period], starts=[how.start])
+    # Hysteresis states begin anew in each run.
+    motions = [
+        with_hysteresis_states(run.model, observed, observations.band).motion for observed in observations.runs
+    ]
+    names = ("time", "q", "dq", "ddq", *(["memory"] if run.model.nodes else []))
+    joined = [np.concatenate([getattr(motion, name) for motion in motions]) for name in names]
+    return Motion(*joined)
+
+
+def predict(run: Run, motion: Motion) -> Array:
+    """Predicts the joint torque (N, n) of a motion [N·m or N]."""
+    return run.model.torque(motion, torque_parameters(run.estimate.base, run.estimate.fit))
+
+
+def band(run: Run, motion: Motion) -> Array:
+    """Half width of the 95 % prediction interval of the torque in the band of the study, (N, n) [N·m or N]."""
+    return torque_band(run.model, run.estimate, motion)
+
+
+def write_torque(
+    path: Path | str, motion: Motion, torque: Array, joints: Sequence[str], *, band: Array | None = None
+) -> Path:
+    """Writes time, torque and, if given, half widths of intervals, as CSV or NPZ; the suffix decides.
+
+    Raises:
+        ArmidError: The suffix is neither `.csv` nor `.npz`.
+    """
+    path = Path(path)
+    if path.suffix == ".npz":
+        buffer = io.BytesIO()
+        if band is None:
+            np.savez(buffer, time=motion.time, torque=torque, joints=np.array(joints))
+        else:
+            np.savez(buffer, time=motion.time, torque=torque, joints=np.array(joints), band95=band)
+        return replace_file(path, buffer.getvalue())
+    if path.suffix != ".csv":
+        raise ArmidError(
+            f"Torque cannot be written to {path}, because its suffix is neither .csv nor .npz.",
+            remedy="choose one of these suffixes.",
+        )
+    text = io.StringIO()
+    several = [torque] if band is None else [torque, band]
+    names = [f"{name}{j + 1}" for name in ("tau", "band95_")[: len(several)] for j in range(len(joints))]
+    columns = np.column_stack([motion.time, *several])
+    np.savetxt(text, columns, delimiter=",", header=",".join(["t", *names]), comments="", fmt="%.17g")
+    return replace_file(path, text.getvalue())

@@ -1,0 +1,105 @@
+"""Simulation of a recording to files, with the true parameters."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from armid.atomic_file import replace_file
+from armid.errors import OutputError, did_you_mean
+from armid.excitation.fourier import Excitation
+from armid.hashes import sha256_of_file
+from armid.lab.known_arms import truth_of
+from armid.lab.options import LabOptions
+from armid.lab.simulation import Simulated, simulate, truth_record
+from armid.lab.true_motion import TrueMotion
+from armid.measurement.writing import WRITERS, save_recording
+from armid.robot.robot import Robot
+from armid.study.plans.plan_files import series_of
+from armid.study.storage.records import to_json
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class WrittenSimulation:
+    """Files of a simulation.
+
+    Attributes:
+        simulated: The simulation.
+        recording: The log.
+        truth: True parameters and options, as JSON.
+        noise_free: Motion and torque without noise, as NPZ, if requested.
+    """
+
+    simulated: Simulated
+    recording: Path
+    truth: Path
+    noise_free: Path | None
+
+
+def the_plan(name: str, period: float | None = None) -> Excitation:
+    """Built-in plan or plan of `armid excite`, stretched to another period [s] if one is given."""
+    plan = series_of(name)
+    return plan if period is None else plan.stretched(period)
+
+
+def refuse_format(name: str) -> str:
+    """Checks that a format of recordings can be written, and returns its suffix.
+
+    Raises:
+        OutputError: The format cannot be written.
+    """
+    suffix = "." + name.lstrip(".")
+    if suffix not in WRITERS:
+        raise OutputError(
+            f"Recordings cannot be written in the format {name!r}.",
+            possible=", ".join(s[1:] for s in WRITERS),
+            remedy=did_you_mean(suffix[1:], (s[1:] for s in WRITERS)),
+        )
+    return suffix
+
+
+def simulate_to(
+    folder: Path | str,
+    robot: Robot,
+    plan: Excitation,
+    options: LabOptions,
+    *,
+    kind: str = "csv",
+    seed: int = 1,
+    noise_free: bool = False,
+    tell: Callable[[float], None] | None = None,
+) -> WrittenSimulation:
+    """Simulates an arm and writes `recording.*`, `truth.json` and, if requested, `noise-free.npz` into a folder.
+
+    Args:
+        folder: Output folder; other files in it are not changed.
+        robot: The arm.
+        plan: The motion.
+        options: Options of the simulation.
+        kind: Format of the recording.
+        seed: Seed of noise and faults.
+        noise_free: True if motion and torque without noise are written, too.
+        tell: Called with the finished share.
+    """
+    suffix, folder = refuse_format(kind), Path(folder)
+    done = simulate(truth_of(robot), plan, options, seed=seed, tell=tell)
+    path = save_recording(done.recording, folder / f"recording{suffix}")
+    record = truth_record(done, sha256_of_file(path))
+    truth = replace_file(folder / "truth.json", to_json(record) + "\n")
+    exact = None
+    if noise_free:
+        exact = replace_file(folder / "noise-free.npz", _archive(done.trace.from_time(0.0), options.sensing.rate))
+    return WrittenSimulation(done, path, truth, exact)
+
+
+def _archive(trace: TrueMotion, rate: float) -> bytes:
+    """NPZ file with the true motion at the times of the rows of the log, before jitter and delays."""
+    every = round(1.0 / (rate * (trace.time[1] - trace.time[0])))
+    names = {name: getattr(trace, name) for name in trace.__slots__}
+    buffer = io.BytesIO()
+    np.savez(buffer, **{name: x[::every] for name, x in names.items() if x is not None})
+    return buffer.getvalue()

@@ -1,0 +1,110 @@
+"""Saving and loading of values.
+
+A value is a frozen dataclass whose fields are numbers, strings, arrays, other values, or tuples and dicts of
+these. `save` writes any of them to one file (a NumPy archive with a JSON header, never a pickle), `load` reads it.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import io
+import json
+import types
+import typing
+import zipfile
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armid.atomic_file import replace_file
+from armid.errors import ArmidError
+from armid.text_value import TextValue
+
+T = TypeVar("T")
+
+
+def save(value: Any, path: Path | str) -> Path:
+    """Saves a value to one file: an uncompressed `.npz` whose member `value.json` describes the rest.
+
+    Args:
+        value: A frozen dataclass of armid.
+        path: Path of the file, written whole or not at all.
+    """
+    arrays: dict[str, NDArray[Any]] = {}
+    header = {"type": type(value).__name__, "value": _pack(value, arrays)}
+    buffer = io.BytesIO()
+    text = np.frombuffer(json.dumps(header, allow_nan=True).encode(), dtype=np.uint8)
+    np.savez(buffer, **{"value.json": text}, **arrays)  # pyright: ignore[reportArgumentType]
+    return replace_file(path, buffer.getvalue())
+
+
+def load(kind: type[T], path: Path | str) -> T:
+    """Loads a value saved by `save`.
+
+    Raises:
+        ArmidError: The file is not one of armid's, or holds another type.
+    """
+    try:
+        with open(path, "rb") as stream, np.load(stream, allow_pickle=False) as archive:
+            header = json.loads(bytes(archive["value.json"]))
+            arrays = {name: archive[name] for name in archive.files}
+    except (OSError, EOFError, ValueError, KeyError, TypeError, zipfile.BadZipFile) as error:
+        raise ArmidError(
+            f"{path} is not a value saved by armid ({error}).",
+            remedy="give a file that armid.value_files.save wrote.",
+        ) from error
+    if header["type"] != kind.__name__:
+        raise ArmidError(
+            f"{path} holds a {header['type']}; a {kind.__name__} was asked for.",
+            remedy="give the file that holds it.",
+        )
+    return _unpack(kind, header["value"], arrays)
+
+
+def _pack(value: Any, arrays: dict[str, NDArray[Any]]) -> Any:
+    """JSON form of a value; arrays move to `arrays` and leave `{"array": name}` behind."""
+    if isinstance(value, np.ndarray):
+        name = f"array_{len(arrays)}"
+        arrays[name] = value
+        return {"array": name}
+    if isinstance(value, TextValue):
+        return str(value)
+    if dataclasses.is_dataclass(value):
+        return {_stored(f): _pack(getattr(value, f.name), arrays) for f in dataclasses.fields(value) if f.init}
+    if isinstance(value, tuple | list):
+        return [_pack(item, arrays) for item in typing.cast("tuple[Any, ...]", value)]
+    if isinstance(value, dict):
+        return {str(key): _pack(item, arrays) for key, item in typing.cast("dict[Any, Any]", value).items()}
+    if isinstance(value, np.generic):
+        return value.item()
+    return value
+
+
+def _stored(field: dataclasses.Field[Any]) -> str:
+    """Name of a field in a file, which stays when the field is renamed."""
+    return field.metadata.get("stored", field.name)
+
+
+def _unpack(kind: Any, value: Any, arrays: dict[str, NDArray[Any]]) -> Any:
+    """The value of type `kind` from its JSON form."""
+    origin, arguments = typing.get_origin(kind), typing.get_args(kind)
+    if isinstance(value, dict) and set(typing.cast("dict[str, Any]", value)) == {"array"}:
+        return arrays[value["array"]]
+    if origin in (typing.Union, types.UnionType):
+        if value is None:
+            return None
+        return _unpack(next(a for a in arguments if a is not type(None)), value, arrays)
+    if isinstance(kind, type) and issubclass(kind, TextValue):
+        return kind.read(str(value))
+    if dataclasses.is_dataclass(kind):
+        hints = typing.get_type_hints(kind)
+        fields = {_stored(f): f.name for f in dataclasses.fields(kind)}
+        return typing.cast("Any", kind)(**{fields[k]: _unpack(hints[fields[k]], v, arrays) for k, v in value.items()})
+    if origin is tuple:
+        kinds = arguments[:1] * len(value) if arguments[-1] is Ellipsis else arguments
+        return tuple(_unpack(k, v, arrays) for k, v in zip(kinds, value, strict=True))
+    if origin is dict:
+        return {key: _unpack(arguments[1], item, arrays) for key, item in value.items()}
+    return value
