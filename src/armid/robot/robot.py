@@ -323,8 +323,11 @@ class Robot(Displayed):
         except ValueError:
             possible = ", ".join(self.joint_names)
             if name in self.described_joints:
-                what = f"The joint {name!r} of {self.name} is locked and does not move."
-                raise RobotError(what, possible=possible, remedy="name another joint, or do not lock it.") from None
+                raise RobotError(
+                    f"The joint {name!r} of {self.name} is locked and does not move.",
+                    possible=possible,
+                    remedy="name another joint, or do not lock it.",
+                ) from None
             raise RobotError(
                 f"{self.name} has no joint {name!r}.",
                 possible=possible,
