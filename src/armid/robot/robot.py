@@ -321,18 +321,11 @@ class Robot(Displayed):
         try:
             return self.joint_names.index(name)
         except ValueError:
-            possible = ", ".join(self.joint_names)
+            problem, remedy = f"{self.name} has no joint {name!r}.", did_you_mean(name, self.joint_names)
             if name in self.described_joints:
-                raise RobotError(
-                    f"The joint {name!r} of {self.name} is locked and does not move.",
-                    possible=possible,
-                    remedy="name another joint, or do not lock it.",
-                ) from None
-            raise RobotError(
-                f"{self.name} has no joint {name!r}.",
-                possible=possible,
-                remedy=did_you_mean(name, self.joint_names),
-            ) from None
+                problem = f"The joint {name!r} of {self.name} is locked and does not move."
+                remedy = "name another joint, or do not lock it."
+            raise RobotError(problem, possible=", ".join(self.joint_names), remedy=remedy) from None
 
     def with_gravity(self, gravity: ArrayLike) -> Robot:
         """Same arm with another acceleration of gravity (3,) [m/s²], for instance hanging from a ceiling."""
