@@ -300,7 +300,7 @@ def negative_finding(model: DynamicsModel, fit: Fit) -> Finding | None:
 
 
 def contradicted(validation: Validation, findings: Sequence[Finding]) -> Validation:
-    """Validation that fails where the doctor found an error in a recording.
+    """Validation that fails where the doctor found an error in a recording, also without validation recordings.
 
     Such an error makes most of an estimate wrong. Training and validation recordings with the same fault, such as a
     wrong unit or order of channels, agree with each other, so that no error on held-out motion shows it.
@@ -311,7 +311,7 @@ def contradicted(validation: Validation, findings: Sequence[Finding]) -> Validat
     """
     codes = effects()
     errors = [each.code for each in findings if each.severity == "error" and each.code in codes]
-    if not errors or not validation.recordings:
+    if not errors:
         return validation
     checks = [
         Check(f"errors in the recordings ({code})", float(errors.count(code)), 0.0, False)

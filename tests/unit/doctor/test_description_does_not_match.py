@@ -10,6 +10,7 @@ from armid.doctor.check_input import LogEvidence
 from armid.doctor.checks.dynamics import description_does_not_match
 from armid.measurement.robot_convention import to_robot_convention
 from armid.robot import load_robot
+from armid.robot.robot import InertialParameters
 from sick import Case, sound
 
 CODE = "description-does-not-match"
@@ -35,3 +36,20 @@ def test_another_arm_with_as_many_joints_does_not_match(seed: int):
     lying = replace(other, joints=tuple(turned)).with_gravity((9.81, 0.0, 0.0))
     assert told(replace(case, robot=lying)) == [CODE]
     assert told(case) == []
+
+
+def test_a_large_arm_is_not_a_small_one_with_as_many_joints():
+    """The described torque is below the residuals of the log; a model of the log still fits."""
+    case = sound(102, name="ur10e")
+    other = load_robot("ur5e")
+    small = [replace(j, axis=-j.axis) if k in (1, 2, 3) else j for k, j in enumerate(other.joints)]
+    links = tuple(
+        link
+        if link.inertial is None
+        else replace(link, inertial=InertialParameters.from_vector(1e-3 * link.inertial.vector))
+        for link in other.links
+    )
+    lying = replace(other, joints=tuple(small), links=links).with_gravity((9.81, 0.0, 0.0))
+    log = to_robot_convention(case.recording, case.reading, lying).recording
+    (found,) = description_does_not_match.check(LogEvidence(lying, case.recording, case.reading, log))
+    assert (found.code, found.severity) == (CODE, "error") and "times as large" in found.evidence

@@ -43,6 +43,16 @@ def test_the_joint_is_named_with_its_factor_and_the_remedy_heals(seed: int, join
     assert told_after(case, told) == set()
 
 
+@pytest.mark.parametrize("factor", [1000.0, 10.0, 0.1])
+@pytest.mark.parametrize(("seed", "joint"), [(UR10E, 1), (PANDA, 2)])
+def test_a_joint_in_another_unit_is_an_error(seed: int, joint: int, factor: float):
+    case = scaled(sound(seed), joint, factor)
+    (told,) = [each for each in found(case) if each.code == "torque-gain"]
+    assert (told.severity, told.channel) == ("error", case.robot.joint_names[joint])
+    gain = np.array(tomllib.loads(told.remedy)["drive_gain"])
+    assert gain[joint] * factor == pytest.approx(1.0, rel=torque_gain.DEVIATION)
+
+
 def test_the_other_joint_of_a_pair_is_said_where_the_log_cannot_tell_which():
     """Of two joints that agree with each other alone, one has a torque that is too large or the other too small."""
     case = scaled(sound(IIWA), 3, 1.6)

@@ -6,7 +6,7 @@ import numpy as np
 
 from armid.doctor.check_definition import LogCheck
 from armid.doctor.check_input import LogEvidence
-from armid.doctor.checks.signals.motor_side import has_placeholder_masses
+from armid.doctor.checks.signals.motor_side import LARGE, has_placeholder_masses
 from armid.errors import Finding
 
 CODE = "description-does-not-match"
@@ -15,8 +15,12 @@ LEAST = 0.7
 """Correlation of the measured with the described torque below which the description does not match. With the right
 description it was 0.965 or more on 16 recordings of eight arms and on 45 simulated logs, some with other masses."""
 
+LEAST_OF_LARGE = 0.9
+"""The same for a torque that is `LARGE` times the described one, which no arm of this description has."""
+
 CLEAR = 2.0
-"""Smallest ratio of a joint's described torque to the residual of the fit for a joint that is compared."""
+"""Smallest ratio of a joint's described torque to the residual of the fit for a joint that is compared. A torque in
+the measured scale counts, too: that of a small arm is below the residuals of a large one."""
 
 HEAVY = 0.05
 """The same ratio to the largest described torque of a joint."""
@@ -35,23 +39,28 @@ def check(evidence: LogEvidence) -> list[Finding]:
     if state is None or evidence.explanations or state.nominal is None or has_placeholder_masses(state):
         return []
     nominal = state.nominal
-    compared = (nominal.size > CLEAR * state.fit.sigma) & (nominal.size > HEAVY * nominal.size.max())
+    scale = np.abs(nominal.scale)
+    compared = (np.maximum(scale, 1.0) * nominal.size > CLEAR * state.fit.sigma) & (
+        nominal.size > HEAVY * nominal.size.max()
+    )
     if compared.sum() < FEWEST:
         return []
     weight = nominal.size[compared]
     alike = float(weight @ nominal.correlation[compared] / weight.sum())
-    if alike >= LEAST:
-        return []
     names = state.model.robot.joint_names
+    typical = float(np.median(scale[compared]))
+    if alike >= (LEAST_OF_LARGE if typical > LARGE else LEAST):
+        return []
+    larger = f", and the measured torque is about {typical:.2g} times as large" if typical > LARGE else ""
     listed = ", ".join(f"{names[j]} {nominal.correlation[j]:.2f}" for j in np.flatnonzero(compared))
     return [
         Finding(
             CODE,
-            "warning",
+            "error" if larger else "warning",
             "",
             "The torque does not have the shape of the torque of the description: beside friction and rotor inertia "
-            f"they correlate with {alike:.2f} ({listed}). The log or the description is of another arm, the torque "
-            "is without gravity, or springs or weights are missing in the description.",
+            f"they correlate with {alike:.2f} ({listed}){larger}. The log or the description is of another arm, "
+            "the torque is without gravity, or springs or weights are missing in the description.",
             "find out if the description is that of the recorded arm, and if the torque contains gravity",
         )
     ]

@@ -26,6 +26,16 @@ FACTORS = np.exp(np.linspace(-1.2, 1.2, 13))
 NEAREST = (FACTORS[4], FACTORS[8])
 """Factors of which at least one must lower the cost before the others are tried."""
 
+DECADES = 10.0 ** np.array([-4, -3, -2, -1, 1, 2, 3, 4])
+"""Factors of other units of torque, such as mN·m or N·cm. The cost may have barriers between them and 1, so they are
+tried, and `FACTORS` about the best of them, if one model fits all joints as badly as `BADLY`."""
+
+BADLY = 0.2
+"""Increase of the mean log residual from separate fits of the joints to one model, from which `DECADES` are tried."""
+
+WRONG_UNIT = 5.0
+"""Factor, or one over it, from which a torque is an error: no drive gain is so uncertain, its unit is wrong."""
+
 LEAST = 1.35
 """Smallest factor, or one over it, that is reported. On recorded arms the torque of a loaded joint fits those of the
 others to 25 %; drive gains that are taken from a data sheet are as uncertain."""
@@ -36,8 +46,8 @@ within the factors, on 16 recordings of eight arms and on 36 simulated logs. A f
 joints that carry others."""
 
 SHARP = 0.02
-"""Increase of the mean log residual from the best factor to 1.5 times more or less, from which the factor is
-determined."""
+"""Increase of the mean log residual from the best factor to 1.5 times more or less, for another unit 2.2 times, from
+which the factor is determined."""
 
 ALSO = 0.03
 """Difference of the mean log residual up to which the other joint of a pair may have the inverse factor."""
@@ -60,7 +70,8 @@ def explain(state: LogState) -> Explanation | None:
         return None
     pairs = products(state.rows)
     begin = cost_of(state.rows, pairs)
-    found = [_best_factor(lambda f, j=j: _cost(state, pairs, j, f), begin) for j in range(n)]
+    wide = state.conflict > BADLY
+    found = [_best_factor(lambda f, j=j: _cost(state, pairs, j, f), begin, wide=wide) for j in range(n)]
     gains = np.array([begin - cost for _, cost in found])
     best = int(np.argmax(gains))
     factor = found[best][0]
@@ -79,7 +90,7 @@ def explain(state: LogState) -> Explanation | None:
     return Explanation(
         CODE,
         float(gains[best]),
-        "warning",
+        "error" if max(factor, 1.0 / factor) > WRONG_UNIT else "warning",
         names[best],
         f"The torque of {names[best]} is about {1.0 / factor:.2g} times what the torques of the other joints imply; "
         f"with its scale corrected, the residual of one model for all joints is {1 - np.exp(-gains[best]):.0%} "
@@ -97,22 +108,38 @@ def _cost(state: LogState, pairs: Sequence[Array], j: int, factor: float) -> flo
     return cost_of(state.rows, pairs, factors) - float(np.log(factor)) / state.rows.n
 
 
-def _best_factor(cost_with: Callable[[float], float], begin: float) -> tuple[float, float]:
+def _best_factor(cost_with: Callable[[float], float], begin: float, *, wide: bool) -> tuple[float, float]:
     """Factor on a joint's torque with the smallest cost, and that cost; infinite if the log does not determine it.
 
     Args:
         cost_with: Function that returns the mean log residual with a factor.
         begin: Mean log residual with the factor 1.
+        wide: True if factors of other units are tried, too.
     """
-    if min(cost_with(factor) for factor in NEAREST) >= begin:
-        return 1.0, np.inf
-    cost = np.array([cost_with(factor) for factor in FACTORS])
+    candidates = [_lowest_about(cost_with, 1.0, 2)] if min(map(cost_with, NEAREST)) < begin else []
+    if wide:
+        unit = float(min(DECADES, key=cost_with))
+        candidates.append(_lowest_about(cost_with, unit, 4))
+    return min(candidates, key=lambda found: found[1], default=(1.0, np.inf))
+
+
+def _lowest_about(cost_with: Callable[[float], float], middle_factor: float, apart: int) -> tuple[float, float]:
+    """Best of the multiples of a factor by `FACTORS`, interpolated, and its cost; infinite if not determined.
+
+    Args:
+        cost_with: Function that returns the mean log residual with a factor.
+        middle_factor: The factor.
+        apart: Number of steps from the best one to those whose cost must be larger.
+    """
+    tried = middle_factor * FACTORS
+    cost = np.array([cost_with(float(factor)) for factor in tried])
     k = int(np.argmin(cost))
-    if not 0 < k < len(cost) - 1 or min(cost[max(k - 2, 0)], cost[min(k + 2, len(cost) - 1)]) < cost[k] + SHARP:
+    around = cost[max(k - apart, 0)], cost[min(k + apart, len(cost) - 1)]
+    if not 0 < k < len(cost) - 1 or min(around) < cost[k] + SHARP:
         return 1.0, np.inf
     low, middle, high = cost[k - 1 : k + 2]
     step = 0.5 * (low - high) / (low - 2.0 * middle + high)  # vertex of the parabola through the three
-    return float(FACTORS[k] * np.exp(step * np.log(FACTORS[1] / FACTORS[0]))), float(cost[k])
+    return float(tried[k] * np.exp(step * np.log(FACTORS[1] / FACTORS[0]))), float(cost[k])
 
 
 def _gain(evidence: LogEvidence, correction: Array) -> str:
