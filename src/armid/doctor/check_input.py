@@ -136,7 +136,7 @@ class LogEvidence:
         """State of the log before each accepted explanation, and the explanation.
 
         An explanation that the log does not confirm is not reported. Its correction remains in effect, so that the
-        misfit is not attributed to another fault.
+        misfit is not attributed to another fault; if nothing else explains the misfit, the search ends.
         """
         state, codes = self.state, set[str]()
         accepted: list[tuple[LogState, Explanation]] = []
@@ -150,6 +150,8 @@ class LogEvidence:
                 break
             if accepted or best.confirmed is None or best.confirmed(self):
                 accepted.append((state, best))
+            elif len(candidates) == 1:
+                break
             codes.add(best.code)
             state = best.after
         return tuple(accepted)

@@ -113,7 +113,7 @@ class QuickFit:
         """Covariance, shape (b + e, b + e), inflated for correlated residuals."""
         scale = _lengths(self.factor)
         weight = 1.0 / (self.sigma * np.sqrt(self.autocorrelation))[self.joint]
-        inverse = np.linalg.pinv(self.factor / scale * weight[:, None], rcond=CUT)
+        inverse = _inverse(self.factor / scale * weight[:, None])
         return (inverse @ inverse.T) / np.outer(scale, scale)
 
     @property
@@ -196,6 +196,15 @@ def _lengths(A: Array) -> Array:
     """Lengths of columns; 1 for columns that are zero."""
     scale = np.linalg.norm(A, axis=0)
     return np.where(scale > 0.0, scale, 1.0)
+
+
+def _inverse(A: Array) -> Array:
+    """Matrix X with X Xᵀ = (Aᵀ A)⁺: inverse of the triangular factor, or the pseudoinverse of dependent columns."""
+    R: Array = np.asarray(np.linalg.qr(A, mode="r"))
+    diagonal = np.abs(R.diagonal())
+    if len(R) == A.shape[1] and diagonal.min() > INDEPENDENT * diagonal.max():
+        return np.asarray(np.linalg.inv(R), dtype=np.float64)  # an eighth of the time of singular values
+    return np.asarray(np.linalg.pinv(R, rcond=CUT), dtype=np.float64)
 
 
 def _least_squares(A: Array) -> Array:

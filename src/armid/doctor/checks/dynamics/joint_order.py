@@ -136,10 +136,10 @@ def _searched(state: LogState, begin: _Order, limits: LimitExcess) -> tuple[_Ord
     for step in range(EXCHANGES):
         trials = list(_exchanged(state, coarse, best, takes))
         if step == 0:
-            guesses = [(same, _assigned(state)), (same[::-1], same[::-1]), (same[::-1], same)]
+            guesses = [(same, [_assigned(state)]), (same[::-1], [same[::-1], same])]
             if state.conflict >= CALM or not limits.given_fits:
-                guesses += [(shift, torque) for shift in shifts(len(same)) for torque in (shift, same)]
-            trials += [_evaluated(state, coarse, *order) for order in guesses if _possible(takes, *order)]
+                guesses += [(shift, [shift, same]) for shift in shifts(len(same))]
+            trials += [order for guess in guesses for order in _with_motion(state, coarse, takes, *guess)]
         trials = sorted((t for t in _distinct(trials) if t.cost < near), key=lambda order: order.cost)[:LOOKED_AT]
         close = [_evaluated(state, state.log, t.motion, t.torque) for t in trials]
         better = min(close, key=lambda order: order.cost, default=best)
@@ -270,16 +270,25 @@ def _picked(P: Array, n: int, k: int) -> Array:
 
 def _exchanged(state: LogState, log: DownsampledLog, order: _Order, takes: tuple[Flags, Flags]) -> Iterator[_Order]:
     """Orders in which two more channels are exchanged: only positions, all quantities, or only torques."""
-    same = np.arange(len(order.motion))
-    pairs = exchanges(len(same))
+    pairs = exchanges(len(order.motion))
     torques = [order.torque[exchange] for exchange in pairs]
     for motion, torque in zip((order.motion[exchange] for exchange in pairs), torques, strict=True):
-        possible = [each for each in (order.torque, torque) if _possible(takes, motion, each)]
-        if possible:
-            yield from _with_torques(make_rows(state.source, log.reordered(motion, same)), log, motion, possible)
-    possible = [each for each in torques if _possible(takes, order.motion, each)]
-    rows = make_rows(state.source, log.reordered(order.motion, same))
-    yield from _with_torques(rows, log, order.motion, possible)
+        yield from _with_motion(state, log, takes, motion, [order.torque, torque])
+    yield from _with_motion(state, log, takes, order.motion, torques)
+
+
+def _with_motion(
+    state: LogState,
+    log: DownsampledLog,
+    takes: tuple[Flags, Flags],
+    motion: NDArray[np.intp],
+    torques: Sequence[NDArray[np.intp]],
+) -> Iterator[_Order]:
+    """Possible ones among orders of the torque with one order of motion, whose columns are computed once."""
+    possible = [torque for torque in torques if _possible(takes, motion, torque)]
+    if possible:
+        rows = make_rows(state.source, log.reordered(motion, np.arange(len(motion))))
+        yield from _with_torques(rows, log, motion, possible)
 
 
 def _possible(takes: tuple[Flags, Flags], motion: NDArray[np.intp], torque: NDArray[np.intp]) -> bool:
