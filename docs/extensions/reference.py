@@ -1,4 +1,4 @@
-"""Reference pages in plain Markdown, made from the code: commands, keys of a study, public names.
+"""Reference pages in plain Markdown, made from the code: commands, keys of studies and estimates, public names.
 
 `scripts/reference` writes them, so that they can be read without building the site; a contract test compares.
 """
@@ -29,7 +29,12 @@ MADE = "<!-- made from the code by scripts/reference; what stands below is writt
 
 def pages() -> dict[Path, str]:
     """The text of every reference page by its path."""
-    made = {PAGES / "cli.md": commands(), PAGES / "keys.md": study_keys(), PAGES / "python.md": names()}
+    made = {
+        PAGES / "cli.md": commands(),
+        PAGES / "keys.md": study_keys(),
+        PAGES / "estimate.md": estimate_keys(),
+        PAGES / "python.md": names(),
+    }
     return {path: f"{_head(path)}{MADE}\n\n{text.strip()}\n" for path, text in made.items()}
 
 
@@ -67,6 +72,17 @@ def study_keys() -> str:
     lines += table("[estimation]", EstimationChoice, without=("options",))
     for name, method in ESTIMATORS.items():
         lines += table(f"[estimation.{name}]", method)
+    return "\n".join(lines)
+
+
+def estimate_keys() -> str:
+    """Every key of `estimate.json`, one table for the whole and one for each list."""
+    from armid.study.storage.records import BASE_PARAMETER_KEYS, ESTIMATE_KEYS
+
+    lines: list[str] = []
+    for title, keys in (("estimate.json", ESTIMATE_KEYS), ("base_parameters", BASE_PARAMETER_KEYS)):
+        rows = [f"| `{key}` | {prose(cell(meaning))} |" for key, meaning in keys.items()]
+        lines += [f"## `{title}`", "", "| key | meaning |", "|---|---|", *rows, ""]
     return "\n".join(lines)
 
 

@@ -9,6 +9,7 @@ from abc import abstractmethod
 from collections.abc import Iterable
 from dataclasses import dataclass
 from html import escape
+from math import ceil, floor, isfinite, log10
 from pathlib import PurePath
 
 import numpy as np
@@ -19,6 +20,9 @@ MOST_ROWS = 200
 
 FEW_ROWS = 6
 """Rows of the text at a prompt: with title, titles of columns and notes ten lines at most."""
+
+MOST_DIGITS = 15
+"""Largest number of decimals or significant digits of an end of an interval; a float has no more."""
 
 WIDEST = 28
 """Largest number of characters of a cell of that text."""
@@ -130,6 +134,27 @@ def text_of(kind: str, summary: Summary) -> str:
 def percent(value: float) -> str:
     """Percentage with two significant digits: `0.034 %`, `5.1 %`, `510 %`."""
     return f"{value:.2g} %" if not 99.5 <= value < float("inf") else f"{value:.0f} %"
+
+
+def interval_text(low: float, high: float, *, decimals: int | None = None, digits: int = 5) -> str:
+    """Ends of an interval, with as many digits more as tell them apart: `0.00798 … 0.00803`; a dash without ends.
+
+    Args:
+        low: Lower end.
+        high: Upper end.
+        decimals: Least number of decimals; if not given, the ends have significant digits.
+        digits: Least number of significant digits.
+    """
+    if not low <= high:
+        return "–"
+    finite = isfinite(low) and isfinite(high)
+    needed = ceil(-log10(high - low)) if finite and low < high else -MOST_DIGITS
+    if decimals is not None:
+        form = f".{min(max(decimals, needed), max(decimals, MOST_DIGITS))}f"
+    else:
+        before = floor(log10(max(abs(low), abs(high)))) + 1 if finite and (low or high) else 0
+        form = f".{min(max(digits, before + needed), MOST_DIGITS)}g"
+    return f"{low:{form}} … {high:{form}}"
 
 
 def plural(count: int, noun: str) -> str:

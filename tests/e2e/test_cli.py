@@ -33,6 +33,7 @@ from armid.model.terms import Coulomb, RigidBody, Viscous
 from armid.robot import load_robot
 from armid.runs.run import load_run
 from armid.runs.validation_and_prediction import motion_of, predict
+from armid.study.storage.records import BASE_PARAMETER_KEYS, ESTIMATE_KEYS
 from armid.validation.prediction import Score
 from armid.validation.prediction import validate as judge
 from armid.validation.prediction_interval import torque_band
@@ -247,6 +248,13 @@ def test_identify_prints_the_bodies_of_the_links_or_what_gives_them(armid: Armid
     kept = json.loads(Path("run/estimate.json").read_text(encoding="utf-8"))["links"]
     assert [each["joint"] for each in kept] == ["joint_1", "joint_2", "joint_3"]
     keys_of(kept[0], "link", "description", "estimate", "interval95", "reasons")
+    whole = json.loads(Path("run/estimate.json").read_text(encoding="utf-8"))
+    assert whole.keys() == ESTIMATE_KEYS.keys()
+    base, standard = whole["base_parameters"], {each["name"]: each["value"] for each in whole["parameters"]}
+    assert all(each.keys() == BASE_PARAMETER_KEYS.keys() for each in base)
+    for each in base:  # a physical estimate has both, so that each base parameter is the sum that is stated
+        total = sum(factor * standard[name] for name, factor in each["grouping"].items())
+        assert total == pytest.approx(each["value"], rel=1e-9, abs=1e-9)  # rounding of sums of ten terms
     plain = armid("identify", small / "study.toml", "--no-report")
     assert "Bodies of" not in plain.out and "--method physical" in " ".join(plain.out.split())
 
@@ -613,6 +621,10 @@ def test_bad_input_is_one_message(
 def test_a_wrong_command_line_is_exit_code_2(armid: Armid, arguments: tuple[str, ...]):
     done = armid(*arguments)
     assert (done.code, done.out) == (2, "") and done.err and "Traceback" not in done.err
+    as_json = armid(*arguments, "--json")
+    assert as_json.code == 2 and as_json.json.keys() == {"error", "possible", "remedy", "exit_code"}
+    assert as_json.json["exit_code"] == 2 and "--help" in as_json.json["remedy"]
+    assert as_json.json["error"].rstrip(".") in " ".join(as_json.err.replace("│", " ").split())
 
 
 def test_data_that_do_not_determine_the_parameters_are_refused(armid: Armid, small: Path):

@@ -11,7 +11,17 @@ import pytest
 from armid import find_base_parameters, identify, load_robot, load_run, load_study, save_run
 from armid.excitation.design.objective import CriterionGoal
 from armid.excitation.plan import Plan
-from armid.notebook import MOST_ROWS, Displayed, Summary, html_of, names_apart, percent, plural, text_of
+from armid.notebook import (
+    MOST_ROWS,
+    Displayed,
+    Summary,
+    html_of,
+    interval_text,
+    names_apart,
+    percent,
+    plural,
+    text_of,
+)
 from armid.runs.consistency_check import certify_run
 from armid.study.plans.design import DesignConstraints, DesignGoal, SearchBudget, design_plan
 from labs import small_model, small_plan, small_recording, write_recordings, write_study
@@ -178,3 +188,20 @@ def test_files_of_one_name_are_told_apart_by_their_folders():
         "/x/b/1/run.csv": "b/1/run.csv",
         "run.csv": "run.csv",
     }
+
+
+@pytest.mark.parametrize("middle", [0.0, 0.00801, -3.2, 1234.5, 2e-7])
+@pytest.mark.parametrize("width", [1.0, 3e-3, 4.9e-5, 1e-9])
+@pytest.mark.parametrize("form", [{"decimals": 4}, {"decimals": 1}, {"digits": 3}, {}])
+def test_the_ends_of_an_interval_differ_by_about_its_width(middle: float, width: float, form: dict[str, int]):
+    """Each end is off by half of its last digit at most, and that digit is no larger than the width."""
+    low, high = map(float, interval_text(middle - width / 2, middle + width / 2, **form).split(" … "))
+    assert 0.0 < high - low <= 2.01 * width and low <= middle + width / 2 and high >= middle - width / 2
+
+
+def test_an_interval_without_width_or_ends():
+    assert interval_text(0.5, 0.5, decimals=2) == "0.50 … 0.50" and interval_text(2.0, 2.0) == "2 … 2"
+    assert interval_text(float("nan"), float("nan")) == "–"
+    assert interval_text(0.0, float("inf"), decimals=1) == "0.0 … inf"
+    assert interval_text(0.00798, 0.00803, decimals=4) == "0.00798 … 0.00803"
+    assert interval_text(1.0, 3.0, decimals=2) == "1.00 … 3.00" and interval_text(1.0, 3.0) == "1 … 3"

@@ -296,7 +296,8 @@ def print_verdict(console: Console, validation: Validation) -> None:
     colour = {"pass": "green", "fail": "red"}.get(validation.verdict, "yellow")
     passed = sum(check.ok for check in validation.checks)
     count = f" ({passed} of {len(validation.checks)} checks passed)" if validation.checks else ""
-    console.print(f"verdict on held-out motion: [bold {colour}]{validation.verdict}[/]{count}")
+    subject = validation.subject
+    console.print(f"verdict on {subject}: [bold {colour}]{validation.verdict}[/]{count}")
     checks = Table.grid(padding=(0, 1))
     for check in sorted(validation.checks, key=lambda check: check.ok):
         mark = "[green]ok[/]" if check.ok else "[red]fail[/]"

@@ -5,7 +5,6 @@ Exit codes: 0 done, 1 a verdict failed, 2 bad input, 130 interrupted.
 
 from __future__ import annotations
 
-import json
 import re
 import sys
 from collections.abc import Callable
@@ -18,12 +17,11 @@ import typer
 from armid.cli.command_list import COMMANDS
 from armid.cli.folder_overview import next_step
 from armid.cli.help_format import Command
+from armid.cli.json_errors import BAD_INPUT, Group, write_error
 from armid.cli.motion.excite import INTERRUPTED
 from armid.cli.remedy_options import hint
 from armid.errors import ArmidError
 from armid.threads import keep_freed_memory, prefer_one_thread
-
-BAD_INPUT = 2
 
 
 class _StoppedError(Exception):
@@ -48,6 +46,7 @@ def _interruptible(command: Callable[..., None]) -> Callable[..., None]:
 
 app = typer.Typer(
     name="armid",
+    cls=Group,
     pretty_exceptions_enable=False,
     epilog="docs/glossary.md explains the terms.",
     context_settings={"help_option_names": ["-h", "--help"]},
@@ -94,18 +93,12 @@ def main(arguments: list[str] | None = None) -> None:
         from armid.cli.console import print_error
 
         if "--json" in raw_arguments:
-            sys.stdout.write(json.dumps(_error_record(error), indent=1, ensure_ascii=False) + "\n")
-            sys.stdout.flush()
+            write_error(error.problem, error.possible, error.remedy)
         print_error(error)
         sys.exit(BAD_INPUT)
     except (_StoppedError, KeyboardInterrupt):
         sys.stderr.write("interrupted; nothing was written\n")
         sys.exit(INTERRUPTED)
-
-
-def _error_record(error: ArmidError) -> dict[str, str | int]:
-    """Content of the output of any command with `--json` that ends with an error."""
-    return {"error": error.problem, "possible": error.possible, "remedy": error.remedy, "exit_code": BAD_INPUT}
 
 
 def _repeat_option(option: str, arguments: list[str]) -> list[str]:

@@ -17,6 +17,7 @@ from armid.estimation.saved_estimate import Estimate
 from armid.estimation.standard_parameter_status import StandardFit
 from armid.model.parameter_counts import by_joint, count_text
 from armid.model.term_descriptions import friction_of_joint
+from armid.notebook import interval_text
 from armid.robot.robot import Robot
 
 FEWEST_DECIMALS, MOST_DECIMALS = 3, 9
@@ -69,7 +70,7 @@ def estimate_table(estimate: Estimate, joints: Sequence[str]) -> Table:
                 f"{fit.values[k]:.{decimals[k]}f}",
                 units[fit.names[k].of_all],
                 f"{_percent(fit.relative_deviation[k])}{'*' if fit.poorly_identified[k] else ' '}",
-                f"{ends[k, 0]:.{decimals[k]}f} … {ends[k, 1]:.{decimals[k]}f}",
+                interval_text(*map(float, ends[k]), decimals=decimals[k]),
             )
     return table
 
@@ -131,7 +132,9 @@ def _links_note(table: LinkTable) -> str:
     short = ("mass", "x", "y", "z", *QUANTITIES[4:])
     for body in table.links:
         known = zip(short, body.intervals, strict=True)
-        spans = ", ".join(f"{name} {ends[0]:.3g} … {ends[1]:.3g}" for name, ends in known if np.isfinite(ends).all())
+        spans = ", ".join(
+            f"{name} {interval_text(*map(float, ends), digits=3)}" for name, ends in known if np.isfinite(ends).all()
+        )
         if spans:
             lines.append(f"* {escape(body.link)}, 95 %: {spans}")
     starred = len(lines) > 1

@@ -13,7 +13,7 @@ from armid.estimation.standard_parameter_status import StandardFit
 from armid.information.information import Information
 from armid.maths.distributions import student_quantile
 from armid.model.parameter_name import ParameterName, parameter_names
-from armid.notebook import Displayed, Summary, percent
+from armid.notebook import Displayed, Summary, interval_text, percent
 
 POORLY_IDENTIFIED = 20.0
 """Relative standard deviation above which a parameter counts as poorly identified [%]. By the usual rule, ten times
@@ -113,7 +113,7 @@ class Fit(Displayed):
     def summary(self) -> Summary:
         """Parameters with deviations and intervals."""
         rows = tuple(
-            (name, f"{value:.5g}", percent(relative), f"{low:.5g} … {high:.5g}")
+            (name, f"{value:.5g}", percent(relative), interval_text(low, high))
             for name, value, relative, (low, high) in zip(
                 self.names, self.values, self.relative_deviation, self.intervals, strict=True
             )

@@ -20,7 +20,7 @@ from armid.estimation.saved_estimate import Estimate
 from armid.estimation.standard_parameter_status import StandardFit
 from armid.maths.inertia import INERTIA_INDEX, about_com, about_com_slope
 from armid.model.dynamics_model import DynamicsModel
-from armid.notebook import Displayed, Summary, plural
+from armid.notebook import Displayed, Summary, interval_text, plural
 
 QUANTITIES = ("mass", "com x", "com y", "com z", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
 """Quantities that describe a body: mass, centre of mass and inertia about it, with the axes of the link frame."""
@@ -178,4 +178,4 @@ def _number(value: float) -> str:
 
 
 def _interval(ends: Array) -> str:
-    return f"{ends[0]:.4g} … {ends[1]:.4g}" if np.isfinite(ends).all() else ""
+    return interval_text(*map(float, ends), digits=4) if np.isfinite(ends).all() else ""

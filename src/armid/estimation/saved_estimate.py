@@ -16,7 +16,7 @@ from armid.estimation.standard_parameter_status import StandardFit, Status
 from armid.information.information import FactorOrigin
 from armid.model.base_parameters import BaseParameters
 from armid.model.parameter_name import ParameterName
-from armid.notebook import Displayed, Summary, percent, plural
+from armid.notebook import Displayed, Summary, interval_text, percent, plural
 from armid.text_value import TextValue
 
 
@@ -95,7 +95,7 @@ class Estimate(Displayed):
         """Base parameters with deviations and intervals."""
         units = dict(zip(self.base.names, self.base.units, strict=True))
         rows = tuple(
-            (name, f"{value:.5g}", units[name.of_all], percent(deviation), f"{low:.5g} … {high:.5g}")
+            (name, f"{value:.5g}", units[name.of_all], percent(deviation), interval_text(low, high))
             for name, value, deviation, (low, high) in zip(
                 self.fit.names, self.fit.values, self.fit.relative_deviation, self.intervals, strict=True
             )

@@ -21,7 +21,7 @@ from armid.checked_array import Array, array
 from armid.maths.distributions import student_quantile
 from armid.maths.linalg import half_of, inverse_of, orthonormal
 from armid.model.parameter_name import ParameterName, parameter_names
-from armid.notebook import Displayed, Summary
+from armid.notebook import Displayed, Summary, interval_text
 
 Status = Literal["identified", "prior-dominated", "not identifiable"]
 
@@ -158,7 +158,7 @@ class StandardFit(Displayed):
     def summary(self) -> Summary:
         """Parameters with intervals, and what the data say of each."""
         rows = tuple(
-            (name, f"{value:.5g}", unit, "–" if said == "not identifiable" else f"{low:.5g} … {high:.5g}", said)
+            (name, f"{value:.5g}", unit, "–" if said == "not identifiable" else interval_text(low, high), said)
             for name, value, unit, (low, high), said in zip(
                 self.names, self.values, self.units, self.intervals, self.status, strict=True
             )

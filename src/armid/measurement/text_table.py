@@ -14,6 +14,7 @@ import numpy as np
 from armid.checked_array import Array
 from armid.errors import Finding, RecordingError
 from armid.measurement.columns.column_name_parsing import unit_kind
+from armid.notebook import plural
 
 DELIMITERS = (",", ";", "\t")
 """Delimiters that a header may have; a header without any of them is delimited by spaces."""
@@ -65,9 +66,11 @@ def decoded(data: bytes, path: Path) -> str:
     except UnicodeDecodeError as error:
         if not re.search(rb"[\x00-\x08\x0e-\x1f\x7f\x81\x8d\x8f\x90\x9d]", data):
             return data.decode("cp1252")
+        line = data.count(b"\n", 0, error.start) + 1
         raise RecordingError(
-            f"{path} is not a text file ({error.reason} at byte {error.start}).",
-            remedy="export the table as UTF-8 text, or give the file the suffix of its format.",
+            f"{path} is not a text file ({error.reason} in line {line}, byte {error.start}).",
+            remedy="export the table as UTF-8 text, or give the file the suffix of its format; if only this line is "
+            "damaged, correct or remove it.",
         ) from error
 
 
@@ -272,14 +275,22 @@ def _cut_end(rows: Sequence[str], number: int, width: int, delimiter: str, *, en
 
 def _check_widths(rows: Sequence[str], numbers: Sequence[int], width: int, delimiter: str, path: Path) -> None:
     """Raises an error if a row has more or fewer fields than the header."""
-    for row, number in zip(rows, numbers, strict=True):
+    for k, (row, number) in enumerate(zip(rows, numbers, strict=True)):
         plain = delimiter != " " and '"' not in row
         found = row.count(delimiter) + 1 if plain else len(split(row, delimiter))
         if found != width:
             raise RecordingError(
-                f"{path}, line {number + 1} has {found} fields, but the header has {width}: {row:.60}",
+                f"{path}, line {number + 1} has {plural(found, 'field')}, but the header has {width}"
+                f"{_rows_behind(len(rows) - 1 - k)}: {row:.60}",
                 remedy="correct or remove this line.",
             )
+
+
+def _rows_behind(count: int) -> str:
+    """Clause with the number of rows behind a faulty line, which tells a line in the middle from a cut end."""
+    if not count:
+        return ", and it is the last row"
+    return f", and {plural(count, 'row')} follow{'s' if count == 1 else ''} it"
 
 
 def _field_by_field(table: TextTable, wanted: dict[int, str], path: Path) -> Array:

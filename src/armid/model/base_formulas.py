@@ -91,12 +91,17 @@ def base_record(base: BaseParameters) -> BaseRecord:
         removed=[names[k] for k in base.removed],
         dependencies={names[k]: _nonzeros(kept, base.regrouping[:, k]) for k in base.removed},
         base=[
-            ParameterRecord(name=name, unit=unit, grouping=_nonzeros(names, row), formula=formula)
-            for name, unit, row, formula in zip(
-                base.names, base.units, base.regrouping, base_formulas(base), strict=True
+            ParameterRecord(name=name, unit=unit, grouping=grouping, formula=formula)
+            for name, unit, grouping, formula in zip(
+                base.names, base.units, groupings(base), base_formulas(base), strict=True
             )
         ],
     )
+
+
+def groupings(base: BaseParameters) -> tuple[dict[str, float], ...]:
+    """Coefficients of the standard parameters in each base parameter, for instance `{"ZZ_1": 1.0, "YY_2": 1.0}`."""
+    return tuple(_nonzeros(base.standard_names, row) for row in base.regrouping)
 
 
 def _nonzeros(names: tuple[str, ...] | list[str], row: Array) -> dict[str, float]:

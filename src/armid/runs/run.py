@@ -78,7 +78,7 @@ class Run(Displayed):
             ("terms", ", ".join(dict.fromkeys(term.name for term in self.model.terms))),
             ("method", self.estimate.method),
             ("parameters", str(len(fit.names))),
-            ("verdict on held-out motion", self.verdict),
+            ("verdict", self.verdict),
         )
         return Summary(
             f"run {self.folder}",

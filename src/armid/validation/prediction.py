@@ -104,6 +104,12 @@ class Validation(Displayed):
     verdict: str
     checks: tuple[Check, ...]
 
+    @property
+    def subject(self) -> str:
+        """Motion that the verdict is about; without held-out motion, the training motion alone can fail."""
+        on_training = not self.recordings and self.verdict != "not judged"
+        return "training motion (no motion is held out)" if on_training else "held-out motion"
+
     def summary(self) -> Summary:
         """Table of the torque error of every joint on each recording."""
         names = names_apart(each.path for each in self.recordings)
@@ -113,7 +119,7 @@ class Validation(Displayed):
         )
         failed = ", ".join(check.name for check in self.checks if not check.ok)
         note = f"not fulfilled: {failed}" if failed else "N·m or N, in the band of the study"
-        return Summary(f"verdict on held-out motion: {self.verdict}", columns, rows, note)
+        return Summary(f"verdict on {self.subject}: {self.verdict}", columns, rows, note)
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -166,6 +166,8 @@ def test_a_broken_row_is_named_by_its_line(tmp_path):
     refused("line 11 has 11 fields", path)
     path.write_text("\n".join([*lines[:9], lines[9][:40], *lines[10:-1], lines[-1][:40]]))
     refused("line 10 has ", path)  # a cut end does not excuse it
+    path.write_text("\n".join([*lines[:9], "log restarted", *lines[9:]]))
+    refused(f"line 10 has 1 field, but the header has 10, and {N - 8} rows follow it: log restarted", path)
     path.write_text("\n".join([lines[0], lines[1][:40]]))
     refused("line 2 has ", path)  # no complete row is left
 

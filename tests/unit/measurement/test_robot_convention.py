@@ -8,6 +8,7 @@ from armid.measurement.log_format import LogFormat
 from armid.measurement.recording import Recording
 from armid.measurement.robot_convention import to_robot_convention
 from armid.robot.robot import Frame, Joint, Link, Robot
+from armid.study.remedy_translation import OPTIONS, at_the_prompt
 
 RATE = 100.0
 N = 400
@@ -410,7 +411,10 @@ def test_one_joint_held_still_is_noted():
 def test_no_clock_and_no_rate_is_refused_and_the_implied_rate_told():
     error = refused("clock-missing", recorded(time=None))
     assert "100 Hz" in error.remedy
-    refused("clock-missing", recorded(time=None, dq=None, ddq=None))
+    remedy = refused("clock-missing", recorded(time=None, dq=None, ddq=None)).remedy
+    assert "rate = HZ" in remedy and "columns = {" in remedy
+    at_prompt = at_the_prompt(remedy, OPTIONS)
+    assert "--rate HZ (in a study: rate = HZ)" in at_prompt and "--columns time=NAME" in at_prompt
 
 
 def test_a_clock_that_runs_backwards_or_in_milliseconds_is_refused():

@@ -36,6 +36,15 @@ def test_a_common_fault_fails_although_the_recordings_agree(of_opposite_torque: 
     assert [check.name for check in validation.checks if not check.ok] == ["errors in the recordings (torque-sign)"]
 
 
+def test_the_title_of_a_verdict_says_which_motion_it_is_about(of_opposite_torque: Result):
+    validation = of_opposite_torque.validation
+    assert validation.summary().title == "verdict on held-out motion: fail"
+    alone = contradicted(replace(validation, recordings=(), checks=(), verdict="not judged"), ())
+    assert alone.summary().title == "verdict on held-out motion: not judged"
+    failed = contradicted(alone, [Finding("torque-sign", "error", "", "", "")])
+    assert failed.summary().title == "verdict on training motion (no motion is held out): fail"
+
+
 @pytest.mark.parametrize("code", sorted(effects()))
 def test_every_error_of_the_doctor_fails_and_no_warning_does(of_opposite_torque: Result, code: str):
     checks = tuple(check for check in of_opposite_torque.validation.checks if check.ok)

@@ -196,5 +196,6 @@ def _parameters(record: dict[str, Any]) -> Table:
 
 def _interval(ends: Array, decimals: int = 4) -> str:
     """Both ends of an interval; a dash if there is none."""
-    low, high = ends
-    return f"{low:.{decimals}f} … {high:.{decimals}f}" if low == low else "-"
+    from armid.notebook import interval_text
+
+    return interval_text(*map(float, ends), decimals=decimals)

@@ -14,6 +14,7 @@ from armid.measurement.log_format import LogFormat
 from armid.measurement.log_format_remedies import excluding, lines, naming
 from armid.measurement.processing.clock_checks import RATE_TOLERANCE, check_clock, without_ties
 from armid.measurement.recording import Recording, kept_rows, recording_error
+from armid.remedy import Assignment, Remedy, setting
 
 MIN_SAMPLES = 10
 """Smallest number of samples; fewer are not enough for derivatives at both ends and for residuals."""
@@ -290,7 +291,15 @@ def _clockless(recording: Recording, implied: float) -> RecordingError:
     evidence = "the recording has neither a time column nor a sample rate."
     if possible is not None:
         return recording_error("clock-missing", recording, f"{evidence} {possible.evidence}", possible.remedy)
-    remedy = "find out the rate in Hz and give it (rate = …), name a time column, or give consecutive = false."
+    remedy = Remedy(
+        "find out the sample rate of the log and give it in Hz: ",
+        Assignment("rate = HZ", {"rate": "HZ"}),
+        "; or name the time column: ",
+        setting("columns", {"time": "NAME"}),
+        "; or, if the rows are separate samples, write ",
+        setting("consecutive", value=False),
+        " into a study.",
+    )
     if np.isfinite(implied):
         remedy = lines(f"Hz; positions and velocities imply {implied:.3g} Hz", rate=float(f"{implied:.3g}"))
     return recording_error("clock-missing", recording, evidence, remedy)

@@ -23,6 +23,8 @@ SENTENCES = {
 
 BADGES = {"pass": "✓ pass", "fail": "✗ fail", "not judged": "– not judged"}
 
+FAILED_WITHOUT_VALIDATION = "There is no validation recording, and a check of the training recordings failed."
+
 CONTRADICTED = "the findings contain an error, so the model may be wrong as a whole."
 
 UNREAL = "no real body has these parameters. Do not use them in a simulation or an export."
@@ -55,6 +57,8 @@ def _badge(page_data: PageData) -> dict[str, str]:
     """Colour, badge and sentence of the worst that is known of the run; a failed validation is the worst."""
     verdict = page_data.validation.verdict
     sentence = SENTENCES.get(verdict, "")
+    if verdict == "fail" and not page_data.validation.recordings:
+        sentence = FAILED_WITHOUT_VALIDATION
     errors = bool(serious(page_data.run.estimate.findings, "error"))
     if verdict == "fail" or not (errors or forbids_simulation(page_data)):
         colour = verdict if verdict in BADGES else "not judged"

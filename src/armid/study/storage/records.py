@@ -19,7 +19,7 @@ from armid.estimation.friction.selection import FrictionSelection, SelectionEvid
 from armid.estimation.saved_estimate import Estimate, standard_parameters
 from armid.estimation.standard_parameter_status import StandardFit
 from armid.measurement.log_format import LogFormat
-from armid.model.base_formulas import base_formulas
+from armid.model.base_formulas import base_formulas, groupings
 from armid.study.config import Study
 from armid.validation.prediction import Validation
 
@@ -28,11 +28,48 @@ LIST_OF_NUMBERS = re.compile(r'\[\n([^][{}"]*?)\n *\]')
 escaped."""
 
 
+ESTIMATE_KEYS = {
+    "robot": "Name of the arm.",
+    "method": "Name of the estimator.",
+    "terms": "Torque terms of the model: `name`, `joints`, `shapes`.",
+    "base_parameters": "Estimated base parameters; their keys are below.",
+    "parameters": "Standard parameters of all links and terms, each with its status.",
+    "residual": "`rms`: RMS residual of each joint on the training recordings [N·m or N].",
+    "condition": "Condition number of the weighted base regressor.",
+    "scaled_condition": "The same with columns of unit length.",
+    "samples": "Largest number of rows of a joint.",
+    "rows": "Number of rows of each joint.",
+    "covariance": "Covariance of the base parameters: `kind`, the reason `why`, `matrix` and what it was made from.",
+    "certificate": "Proof that an estimate with `--method physical` is consistent, and its prior; otherwise null.",
+    "seconds": "Computing time from recordings to result [s].",
+    "warnings": "Findings: `code`, `severity`, `channel`, `evidence`, `remedy`, `message`.",
+    "made_from": "Role and sha256 of each input, the description of the arm included.",
+    "made_by": "Build of the kernel and factorisation that computed the information.",
+    "links": "Described and estimated mass, centre of mass and inertia of each link.",
+}
+"""Meaning of each key of `estimate.json`."""
+
+BASE_PARAMETER_KEYS = {
+    "name": "Name; `[k]` behind it means that the value is of recording k.",
+    "value": "Estimated value.",
+    "unit": "Unit of the value.",
+    "deviation": "Standard deviation, in the same unit.",
+    "relative_deviation_percent": "Standard deviation divided by the absolute value [%].",
+    "poorly_identified": "True if the relative deviation is too large for the value to mean much.",
+    "dropped": "True if the method set the parameter to zero.",
+    "interval95": "Both ends of the 95 % interval.",
+    "formula": "The parameter as a sum of standard parameters, as text.",
+    "grouping": "The same sum as numbers: coefficient of each standard parameter (of a link or term) by its name.",
+}
+"""Meaning of each key of an entry of `base_parameters` in `estimate.json`."""
+
+
 def estimate_record(estimate: Estimate) -> dict[str, Any]:
     """The contents of `estimate.json`."""
     fit, ends = estimate.fit, estimate.intervals
     units = dict(zip(estimate.base.names, estimate.base.units, strict=True))
     formulas = dict(zip(estimate.base.names, base_formulas(estimate.base, "text"), strict=True))
+    contained = dict(zip(estimate.base.names, groupings(estimate.base), strict=True))
     poor = fit.poorly_identified
     base: list[dict[str, Any]] = []
     for k, name in enumerate(fit.names):
@@ -47,6 +84,7 @@ def estimate_record(estimate: Estimate) -> dict[str, Any]:
                 "dropped": name in fit.dropped,
                 "interval95": ends[k],
                 "formula": formulas[name.of_all],
+                "grouping": contained[name.of_all],
             }
         )
     return {

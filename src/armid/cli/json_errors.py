@@ -1,0 +1,63 @@
+"""Errors as JSON objects on standard output, for commands with `--json`; also those of a wrong command line."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Generator
+from contextlib import contextmanager
+from typing import Any
+
+from typer.core import TyperGroup
+
+BAD_INPUT = 2
+"""Exit code for bad input, and for a wrong command line."""
+
+ASKED = "armid.json"
+"""Key in the parser's context that tells whether `--json` is on the command line."""
+
+
+def write_error(problem: str, possible: str = "", remedy: str = "") -> None:
+    """Write an error as a JSON object on standard output.
+
+    Args:
+        problem: What was asked and what was found.
+        possible: What would have been accepted.
+        remedy: What to do.
+    """
+    record = {"error": problem, "possible": possible, "remedy": remedy, "exit_code": BAD_INPUT}
+    sys.stdout.write(json.dumps(record, indent=1, ensure_ascii=False) + "\n")
+    sys.stdout.flush()
+
+
+class Group(TyperGroup):
+    """All commands; with `--json`, a wrong command line is a JSON object, too, beside the message of the parser."""
+
+    def make_context(self, info_name: str | None, args: list[str], *rest: Any, **extra: Any) -> Any:
+        """Parse what stands before the name of the command."""
+        asked = "--json" in args
+        with _as_json(asked):
+            context = super().make_context(info_name, args, *rest, **extra)
+        context.meta[ASKED] = asked
+        return context
+
+    def invoke(self, ctx: Any) -> Any:
+        """Parse the command line of a command, and run it."""
+        with _as_json(ctx.meta[ASKED]):
+            return super().invoke(ctx)
+
+
+@contextmanager
+def _as_json(asked: bool) -> Generator[None]:
+    """Write what the parser refuses as a JSON object, if asked, and raise it again.
+
+    Its exceptions are told by their attributes, because versions of typer use different versions of click.
+    """
+    try:
+        yield
+    except Exception as error:
+        message = getattr(error, "format_message", None)
+        if asked and message is not None and getattr(error, "exit_code", None) == BAD_INPUT:
+            command = getattr(getattr(error, "ctx", None), "command_path", "armid")
+            write_error(message(), remedy=f"{command} --help lists arguments and options.")
+        raise
