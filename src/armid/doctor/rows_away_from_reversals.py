@@ -6,6 +6,8 @@ residual. It hides small effects of inertia, and it shifts estimates that depend
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -21,6 +23,7 @@ SPREAD = 1.0
 a reversal that far."""
 
 
+@lru_cache(maxsize=4)
 def away_from_reversals(state: LogState) -> LogState:
     """The log without the rows of each joint near its reversals.
 

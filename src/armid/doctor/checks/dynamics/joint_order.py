@@ -12,12 +12,14 @@ from numpy.typing import NDArray
 from armid.checked_array import Array
 from armid.doctor.channel_orders import BEYOND, LimitExcess, exchanges, limit_excess, shifts, usual_orders
 from armid.doctor.check_definition import LogCheck
-from armid.doctor.check_input import Explanation, LogEvidence
+from armid.doctor.check_input import ROWS, Explanation, LogEvidence
 from armid.doctor.checks.signals import velocity_mismatch
 from armid.doctor.checks.signals.position_limits import outside_limits
 from armid.doctor.downsample import DownsampledLog
 from armid.doctor.interpreted_log import LogState
 from armid.doctor.quick_fit import QuickRows, cost_of, make_rows, products, tables
+from armid.doctor.remedy_trial import try_remedy
+from armid.doctor.rows_away_from_reversals import away_from_reversals
 from armid.errors import Finding
 from armid.measurement.columns.joint_assignment import by_number
 from armid.measurement.log_format_remedies import lines, naming
@@ -46,11 +48,15 @@ EXCHANGES = 3
 order is better, but not yet right."""
 
 LOOKED_AT, NEAR = 4, 0.05
-"""Number of exchanges that are fitted to all rows, chosen by a quick fit, and margin by which the residual of that
-fit may exceed that of the logged order."""
+"""Number of exchanges that are fitted to all judged rows, chosen by a quick fit, and margin by which the residual of
+that fit may exceed that of the logged order."""
 
 FEW = 7
 """Joints up to which all orders are tried, which takes some milliseconds."""
+
+SIGNIFICANT = 10.0
+"""Smallest log-likelihood ratio of two orders, from as many rows as are independent. Some hundred orders are
+compared, whose logarithm is 5."""
 
 AGREES = 0.005
 """Decrease of the mean log residual from which the torque supports an order that puts all joints inside their limits,
@@ -77,11 +83,12 @@ def check(evidence: LogEvidence) -> list[Finding]:
 def explain(state: LogState) -> Explanation | None:
     """Explanation by another order of channels; `None` if the order is right."""
     same, limits = np.arange(state.rows.n), limit_excess(state)
-    begin = _Order(same, same, cost_of(state.rows, products(state.rows)))
-    best, others = _searched(state, begin, limits)
+    judged, moving = _without_reversals(state)
+    begin = _Order(same, same, cost_of(judged.rows, products(judged.rows)))
+    best, others = _searched(state, judged, begin, limits)
     gain = begin.cost - best.cost
-    if gain < (GAIN if state.conflict < CALM else min(SURE, SHARE * state.conflict)):
-        return None if limits.given_fits else _by_limits(state, begin, limits)
+    if not _is_significant(judged, gain, best, moving):
+        return None if limits.given_fits else _by_limits(state, judged, begin, limits)
     equal = [order for order in others if order.cost < best.cost + GAIN]
     within = [order for order in (best, *equal) if limits.fits(order.motion)]
     if within and not limits.given_fits:  # limits decide what the torque does not
@@ -91,13 +98,41 @@ def explain(state: LogState) -> Explanation | None:
         f"With {_order_text(best)}, the error of one model for all joints is {1 - np.exp(-gain):.0%} smaller"
         + (f"; with {' or '.join(doubt)} it is equally small, so the log cannot decide." if doubt else ".")
     )
-    return _explanation(state, best, gain, evidence, decided=not doubt)
+    return _explanation(state, judged, best, evidence, decided=not doubt)
+
+
+def _without_reversals(state: LogState) -> tuple[LogState, Flags]:
+    """The log on which orders are judged, and the joints (n,) that have enough rows away from reversals.
+
+    Stiction at reversals is missing in the model, so a wrong order may fit it better by chance; on light arms it is
+    most of the residual. Joints without enough rows away from reversals keep all their rows.
+    """
+    moving = away_from_reversals(state)
+    enough = moving.rows.mask.sum(axis=0) > 0
+    if enough.all():
+        return moving, enough
+    return state.without(enough & ~moving.rows.mask), enough
+
+
+def _is_significant(judged: LogState, gain: float, best: _Order, moving: Flags) -> bool:
+    """True if the decrease of the residual by an order is more than unmodelled friction and noise can cause."""
+    if gain < GAIN:
+        return False
+    same = np.arange(len(moving))
+    moved = (best.motion != same) | (best.torque != same)
+    if not moving[moved].all():
+        least = SURE
+    else:
+        least = GAIN if judged.conflict < CALM else min(SURE, SHARE * judged.conflict)
+    return (
+        gain > least and gain * float(np.sum(judged.rows.mask.sum(axis=0) / judged.fit.autocorrelation)) > SIGNIFICANT
+    )
 
 
 def _explanation(
     state: LogState,
+    judged: LogState,
     best: _Order,
-    gain: float,
     evidence: str,
     *,
     decided: bool = True,
@@ -107,28 +142,31 @@ def _explanation(
 
     Args:
         state: The log.
+        judged: The log with the rows on which orders are judged.
         best: The order.
-        gain: Decrease of the mean log residual.
         evidence: Observation, with numbers.
         decided: False if other orders explain the log equally well.
         supported: False if the torque agrees equally well with the given order.
     """
     same, names = np.arange(state.rows.n), state.model.robot.joint_names
     moved = np.flatnonzero((best.torque != same) | (best.motion != same))
+    after = state.on(state.log.reordered(best.motion, best.torque))
+    judged_after = judged.on(judged.log.reordered(best.motion, best.torque))
     return Explanation(
         CODE,
-        gain,
+        max(state.fit.cost - after.fit.cost, AGREES),
         "info" if not decided else "error" if supported else "warning",
         ", ".join(names[j] for j in moved),
         evidence,
         lambda evidence: _remedy(evidence, best),
-        state.on(state.log.reordered(best.motion, best.torque)),
+        after,
         by_error_alone=supported,
+        trial=try_remedy(judged.rows, judged_after.rows),
     )
 
 
-def _searched(state: LogState, begin: _Order, limits: LimitExcess) -> tuple[_Order, list[_Order]]:
-    """Order with the smallest residual, found by exchanges of pairs, and others that were fitted to all rows."""
+def _searched(state: LogState, judged: LogState, begin: _Order, limits: LimitExcess) -> tuple[_Order, list[_Order]]:
+    """Order with the smallest residual, found by exchanges of pairs, and others that were fitted to judged rows."""
     same, coarse = begin.motion, state.log.coarse()
     takes = limits.allowed, limits.excess < np.inf
     near = _evaluated(state, coarse, same, same).cost + NEAR
@@ -141,7 +179,7 @@ def _searched(state: LogState, begin: _Order, limits: LimitExcess) -> tuple[_Ord
                 guesses += [(shift, [shift, same]) for shift in shifts(len(same))]
             trials += [order for guess in guesses for order in _with_motion(state, coarse, takes, *guess)]
         trials = sorted((t for t in _distinct(trials) if t.cost < near), key=lambda order: order.cost)[:LOOKED_AT]
-        close = [_evaluated(state, state.log, t.motion, t.torque) for t in trials]
+        close = [_evaluated(state, judged.log, t.motion, t.torque) for t in trials if _has_rows(judged, t)]
         better = min(close, key=lambda order: order.cost, default=best)
         if better.cost > best.cost - GAIN:
             break
@@ -149,7 +187,13 @@ def _searched(state: LogState, begin: _Order, limits: LimitExcess) -> tuple[_Ord
     return best, others
 
 
-def _by_limits(state: LogState, begin: _Order, limits: LimitExcess) -> Explanation | None:
+def _has_rows(judged: LogState, order: _Order) -> bool:
+    """True if each joint has enough rows with the channels of an order."""
+    counted = (judged.rows.mask[:, order.motion] & judged.rows.mask[:, order.torque]).sum(axis=0)
+    return all(k > ROWS * len(own) for k, own in zip(counted, judged.rows.parameters, strict=True))
+
+
+def _by_limits(state: LogState, judged: LogState, begin: _Order, limits: LimitExcess) -> Explanation | None:
     """Explanation by the order with which all joints are inside their limits, if the torque does not contradict it.
 
     Where the torque does not support it either, a joint must be far outside its limits and move over more than these:
@@ -158,7 +202,7 @@ def _by_limits(state: LogState, begin: _Order, limits: LimitExcess) -> Explanati
     same, coarse = begin.motion, state.log.coarse()
     fitting = [order for order in usual_orders(len(same)) if limits.fits(order)]
     trials = sorted((_evaluated(state, coarse, order, order) for order in fitting), key=lambda order: order.cost)
-    close = [_evaluated(state, state.log, trial.motion, trial.torque) for trial in trials[:LOOKED_AT]]
+    close = [_evaluated(state, judged.log, t.motion, t.torque) for t in trials[:LOOKED_AT] if _has_rows(judged, t)]
     close.sort(key=lambda order: order.cost)
     if not close or any(order.cost < close[0].cost + GAIN for order in close[1:]):
         return None
@@ -176,7 +220,7 @@ def _by_limits(state: LogState, begin: _Order, limits: LimitExcess) -> Explanati
     evidence = (
         f"In the given order, {told}. With {_order_text(best)}, all joints are inside their limits, and {torque}."
     )
-    return _explanation(state, best, gain, evidence, supported=supported)
+    return _explanation(state, judged, best, evidence, supported=supported)
 
 
 def _order_text(order: _Order) -> str:
