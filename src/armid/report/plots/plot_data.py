@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -181,16 +180,15 @@ def envelope(y: Array, buckets: int) -> NDArray[np.intp]:
     if len(y) <= 2 * buckets:
         return np.arange(len(y))
     edges = np.linspace(0, len(y), buckets + 1).astype(np.intp)
-    known = np.isfinite(y)
-    low = np.where(known, y, np.inf)
-    high = np.where(known, y, -np.inf)
-    indices = [0, len(y) - 1]
-    for start, stop in pairwise(edges):
-        indices += [start + int(np.argmin(low[start:stop])), start + int(np.argmax(high[start:stop]))]
-        gap = int(np.argmin(known[start:stop]))
-        if not known[start + gap]:
-            indices.append(start + gap)
-    return np.unique(np.array(indices, dtype=np.intp))
+    starts, stops = edges[:-1, None], edges[1:, None]
+    at = np.minimum(starts + np.arange((stops - starts).max()), stops - 1)  # short intervals repeat their last point
+    values = y[at]
+    known = np.isfinite(values)
+    smallest = np.where(known, values, np.inf).argmin(axis=1)
+    largest = np.where(known, values, -np.inf).argmax(axis=1)
+    row, gap = np.arange(buckets), known.argmin(axis=1)
+    gap = np.where(known[row, gap], smallest, gap)
+    return np.unique(np.concatenate([[0, len(y) - 1], at[row, smallest], at[row, largest], at[row, gap]]))
 
 
 def every(count: int, most: int) -> NDArray[np.intp]:
