@@ -7,7 +7,8 @@ lines through it in random directions of the joint space.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,8 +16,11 @@ from numpy.typing import NDArray
 
 from armid.checked_array import Array
 from armid.errors import ArmidError
+from armid.excitation.collision.coal import distances
 from armid.excitation.collision.collision_model import CollisionModel
+from armid.excitation.collision.required_distances import ALWAYS
 from armid.excitation.limits.joint_limits import Limits
+from armid.robot.kinematics import forward_kinematics
 
 INSIDE = 0.05
 """Smallest distance of a chosen pose from each end of a joint's range, as a share of the range."""
@@ -39,6 +43,9 @@ SHORT = 40
 COUNTED, NAMED = 1000, 4
 """Number of random poses for which an error message counts what excludes them, and number of joints and pairs that it
 names."""
+
+MEASURED_IN = 200
+"""Number of these poses in which the distances of these pairs are measured."""
 
 DIRECTIONS = 24
 """Number of random lines through a pose."""
@@ -185,12 +192,17 @@ def _no_start(cell: CollisionModel, poses: Array, holds: Holds) -> ArmidError:
         remedies.append("raise torque limits with --limit JOINT.effort=VALUE, or give a smaller --torque-margin")
     close = cell.too_close(poses)
     if close.any():
-        each = _most(dict(zip(cell.bodies.labels, close.mean(axis=0).tolist(), strict=True)))
-        excluded.append(f"in {100.0 * close.any(axis=1).mean():.0f} % bodies are too close ({each})")
-        remedies.append(
-            "exclude pairs whose bodies are larger in the description than in reality with --ignore-pair A,B or "
-            "--srdf FILE, or give a smaller --clearance"
-        )
+        share = close.mean(axis=0)
+        worst = [k for k in np.argsort(-share, kind="stable")[:NAMED].tolist() if share[k] > 0.0]
+        apart = distances(cell.shapes, cell.pairs[worst], forward_kinematics(cell.robot, poses[:MEASURED_IN]))
+        ranges = [(max(float(each.min()), 0.0), max(float(each.max()), 0.0)) for each in apart.T]
+        texts = [
+            f"{cell.bodies.labels[k]} {100.0 * share[k]:.0f} %: {1000.0 * cell.required.margin[k]:.1f} mm required, "
+            f"{1000.0 * low:.1f} to {1000.0 * high:.1f} mm there"
+            for k, (low, high) in zip(worst, ranges, strict=True)
+        ]
+        excluded.append(f"in {100.0 * close.any(axis=1).mean():.0f} % bodies are too close ({'; '.join(texts)})")
+        remedies += _ways_apart(cell, worst, [low for low, _ in ranges], share)
     found = f": of {len(poses)} random poses in the range of the joints, " + "; ".join(excluded) if excluded else ""
     return ArmidError(f"No pose of {cell.robot.name} was found {wanted}{found}.", remedy="; ".join(remedies) + ".")
 
@@ -199,6 +211,24 @@ def _most(shares: dict[str, float]) -> str:
     """The names with the largest shares, as text."""
     order = sorted(shares, key=lambda name: -shares[name])[:NAMED]
     return ", ".join(f"{name} {100.0 * shares[name]:.0f} %" for name in order if shares[name] > 0.0)
+
+
+def _ways_apart(cell: CollisionModel, pairs: Sequence[int], least: Sequence[float], share: Array) -> list[str]:
+    """Remedies for pairs that are too close: which pairs to leave out, and which clearance they would keep.
+
+    Args:
+        cell: Arm and surroundings.
+        pairs: Indices of the pairs.
+        least: Smallest distance of each of these pairs in random poses [m].
+        share: Share of random poses in which each pair of the model is too close, shape (m,).
+    """
+    always = [(k, low) for k, low in zip(pairs, least, strict=True) if share[k] >= ALWAYS]
+    named = [cell.bodies.labels[k].links for k, _ in always]
+    options = " ".join(f"--ignore-pair {pair.first},{pair.second}" for pair in named) or "--ignore-pair A,B"
+    ways = [f"exclude pairs whose bodies are larger in the description than in reality with {options} or --srdf FILE"]
+    clearance = math.floor(1000.0 * min((low for _, low in always), default=0.0)) / 1000.0
+    value = f"--clearance {clearance:g} (in metres)" if clearance > 0.0 else "a smaller --clearance"
+    return [*ways, f"or give {value}" if not always or clearance > 0.0 else "or correct their geometry"]
 
 
 def _rounded(cell: CollisionModel, limits: Limits, holds: Holds, pose: Array, usual: Array, enough: float) -> Array:

@@ -33,6 +33,19 @@ def forward_kinematics(robot: Robot, q: ArrayLike) -> tuple[Array, Array]:
     return R, p
 
 
+def longest_reach(robot: Robot) -> float:
+    """Length of the longest chain from the base to a link or the tip, with the travel of prismatic joints [m]."""
+    reach = [0.0] * robot.n
+    for k, joint in enumerate(robot.joints):
+        travel = float(np.ptp(joint.position_limits)) if joint.is_prismatic else 0.0
+        below = reach[joint.parent] if joint.parent >= 0 else 0.0
+        length = float(np.linalg.norm(joint.placement[:3, 3]))
+        reach[k] = below + length + (travel if np.isfinite(travel) else 0.0)
+    tip = robot.tip
+    below = reach[tip.parent] if tip.parent >= 0 else 0.0
+    return max([*reach, below + float(np.linalg.norm(tip.placement[:3, 3]))])
+
+
 def frame_pose(robot: Robot, q: ArrayLike, frame: Frame | None = None) -> tuple[Array, Array]:
     """Pose of a frame in the base frame.
 

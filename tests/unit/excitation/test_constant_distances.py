@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -84,6 +85,30 @@ def test_a_pair_that_is_too_close_in_every_pose_heads_the_list(robot: Robot, mot
     found = closest_approaches(replace(watched, every=closer), robot, motion.time, motion.q)
     assert not found[0].constant and found[0].distance == pytest.approx(GAP, abs=MEASURED)
     assert Preflight((), found, (), None).verdict == "fail"
+
+
+def test_a_distance_that_changes_beyond_the_poses_of_a_motion_is_not_constant(tmp_path: Path):
+    """Off the axis, the spheres are 2 mm apart at zero and 7.5 mm at the joints' limits; the motion is small."""
+    sphere = '<collision><origin xyz="0.02 0 {}"/><geometry><sphere radius="0.05"/></geometry></collision>'
+    joint = (
+        '<joint name="{0}" type="revolute"><parent link="{1}"/><child link="{2}"/>'
+        '<axis xyz="0 0 1"/><limit lower="-1" upper="1" velocity="1" effort="9"/></joint>'
+    )
+    far = '<collision><origin xyz="{} 0.5 0.3"/><geometry><sphere radius="0.05"/></geometry></collision>'
+    path = tmp_path / "cam.urdf"
+    path.write_text(
+        f'<robot name="cam"><link name="base">{sphere.format(0)}{far.format(1)}</link><link name="between"/>'
+        f'<link name="rim">{sphere.format(0.1 + GAP)}{far.format(0)}</link>'
+        + joint.format("one", "base", "between")
+        + joint.format("two", "between", "rim")
+        + "</robot>"
+    )
+    robot = load_robot(path)
+    watched, time = bodies_to_watch(robot), np.linspace(0.0, 10.0, 101)
+    assert watched is not None
+    q = 0.2 * np.sin(time)[:, None] * np.ones(2)
+    nearest = closest_approaches(watched, robot, time, q)[0]
+    assert nearest.distance == pytest.approx(GAP, abs=MEASURED) and not nearest.constant
 
 
 def test_an_arm_in_one_pose_has_no_constant_distances(robot: Robot, motion: Motion):

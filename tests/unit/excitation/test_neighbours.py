@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -20,10 +21,13 @@ from armid.excitation.start_pose import TorqueHolds, choose_start
 from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics_model import DynamicsModel
 from armid.model.terms import RigidBody
+from armid.report.preflight_page import render_preflight
 from armid.robot import Robot, load_robot
 from armid.study.plans.design import design_plan
+from armid.study.plans.design_files import plan_record
 from armid.study.plans.goals import DesignConstraints, DesignGoal, SearchBudget
 from armid.study.plans.poses_and_sweeps import MovesGoal, design_moves
+from armid.study.plans.preflight_text import mark_of, report_record, report_text
 from armid.study.plans.start_pose_and_bodies import place_motion
 
 
@@ -93,8 +97,8 @@ def test_where_no_start_pose_is_found_the_error_says_what_stands_in_the_way(tmp_
         choose_start(cell, limits, far)
     text = str(caught.value)
     assert "100 % need too much torque (one 100 %)" in text
-    assert re.search(r"in [67]\d % bodies are too close \(hub - rim [67]\d %\)", text)
-    for option in ("--start", "JOINT.effort=VALUE", "--ignore-pair A,B", "--srdf FILE"):
+    assert re.search(r"in [67]\d % bodies are too close \(hub - rim [67]\d %: \d+\.\d mm required, 0\.0 to ", text)
+    for option in ("--start", "JOINT.effort=VALUE", "--ignore-pair A,B", "--srdf FILE", "a smaller --clearance"):
         assert option in text
 
 
@@ -141,7 +145,10 @@ def test_pairs_that_are_left_out_and_touch_in_the_plan_are_named_with_the_time(t
     assert first <= contact.time <= first + 2 * EVERY * times[1] and not contact.throughout
     assert contact.account.startswith("hub - rim (")
     finding = contacts_found([contact])
-    assert finding is not None and (finding.code, finding.severity) == ("left-out-pairs-touch", "info")
+    assert finding is not None and (finding.code, finding.severity) == (
+        "left-out-pairs-touch",
+        "warning" if given else "info",
+    )
     assert f"hub - rim ({'--ignore-pair' if given else '8'}" in finding.evidence
     assert f"at {contact.time:.2f} s" in finding.evidence
     apart = np.full((100, 2), 0.5 * math.pi) + 0.1
@@ -158,5 +165,38 @@ def test_a_plan_names_left_out_pairs_that_touch_in_it(tmp_path):
     series = design_plan(goal, rules, SearchBudget(1e-3, 1, 0))
     moves = design_moves(model, MovesGoal("sweeps", start=np.zeros(2)), rules)
     for designed in (series, moves):  # they overlap in the start pose
-        assert "left-out-pairs-touch" in {finding.code for finding in designed.findings}
+        assert ("left-out-pairs-touch", "warning") in {(each.code, each.severity) for each in designed.findings}
         assert designed.preflight.touching[0].time == 0.0
+        assert mark_of(designed.preflight) == "!" and report_text(designed).startswith("! ")
+        assert "<b>! every limit holds" in render_preflight(designed)
+        assert report_record(designed)["mark"] == plan_record(designed)["mark"] == "!"
+
+
+def test_bodies_that_no_pose_keeps_apart_are_named_with_both_distances_and_the_options_to_take(tmp_path):
+    """Three joints on one axis, so that the bodies are no neighbours; 8.5 mm are between them in every pose."""
+    body = '<collision><origin xyz="0 0 {}"/><geometry><sphere radius="0.05"/></geometry></collision>'
+    joints = "".join(
+        f'<joint name="{k}" type="revolute"><parent link="link{k}"/><child link="link{k + 1}"/><axis xyz="0 0 1"/>'
+        '<limit lower="-1" upper="1" velocity="1" effort="9"/></joint>'
+        for k in range(3)
+    )
+    path = tmp_path / "axle.urdf"
+    path.write_text(
+        f'<robot name="axle"><link name="link0">{body.format(0)}</link><link name="link1"/><link name="link2"/>'
+        f'<link name="link3">{body.format(0.1085)}</link>{joints}</robot>'
+    )
+    robot = load_robot(path)
+    cell = make_collision_model(robot, limits_of(robot))
+    strict = replace(cell, required=replace(cell.required, margin=np.array([0.02])))
+    with pytest.raises(ArmidError) as caught:
+        choose_start(strict, limits_of(robot))
+    text = str(caught.value)
+    assert "link0 - link3 100 %: 20.0 mm required, 8.5 to 8.5 mm there" in text
+    assert "--ignore-pair link0,link3" in text and "--clearance 0.008 (in metres)" in text
+    assert choose_start(make_collision_model(robot, limits_of(robot), margin=0.008), limits_of(robot)).usual
+
+
+def test_a_clearance_beyond_half_of_the_reach_is_refused():
+    robot = load_robot("ur5e")
+    with pytest.raises(ArmidError, match=r"(?s)is 5 m, but ur5e reaches only 1\.2 m.*5 mm are 0\.005"):
+        make_collision_model(robot, limits_of(robot), margin=5.0)

@@ -43,7 +43,8 @@ CONSTANT = 3e-3
 constant, the distance of their hulls changes by up to 2.5 mm (measured at the wrist of the robot TIAGo)."""
 
 MOMENTS = 24
-"""Number of poses in which a pair is tested for a constant distance."""
+"""Number of poses of a motion in which a pair is tested for a constant distance. If it is constant there, random
+poses in the whole range of the joints are tested, too: a motion may keep within a part in which it hardly changes."""
 
 CLOSER = 16
 """Number of further positions of a joint, next to the closest one, in which adjacent links are measured."""
@@ -62,8 +63,8 @@ class ClosestApproach:
         time: Time of the closest approach [s].
         asked: Required distance [m].
         measured: Representation with which the distance was computed: `bodies`, `hulls` or `triangles`.
-        constant: Whether the distance is the same in all poses of the motion, as between neighbouring links that turn
-            against each other across a narrow gap.
+        constant: Whether the distance is small and changes by 3 mm at most, in the motion and in random poses, as
+            between neighbouring links that turn against each other across a narrow gap.
     """
 
     pair: BodyPair
@@ -122,10 +123,13 @@ class AdjacentDistances:
     distance: Array
     by_hulls: bool
 
-    @property
-    def constant(self) -> bool:
-        """Tests whether the distance is small and the same in all poses, as across the gap of a joint."""
-        return len(self.which) > 1 and bool(np.ptp(self.distance) <= CONSTANT and self.distance.min() < NEAR)
+    def is_constant(self, collision: CollisionOptions, pair: AdjacentPair) -> bool:
+        """Tests whether the distance of a pair is small and the same in all poses, as across the gap of a joint."""
+        if len(self.which) < 2 or np.ptp(self.distance) > CONSTANT or self.distance.min() >= NEAR:
+            return False
+        parts = parts_of if self.by_hulls else whole
+        anywhere = distances(collision.shapes, np.array([pair.bodies]), collision.random_poses, parts)[:, 0]
+        return bool(np.ptp(np.concatenate([self.distance, anywhere])) <= CONSTANT)
 
 
 def adjacent_distances(
@@ -164,15 +168,16 @@ def _of_adjacent(
     k = int(distance.argmin())
     meshes = any(collision.shapes[i].kind in ("mesh", "cylinder") for i in pair.bodies)
     by = ("hulls" if found.by_hulls else "triangles") if meshes else "bodies"
-    constant = found.constant and float(distance[k]) >= pair.kept
+    constant = float(distance[k]) >= pair.kept and found.is_constant(collision, pair)
     return ClosestApproach(pair.pair, float(distance[k]), float(times[which[k]]), pair.kept, by, constant)
 
 
 def constant_distances(collision: CollisionOptions, poses: tuple[Array, Array], bound: Array) -> Array:
     """Distances of pairs of links that are built close to each other and keep the same distance in all poses.
 
-    Three cases are not counted as constant: distances below the required one, distances to the surroundings, and the
-    case that all distances are constant because the arm hardly moves.
+    A distance counts as constant if it changes by `CONSTANT` at most, in the motion and in random poses. Three cases
+    are not counted: distances below the required one, distances to the surroundings, and the case that all distances
+    are constant because the arm hardly moves.
 
     Args:
         collision: Pairs of bodies that must be kept apart.
@@ -188,14 +193,20 @@ def constant_distances(collision: CollisionOptions, poses: tuple[Array, Array], 
     if len(poses[1]) < 2:
         return result
     moments = np.unique(np.linspace(0, len(poses[1]) - 1, MOMENTS).astype(np.intp))
-    some = poses[0][moments], poses[1][moments]
+    some, anywhere = (poses[0][moments], poses[1][moments]), collision.random_poses
     required = np.concatenate([collision.every.margins if count else [], collision.kept])
     near = np.flatnonzero(bound.min(axis=0) < NEAR).tolist()
     for k in (*near, *range(count, len(result))):
         pair = collision.pairs[[k]] if k < count else collision.measured[[k - count]]
-        apart = distances(collision.shapes, pair, some, parts_of if k < count else whole)[:, 0]
+        parts = parts_of if k < count else whole
+        apart = distances(collision.shapes, pair, some, parts)[:, 0]
         apart = np.maximum(apart, bound[moments, k]) if k < count else apart
-        if np.ptp(apart) <= CONSTANT and apart.min() >= required[k] - ROUNDING and pair.max() < collision.own:
+        if np.ptp(apart) > CONSTANT or apart.min() < required[k] - ROUNDING or pair.max() >= collision.own:
+            continue
+        others = distances(collision.shapes, pair, anywhere, parts)[:, 0]
+        if k < count:
+            others = np.maximum(others, collision.every.bodies.only([k]).distances(anywhere)[:, 0])
+        if np.ptp(np.concatenate([apart, others])) <= CONSTANT:
             result[k] = apart.min()
     return np.full(len(result), np.nan) if np.isfinite(result).all() else result
 

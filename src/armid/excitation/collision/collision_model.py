@@ -15,10 +15,11 @@ from armid.excitation.collision.coal import distances, too_close
 from armid.excitation.collision.distances import Clearance, CollisionBodies
 from armid.excitation.collision.hull_distances import Hulls
 from armid.excitation.collision.ignored_pairs import IgnoredBodies, IgnoredPair, ignored_pairs
-from armid.excitation.collision.pairs import pairs_of_bodies, stands
+from armid.excitation.collision.pairs import joints_on_path, pairs_of_bodies, stands
 from armid.excitation.collision.required_distances import (
     BY_CAPSULES,
     CONSTRUCTION,
+    FEW,
     LEFT_OUT,
     MEASURED,
     RequiredDistances,
@@ -27,7 +28,7 @@ from armid.excitation.collision.required_distances import (
 )
 from armid.excitation.limits.joint_limits import Limits
 from armid.robot.collision_from_visual import missing_bodies
-from armid.robot.kinematics import forward_kinematics
+from armid.robot.kinematics import forward_kinematics, longest_reach
 from armid.robot.robot import Robot
 from armid.robot.shapes import Shape
 
@@ -53,6 +54,9 @@ then need not reduce the amplitudes of the plan."""
 SPARED = 0.9
 """Largest additional distance of the search, as a share of the distance in the start pose that exceeds the margin."""
 
+FARTHEST, ALLOWED = 0.5, 0.05
+"""Largest required distance, divided by the reach of the arm; and a distance [m] that is always allowed."""
+
 ROUNDING = 1e-9
 """Tolerance of comparisons of distances [m]."""
 
@@ -72,6 +76,7 @@ class CollisionOptions:
         kept: Required distances of the pairs of `measured`, shape (r,) [m].
         left_out: Bounding volumes of the pairs of `skipped`.
         adjacent: Pairs of adjacent links.
+        random_poses: Rotations (k, n, 3, 3) and origins (k, n, 3) of the links in random poses.
     """
 
     searched: Clearance | None
@@ -83,7 +88,8 @@ class CollisionOptions:
     measured: NDArray[np.intp]
     kept: Array
     left_out: CollisionBodies
-    adjacent: AdjacentLinks = NO_ADJACENT
+    adjacent: AdjacentLinks
+    random_poses: tuple[Array, Array]
 
     @property
     def unchecked(self) -> tuple[IgnoredPair, ...]:
@@ -103,13 +109,15 @@ class CollisionOptions:
             result &= ~too_close(self.shapes, pair, float(kept), poses)
         return np.asarray(result)
 
-    def clear_as_they_are(self, robot: Robot, q: Array) -> bool:
-        """Tests whether the pairs of `measured` keep their required distance in all poses (N, n)."""
+    def too_close_as_they_are(self, robot: Robot, q: Array) -> list[int]:
+        """Joints between bodies of `measured` that do not keep their required distance in all poses (N, n)."""
         poses = forward_kinematics(robot, q)
-        return not any(
-            too_close(self.shapes, pair, float(kept), poses).any()
+        moving = (
+            joints_on_path(robot, *(self.shapes[k].link for k in pair))
             for pair, kept in zip(self.measured, self.kept, strict=True)
+            if too_close(self.shapes, pair, float(kept), poses).any()
         )
+        return sorted({j for joints in moving for j in joints})
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -233,7 +241,7 @@ def make_collision_model(
         ignored: Pairs that are not checked.
 
     Raises:
-        ArmidError: The description has no shapes, or the margin is negative.
+        ArmidError: The description has no shapes, or the margin is negative or too large for the arm.
     """
     missing = missing_bodies(robot)
     if missing:
@@ -252,6 +260,14 @@ def make_collision_model(
         raise ArmidError(
             f"The required distance between bodies cannot be negative; found {margin} m.",
             remedy="give a --clearance of zero or more.",
+        )
+    reach = longest_reach(robot)
+    if margin > max(FARTHEST * reach, ALLOWED):
+        raise ArmidError(
+            f"The required distance between bodies (--clearance) is {margin:g} m, but {robot.name} reaches only "
+            f"{reach:.2g} m, so its bodies cannot keep it.",
+            possible=f"0 to {max(FARTHEST * reach, ALLOWED):.2g} m",
+            remedy=f"give it in metres{f'; {margin:g} mm are {margin / 1000.0:g}' if margin >= 1.0 else ''}.",
         )
     shapes = (*robot.shapes, *surroundings)
     bodies, pairs = pairs_of_bodies(robot, shapes)
@@ -365,6 +381,7 @@ def looked_at(cell: CollisionModel) -> CollisionOptions:
         required.margin[own],
         cell.bodies.only(left_out),
         cell.adjacent,
+        forward_kinematics(cell.robot, cell.tried[:FEW]),
     )
 
 

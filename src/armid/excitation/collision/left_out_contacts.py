@@ -39,11 +39,14 @@ class LeftOutContact:
         account: The pair, with the share of poses or the option or file that excludes it.
         time: Time of the first contact [s].
         throughout: True if the bodies touch in all examined poses of the motion.
+        unexpected: True if the user has excluded the pair, unless the bodies belong to adjacent links and touch
+            throughout, as at a joint.
     """
 
     account: str
     time: float
     throughout: bool
+    unexpected: bool = False
 
 
 def left_out_contacts(
@@ -63,7 +66,9 @@ def left_out_contacts(
 
     def add(each: IgnoredPair, touching: NDArray[np.intp]) -> None:
         if len(touching):
-            found.append(LeftOutContact(each.account, float(times[touching[0]]), len(touching) == len(times)))
+            throughout = len(touching) == len(times)
+            unexpected = bool(each.reason) and not (each.adjacent and throughout)
+            found.append(LeftOutContact(each.account, float(times[touching[0]]), throughout, unexpected))
 
     examined = [k for k, each in enumerate(collision.skipped) if each.reason or each.share < ALWAYS]
     bound = collision.left_out.distances(poses) if examined else np.zeros((len(times), 0))
@@ -100,7 +105,8 @@ def contacts_found(contacts: Sequence[LeftOutContact]) -> Finding | None:
     touch = "touches" if len(contacts) == 1 else "touch"
     evidence = f"{plural(len(contacts), 'pair')} of bodies whose distance is not checked {touch} in this plan: "
     remedy = "look at these pairs in the preview; if one must not touch, do not exclude it from the collision check."
-    return Finding("left-out-pairs-touch", "info", "", evidence + "; ".join(parts), remedy)
+    severity = "warning" if any(each.unexpected for each in contacts) else "info"
+    return Finding("left-out-pairs-touch", severity, "", evidence + "; ".join(parts), remedy)
 
 
 def _listed(accounts: Sequence[str]) -> str:

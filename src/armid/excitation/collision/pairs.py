@@ -55,5 +55,10 @@ def stands(robot: Robot, shapes: Sequence[Shape], k: int) -> bool:
 
 def joints_between(robot: Robot, a: int, b: int) -> int:
     """Number of joints on the path from one link to another."""
+    return len(joints_on_path(robot, a, b))
+
+
+def joints_on_path(robot: Robot, a: int, b: int) -> list[int]:
+    """Indices of the joints on the path from one link to another, in ascending order; -1 is the base."""
     above_a, above_b = ([*robot.tree.ancestors(k)] if k >= 0 else [] for k in (a, b))
-    return len(set(above_a) ^ set(above_b))
+    return sorted(set(above_a) ^ set(above_b))

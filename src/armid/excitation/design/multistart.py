@@ -28,6 +28,7 @@ from armid.checked_array import Array
 from armid.errors import ArmidError
 from armid.excitation.collision.distances import Clearance
 from armid.excitation.design.interior_point import descend_inside
+from armid.excitation.design.measured_pairs import MeasuredPairs
 from armid.excitation.design.objective import Objective
 from armid.excitation.design.sqp import (
     STAGES,
@@ -177,7 +178,9 @@ def _run(pickled: bytes, task: _Task) -> _Outcome:
         size = PERTURBATIONS[task.number % len(PERTURBATIONS)] * float(np.sqrt(np.mean(task.x**2)))
         x = task.x + size * rng.standard_normal(len(task.x))
     stages = STAGES[SMOOTH:] if task.refine else STAGES[:SMOOTH]
-    if not task.refine and any(isinstance(channel, Clearance | Workspace) for channel in problem.channels):
+    if not task.refine and any(
+        isinstance(channel, Clearance | MeasuredPairs | Workspace) for channel in problem.channels
+    ):
         # The collision-free set is not convex: the first stage stays inside it.
         x, stages = descend_inside(problem, x, stages[0], task.deadline), stages[1:]
     x = descend(problem, x, stages, task.deadline)

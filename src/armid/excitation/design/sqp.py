@@ -285,12 +285,19 @@ def shrink_to_feasible(problem: DescentProblem, grid: Objective, x: Array, limit
     return x if highest == 1.0 else about_start(problem.basis, x, highest)
 
 
-def about_start(basis: SeriesBasis, x: Array, factor: float) -> Array:
-    """Unknowns (n k,) of the series whose amplitudes are scaled by a factor and whose start pose is unchanged."""
+def about_start(basis: SeriesBasis, x: Array, factor: float | Array) -> Array:
+    """Unknowns (n k,) of the series with scaled amplitudes and the same start pose.
+
+    Args:
+        basis: Basis of the series.
+        x: Unknowns, shape (n k,).
+        factor: Factor of all amplitudes, or one for each joint, shape (n,).
+    """
     c, L = basis.coefficients(x), basis.harmonics
     begin = c[:, -1] - c[:, L : 2 * L] @ (1.0 / (basis.base_frequency * np.arange(1, L + 1)))
-    scaled = factor * c
-    scaled[:, -1] = begin + factor * (c[:, -1] - begin)
+    factors = np.broadcast_to(factor, basis.n)
+    scaled = factors[:, None] * c
+    scaled[:, -1] = begin + factors * (c[:, -1] - begin)
     return basis.project(scaled)
 
 

@@ -88,7 +88,7 @@ def closest(robot: Robot, clip: Clip, collision: CollisionOptions) -> NearestBod
     for k, each in enumerate(adjacent, apart):
         found = adjacent_distances(collision, each, q[:, each.joint], (turned, placed))
         bound[:, k] = np.interp(q[:, each.joint], q[found.which, each.joint], found.distance)
-        gaps[k] = found.distance.min() if found.constant else np.nan
+        gaps[k] = found.distance.min() if found.is_constant(collision, each) else np.nan
     bound[:, np.isfinite(gaps)] = np.inf
     samples = len(moments)
     distance, pair, points = np.full(samples, np.inf), np.zeros(samples, np.intp), np.zeros((samples, 2, 3))

@@ -138,7 +138,11 @@ def _approach_record(approach: NearestBodies) -> dict[str, Any]:
 def _constant_text(approach: NearestBodies) -> str:
     """Sentence that names the pairs of constant distance; empty if there are none."""
     pairs = "; ".join(f"{pair} {1000.0 * distance:.1f} mm" for pair, distance in approach.constant)
-    return f"Neighbours whose distance is the same in all poses are not in the chart: {pairs}." if pairs else ""
+    return (
+        f"Neighbours whose distance changes by less than 3 mm in all poses are not in the chart: {pairs}."
+        if pairs
+        else ""
+    )
 
 
 def _down(gravity: Array) -> list[float]:

@@ -14,7 +14,9 @@ import numpy as np
 from armid.checked_array import Array
 from armid.errors import ArmidError, Finding, did_you_mean
 from armid.excitation.certification import certified, fine_grid
+from armid.excitation.collision.closest_approach import RATE
 from armid.excitation.collision.collision_model import CollisionOptions
+from armid.excitation.design.measured_pairs import measured_pairs
 from armid.excitation.design.multistart import Progress, Search, search, single_threaded_pool
 from armid.excitation.design.sqp import DescentProblem, about_start
 from armid.excitation.limits.constraints import ConstraintChannel
@@ -28,6 +30,7 @@ from armid.excitation.limits.joint_limits import (
 from armid.excitation.plan import Plan
 from armid.excitation.preflight import Preflight, preflight
 from armid.excitation.rest_to_rest_basis import SeriesBasis
+from armid.excitation.restrained_motion import restrained_motion
 from armid.excitation.search_convergence import unsettled
 from armid.excitation.weak_motion import weak_motion
 from armid.robot.robot import Robot
@@ -37,13 +40,12 @@ from armid.study.plans.leads import add_leads, check_leads
 from armid.study.plans.start_pose_and_bodies import place_motion
 from armid.study.plans.torque_constraint import judged_torque, pose_holds, torque_lacks
 
-DRAWN, DRAWN_BY = 0.1, 0.85
-"""Smallest factor, and factor of each step, by which a plan is scaled down about its start pose to separate bodies
-whose distance has no gradient in the search."""
+DRAWN, DRAWN_BY = 0.1, (0.97, 0.94, 0.88, 0.85)
+"""Smallest factor, and factors of the first steps and of all further ones, by which joints between bodies that touch
+as they are move less about the start pose. The search keeps such bodies apart only approximately."""
 
 TRIED = 50.0
-"""Rate at which bodies without gradient are tested before a plan is certified [Hz]; the certified plan is tested
-at `RATE`."""
+"""Rate at which these bodies are tested first [Hz]; then they are tested at `RATE`."""
 
 
 Stage = Callable[[str], None]
@@ -92,7 +94,8 @@ def design_plan(
     near = () if collision is None or collision.searched is None else (collision.searched,)
     every = () if collision is None or not len(collision.pairs) else (collision.every,)
     scale = float(np.median(limits.velocity)) / 1.75  # widths were chosen on an arm of that speed
-    problem = DescentProblem(criterion, basis, (*channels, *near), scale)
+    measured = () if collision is None else measured_pairs(collision, robot, limits, placed.start)
+    problem = DescentProblem(criterion, basis, (*channels, *near, *measured), scale)
     stage("search")
     found = _searched(problem, budget, executor, progress)
     whole = replace(problem, channels=(*channels, *every))
@@ -101,10 +104,11 @@ def design_plan(
     check_leads(plan, robot, collision)
     unfinished = unsettled(found, criterion.criterion, budget.budget)
     weak = weak_motion(whole, x, limits, collision, settled=unfinished is None)
+    restrained = restrained_motion(whole, x, report.margins, collision) if weak is None else None
     wider = limits_wider_than_described(robot, limits)
     report = replace(report, weak=weak, wider=wider, torque_lacks=torque_lacks(robot, constraints, torque))
     free = _unlimited(plan, limits, robot)
-    remarks = (wider, weak, report.contacts, unfinished, soft_limits_used(robot, limits), free)
+    remarks = (wider, weak, restrained, report.contacts, unfinished, soft_limits_used(robot, limits), free)
     findings = (*placed.findings, *torque_findings, *filter(None, remarks))
     return Designed(plan, whole, x, limits, found, report, findings, collision)
 
@@ -158,27 +162,30 @@ def _unlimited(plan: Plan, limits: Limits, robot: Robot) -> Finding | None:
 def _finished(
     problem: DescentProblem, x: Array, collision: CollisionOptions | None, unchecked: str, stage: Stage
 ) -> tuple[Array, Preflight]:
-    """Unknowns and preflight of the plan with certified limits, scaled down while bodies with exact geometry touch.
+    """Unknowns and preflight of the plan with certified limits, scaled down while bodies are too close as they are.
 
-    If scaling down does not separate the bodies, the report names them.
+    Joints between such bodies are scaled down alone. If that does not separate the bodies, the report names them.
     """
     grid, basis = fine_grid(problem), problem.basis
-    times, robot = basis.times(max(100, round(TRIED * basis.period))), problem.goal.model.robot
-    factor, trial = 1.0, x
-    while True:
-        while factor > DRAWN and collision is not None:
-            if collision.clear_as_they_are(robot, basis.excitation(trial).at(times).q):
+    few, every = (max(100, round(rate * basis.period)) for rate in (TRIED, RATE))
+    robot = problem.goal.model.robot
+    factors, trial, steps = np.ones(basis.n), x, 0
+    for times in () if collision is None else (basis.times(few), basis.times(every)):
+        while factors.min() > DRAWN and collision is not None:
+            close = collision.too_close_as_they_are(robot, basis.excitation(trial).at(times).q)
+            if not close:
                 break
-            factor *= DRAWN_BY
-            trial = about_start(basis, x, factor)
+            factors[close] *= DRAWN_BY[min(steps, len(DRAWN_BY) - 1)]
+            trial, steps = about_start(basis, x, factors), steps + 1
+    while True:
         stage("certificate of the limits")
         done, margins = certified(problem, grid, trial)
         stage("closest approaches")
         report = preflight(problem, done, collision, margins, unchecked)
-        if factor <= DRAWN or all(each.kept for each in report.approaches):
+        if factors.min() <= DRAWN or all(each.kept for each in report.approaches):
             return done, report
-        factor *= DRAWN_BY
-        trial = about_start(basis, x, factor)
+        factors *= DRAWN_BY[-1]
+        trial = about_start(basis, x, factors)
 
 
 def _motion(limits: Limits, basis: SeriesBasis, constraints: DesignConstraints) -> tuple[ConstraintChannel, ...]:

@@ -17,7 +17,7 @@ from armid.robot.robot import Robot
 from armid.study.plans.designed import Designed
 from armid.study.plans.plan_files import PLAN_FILE, limits_record, shape_records
 from armid.study.plans.poses_and_sweeps import DesignedMoves
-from armid.study.plans.preflight_text import report_record, report_text
+from armid.study.plans.preflight_text import mark_of, report_record, report_text
 from armid.study.storage.atomic_folder import refuse, whole_folder
 from armid.study.storage.records import finding_record, to_json
 
@@ -105,6 +105,7 @@ def _verdict_record(designed: Designed | DesignedMoves) -> dict[str, Any]:
     report = designed.preflight
     return {
         "verdict": report.verdict,
+        "mark": mark_of(report),
         "said": report.sentence,
         "left_out": [each.pair for each in report.skipped],
         "findings": [finding_record(finding) for finding in designed.findings],

@@ -31,8 +31,13 @@ MEASURED = "distances between the shapes of the description, their convex hulls,
 
 
 def mark_of(report: Preflight) -> str:
-    """Mark before the verdict: that of a warning also where limits are wider than described."""
-    return MARKS["weak" if report.verdict == "pass" and report.wider is not None else report.verdict]
+    """Mark before the verdict.
+
+    It is that of a warning also where limits are wider than described, and where bodies touch whose pair the user has
+    excluded.
+    """
+    doubtful = report.wider is not None or any(each.unexpected for each in report.touching)
+    return MARKS["weak" if report.verdict == "pass" and doubtful else report.verdict]
 
 
 def findings_of(designed: Checked) -> tuple[Finding, ...]:
@@ -45,6 +50,7 @@ def report_record(designed: Checked) -> dict[str, Any]:
     report = designed.preflight
     return {
         "verdict": report.verdict,
+        "mark": mark_of(report),
         "said": report.sentence,
         "torque_lacks": report.torque_lacks,
         "collisions": f"not checked: {report.unchecked}" if report.unchecked else "checked",
@@ -156,7 +162,7 @@ def _approach_lines(report: Preflight) -> list[str]:
 def constant_text(constant: Sequence[ClosestApproach]) -> str:
     """Sentence that names pairs with constant distance, their distances, and the required distances."""
     pairs = "; ".join(f"{a.pair} {1000 * a.distance:.1f} mm ({1000 * a.asked:.1f} mm)" for a in constant)
-    return f"neighbours whose distance stays the same in all poses (required distance): {pairs}"
+    return f"neighbours whose distance changes by less than 3 mm in all poses (required distance): {pairs}"
 
 
 def _criterion_lines(designed: Designed) -> list[str]:

@@ -1,0 +1,164 @@
+"""Constraint channel for pairs of bodies that are checked with the bodies themselves and not with convex ones.
+
+Capsules and hulls of such a pair overlap although the bodies do not, so their distance gives a search no direction.
+But two joints at most lie between the bodies. Coal therefore tests them in a grid of positions of these two joints,
+and the channel limits the distance in the plane of the two positions to the region in which the bodies are too
+close. The distance of the bodies is checked again when the plan is finished.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt
+
+from armid.checked_array import Array
+from armid.excitation.collision.coal import too_close
+from armid.excitation.collision.collision_model import CollisionOptions
+from armid.excitation.collision.pairs import joints_on_path
+from armid.excitation.limits.constraints import States
+from armid.excitation.limits.joint_limits import Limits
+from armid.robot.collision_body_names import BodyPair
+from armid.robot.kinematics import forward_kinematics
+from armid.robot.robot import Robot
+
+POSITIONS = 41
+"""Number of positions of each of the two joints at which the bodies are tested."""
+
+SCALE = 0.5
+"""Distance from the region in which bodies are too close, in rad or in shares of the range of a prismatic joint, at
+which the utilisation is zero."""
+
+SPARE, SPARED = 0.5, 0.9
+"""Additional distance that a search keeps, in steps of the grid; and its largest share of the distance of the start
+pose."""
+
+JOINTS = 2
+"""Number of joints between the bodies of a pair that is put into a grid."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class PositionMap:
+    """Distance to the region in which a pair of bodies is too close, over the positions of two joints.
+
+    Attributes:
+        pair: Names of the bodies.
+        joints: Indices of the two joints.
+        low: Positions at the beginning of the grid, shape (2,) [rad or m].
+        step: Steps of the grid, shape (2,) [rad or m].
+        distance: Distances at the points of the grid, shape (`POSITIONS`, `POSITIONS`) [rad, or shares of the range
+            of a prismatic joint]; negative inside the region.
+        spare: Additional distance that a search keeps, in the unit of `distance`.
+    """
+
+    pair: BodyPair
+    joints: tuple[int, int]
+    low: Array
+    step: Array
+    distance: Array
+    spare: float = 0.0
+
+    def at(self, q: Array) -> tuple[Array, Array]:
+        """Distances (N,) in poses (N, n), interpolated linearly, and their gradients by the two joints (N, 2)."""
+        place = np.clip((q[:, self.joints] - self.low) / self.step, 0.0, POSITIONS - 1.0)
+        cell = np.minimum(place.astype(np.intp), POSITIONS - 2)
+        u, v = (place - cell).T
+        i, j = cell.T
+        table = self.distance
+        a, b, c, d = table[i, j], table[i + 1, j], table[i, j + 1], table[i + 1, j + 1]
+        value = (1.0 - u) * (1.0 - v) * a + u * (1.0 - v) * b + (1.0 - u) * v * c + u * v * d
+        slopes = np.column_stack([(1.0 - v) * (b - a) + v * (d - c), (1.0 - u) * (c - a) + u * (d - b)])
+        return value, slopes / self.step
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class MeasuredPairs:
+    """Constraint channel of pairs with a map of positions, for a search.
+
+    Attributes:
+        name: Name of the quantity.
+        maps: Map of each pair.
+    """
+
+    name: str
+    maps: tuple[PositionMap, ...]
+
+    @property
+    def labels(self) -> tuple[BodyPair, ...]:
+        """Names of the pairs."""
+        return tuple(each.pair for each in self.maps)
+
+    def values(self, states: States) -> Array:
+        """One minus the distance from the region in which bodies are too close, divided by `SCALE`; (N, m)."""
+        q = states.derivatives[0]
+        return np.column_stack([1.0 - (each.at(q)[0] - each.spare) / SCALE for each in self.maps])
+
+    def pullback(self, states: States, weights: Array) -> Array:
+        """Gradients (m, n k); each pair depends on the unknowns of two joints."""
+        q = states.derivatives[0]
+        by_q = np.zeros((*weights.shape, states.basis.n))
+        for k, each in enumerate(self.maps):
+            by_q[:, k, each.joints] = -weights[:, k, None] * each.at(q)[1] / SCALE
+        return states.pullback_positions(by_q)
+
+    def between(self, states: States, step: float) -> Array:
+        """Bound of the rise between points of a grid, from the speeds of the two joints, shape (m,)."""
+        rises = [
+            sum(
+                float(states.speed_bound[j] * np.abs(np.diff(each.distance, axis=k)).max() / each.step[k])
+                for k, j in enumerate(each.joints)
+            )
+            for each in self.maps
+        ]
+        return 0.5 * step / SCALE * np.array(rises)
+
+
+def measured_pairs(
+    collision: CollisionOptions, robot: Robot, limits: Limits, start: Array
+) -> tuple[MeasuredPairs, ...]:
+    """Channel of the pairs of `collision.measured` that the search must keep apart; none where nothing limits it.
+
+    Args:
+        collision: Pairs of bodies that must be kept apart.
+        robot: The arm.
+        limits: Limits of the joints.
+        start: Start pose, shape (n,) [rad or m].
+    """
+    low = np.where(np.isfinite(limits.lower), limits.lower, start - np.pi)
+    high = np.where(np.isfinite(limits.upper), limits.upper, start + np.pi)
+    maps: list[PositionMap] = []
+    for pair, kept in zip(collision.measured, collision.kept, strict=True):
+        a, b = (collision.shapes[k] for k in pair)
+        joints = joints_on_path(robot, a.link, b.link)
+        if len(joints) != JOINTS:
+            continue
+        grids = [np.linspace(low[j], high[j], POSITIONS) for j in joints]
+        q = np.tile(start, (POSITIONS**2, 1))
+        q[:, joints] = np.stack(np.meshgrid(*grids, indexing="ij"), axis=-1).reshape(-1, JOINTS)
+        close = too_close(collision.shapes, pair, float(kept), forward_kinematics(robot, q))
+        if not close.any():
+            continue
+        found = _map(robot, BodyPair(a.name, b.name), joints, grids, close.reshape(POSITIONS, POSITIONS))
+        here = float(found.at(start[None])[0][0])
+        if here > 0.0:
+            maps.append(replace(found, spare=min(found.spare, SPARED * here)))
+    return (MeasuredPairs("collision", tuple(maps)),) if maps else ()
+
+
+def _map(
+    robot: Robot, pair: BodyPair, joints: Sequence[int], grids: Sequence[Array], close: NDArray[np.bool_]
+) -> PositionMap:
+    """Map of a pair that is too close at some points of a grid of two joints' positions."""
+    first, second = joints
+    step = np.array([grid[1] - grid[0] for grid in grids])
+    slides = [robot.joints[j].is_prismatic for j in joints]
+    unit = np.where(slides, 1.0 / (POSITIONS - 1), step)
+    outside, inside = (np.asarray(distance_transform_edt(each, sampling=unit)) for each in (~close, close))
+    # The border lies between the points of the grid, half a step from either side.
+    half = 0.5 * float(unit.min())
+    distance = np.where(close, half - inside, outside - half)
+    low = np.array([grid[0] for grid in grids])
+    return PositionMap(pair, (first, second), low, step, distance, SPARE * float(unit.max()))
