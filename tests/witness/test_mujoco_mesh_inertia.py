@@ -6,6 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 
+from armid.excitation.collision.coal import mesh_faces
 from armid.maths.inertia import vector_to_com_inertia
 from armid.robot import load_robot
 from mesh_texts import prism, write_mesh
@@ -53,6 +54,42 @@ def test_modes_and_placements_of_a_mesh(tmp_path, mode: str, placed: str, geom: 
     write_mesh(tmp_path / "l.stl", *prism())
     mesh = f'name="m" file="l.stl" {mode} {placed}'
     check(tmp_path / "arm.xml", document(mesh, f'<geom type="mesh" mesh="m" {geom}/>{SOLIDS}'))
+
+
+@pytest.mark.parametrize(
+    "placed",
+    [
+        "",
+        'scale="-1 2 1"',
+        'refpos=".1 .2 .3" scale="1 2 3"',
+        'refpos=".1 .2 .3" refquat="0.7 0.7 0.3 0.1" scale="2 2 2"',
+        'refpos=".1 .2 .3" refquat="0.7 0.7 0.3 0.1" scale="2 -2 2"',
+        'refpos=".1 .2 .3" refquat="1 0 1 0" scale="1 2 -3"',
+    ],
+)
+def test_meshes_are_drawn_and_checked_where_mujoco_has_them(tmp_path, placed: str):
+    """Every corner of the mesh of the compiled model is one of the shape's in the frame of the body."""
+    write_mesh(tmp_path / "l.stl", *prism())
+    path = tmp_path / "arm.xml"
+    path.write_text(document(f'name="m" file="l.stl" {placed}', '<geom mesh="m" pos=".1 0 .2" euler="10 20 30"/>'))
+    model = mujoco.MjModel.from_xml_path(str(path))
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    expected = model.mesh_vert @ data.geom_xmat[0].reshape(3, 3).T + data.geom_xpos[0]
+    robot = load_robot(path)
+    for (shape,) in (robot.shapes, robot.visuals):
+        corners = mesh_faces(shape)[0] @ shape.placement[:3, :3].T + shape.placement[:3, 3]
+        apart = np.linalg.norm(corners[:, None] - expected, axis=-1)
+        np.testing.assert_allclose(apart.min(axis=0), 0.0, atol=SINGLE)
+        np.testing.assert_allclose(apart.min(axis=1), 0.0, atol=SINGLE)
+
+
+def test_a_mesh_that_no_scale_along_its_axes_gives_counts_as_missing(tmp_path):
+    write_mesh(tmp_path / "l.stl", *prism())
+    path = tmp_path / "arm.xml"
+    path.write_text(document('name="m" file="l.stl" refquat="0.7 0.7 0.3 0.1" scale="1 2 3"', '<geom mesh="m"/>'))
+    robot = load_robot(path)
+    assert not robot.shapes and "mesh-missing" in {finding.code for finding in robot.findings}
 
 
 @pytest.mark.parametrize("suffix", [".stl", ".obj", ".msh"])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -11,6 +11,7 @@ import numpy as np
 
 from armid.checked_array import Array
 from armid.maths.inertia import com_inertia_to_vector
+from armid.maths.rotations import homogeneous
 from armid.robot.mjcf.mesh_files import Faces, UncomputableError, read_mesh
 from armid.robot.mjcf.poses import rotation_of_quaternion
 from armid.robot.mjcf.settings import Settings
@@ -24,6 +25,10 @@ USUAL_MODE = "legacy"
 
 SMALLEST = 1e-15
 """Volume or area below which MuJoCo refuses a mesh [m³ or m²]."""
+
+
+SQUARE = 1e-9
+"""Rounding error of a rotation by right angles."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,14 +64,22 @@ class MeshAssets:
             self.computed[name] = self._unit_inertia(self.elements[name])
         return self.computed[name]
 
-    def existing(self) -> dict[str, tuple[str, Array]]:
-        """Path and scale (3,) of each mesh whose file exists, by name."""
-        paths = {name: self.path(mesh) for name, mesh in self.elements.items()}
-        return {
-            name: (str(path), self._scale(self.elements[name]))
-            for name, path in paths.items()
-            if path is not None and path.is_file()
-        }
+    def existing(self) -> dict[str, tuple[str, Array, Array]]:
+        """Path, scale (3,) and pose (4, 4) in the geom of each mesh whose file exists, by name.
+
+        A mesh is not among them if `refquat` turns it by other than right angles and its scale differs by axis: no
+        scale along the axes of the file gives such a mesh.
+        """
+        found: dict[str, tuple[str, Array, Array]] = {}
+        for name, mesh in self.elements.items():
+            path = self.path(mesh)
+            if path is None or not path.is_file():
+                continue
+            position, turned = self._reference(mesh)
+            for turn, scale in _as_turn_of_scaled(self._scale(mesh), turned):
+                found[name] = (str(path), scale, homogeneous(turn, -turn @ (scale * position)))
+                break
+        return found
 
     def path(self, mesh: ET.Element) -> Path | None:
         """Path of the file of a mesh; `None` if the mesh has no file."""
@@ -75,6 +88,13 @@ class MeshAssets:
 
     def _scale(self, mesh: ET.Element) -> Array:
         return np.array(numbers(mesh, "scale", 3, self.source, _named(mesh)) or [1.0, 1.0, 1.0])
+
+    def _reference(self, mesh: ET.Element) -> tuple[Array, Array]:
+        """Position (3,) [m] and rotation (3, 3), in the file of a mesh, of the frame to which its vertices refer."""
+        where = _named(mesh)
+        position = numbers(mesh, "refpos", 3, self.source, where) or [0.0, 0.0, 0.0]
+        turned = numbers(mesh, "refquat", 4, self.source, where) or [1.0, 0.0, 0.0, 0.0]
+        return np.array(position), rotation_of_quaternion(np.array(turned))
 
     def _unit_inertia(self, mesh: ET.Element) -> Array:
         where, mode = _named(mesh), mesh.get("inertia", USUAL_MODE)
@@ -91,7 +111,6 @@ class MeshAssets:
 
     def _triangles(self, mesh: ET.Element) -> tuple[Array, Faces]:
         """Vertices (V, 3) [m], moved, turned and scaled as the mesh says, and triangles (F, 3)."""
-        where = _named(mesh)
         path = self.path(mesh)
         if path is not None:
             kind = mesh.get("content_type", "")
@@ -100,14 +119,26 @@ class MeshAssets:
             vertices = np.array([float(word) for word in mesh.get("vertex", "").split()]).reshape(-1, 3)
             faces = np.array([int(word) for word in mesh.get("face", "").split()], dtype=np.intp).reshape(-1, 3)
         else:
-            raise UncomputableError(f"{where} has neither a file nor vertices")
-
-        def given(key: str, usual: list[float]) -> Array:
-            return np.array(numbers(mesh, key, len(usual), self.source, where) or usual)
-
-        turned = rotation_of_quaternion(given("refquat", [1.0, 0.0, 0.0, 0.0]))
-        vertices = (vertices - given("refpos", [0.0, 0.0, 0.0])) @ turned * (scale := self._scale(mesh))
+            raise UncomputableError(f"{_named(mesh)} has neither a file nor vertices")
+        position, turned = self._reference(mesh)
+        vertices = (vertices - position) @ turned * (scale := self._scale(mesh))
         return vertices, faces if scale.prod() > 0.0 else faces[:, ::-1]  # a reflection turns triangles inside out
+
+
+def _as_turn_of_scaled(scale: Array, turned: Array) -> Iterator[tuple[Array, Array]]:
+    """Yields rotations (3, 3) and scales (3,) that, in the other order, equal a scale (3,) of a rotated mesh.
+
+    Args:
+        scale: Factors along the axes of the geom.
+        turned: Rotation (3, 3) from the geom to the file.
+    """
+    signs = np.sign(scale)
+    for mirror in (np.ones(3), signs * signs.prod()):  # the second is a half turn, or none
+        turn = mirror[:, None] * turned.T
+        first = turn.T @ np.diag(scale * mirror) @ turn
+        factors = np.diag(first).copy()
+        if np.abs(first - np.diag(factors)).max() <= SQUARE:
+            yield turn, factors
 
 
 def _named(mesh: ET.Element) -> str:

@@ -132,13 +132,13 @@ def _is_small(shape: Shape) -> bool:
     return extent.get(shape.kind, MARKER) < MARKER
 
 
-def _shape(name: str, geom: ET.Element, meshes: Mapping[str, tuple[str, Array]]) -> Shape | None:
+def _shape(name: str, geom: ET.Element, meshes: Mapping[str, tuple[str, Array, Array]]) -> Shape | None:
     """Geom as a shape in the frame of its body; `None` if its kind is not supported."""
     kind = geom.get("type", "mesh" if "mesh" in geom.attrib else "sphere")
     pose = placement_of(geom)
     if kind == "mesh":
-        path, scale = meshes.get(geom.get("mesh", ""), ("", np.ones(3)))
-        return Shape(name, -1, "mesh", scale, pose, path) if path else None
+        path, scale, placed = meshes.get(geom.get("mesh", ""), ("", np.ones(3), np.eye(4)))
+        return Shape(name, -1, "mesh", scale, pose @ placed, path) if path else None
     try:
         size = [float(x) for x in geom.get("size", "").split()]
         if kind in ("capsule", "cylinder") and "fromto" in geom.attrib:
