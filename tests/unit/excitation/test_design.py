@@ -159,6 +159,16 @@ def test_torque_and_what_cannot_be_kept():
     assert "torque of joint_2" in error.value.remedy
 
 
+def test_where_no_motion_keeps_a_limit_the_error_names_it():
+    """Friction of a joint above its limit lets it rest, and not move."""
+    goal, basis = two_joints()
+    values = np.array([0.5 if name == "FS_2" else 0.0 for name in goal.base.names])
+    rubbing = torque_channel(limits(effort=[100.0, 0.4]), values, 0.0)
+    with pytest.raises(ArmidError, match="No motion keeps every limit") as error:
+        search(DescentProblem(goal, basis, (rubbing,)), budget=None, rounds=1)
+    assert error.value.remedy.startswith("relax torque of joint_2 (125 % of its limit)")
+
+
 def problem_torque(goal, basis, values):
     """Torque at the start pose."""
     grid = DescentProblem(goal, basis, ()).grid(64)

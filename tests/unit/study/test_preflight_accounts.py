@@ -25,14 +25,14 @@ BODY = '<collision><geometry><sphere radius="0.05"/></geometry></collision>'
 INERTIAL = '<inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>'
 
 
-def planned(folder, *, effort="", inertial=""):
+def planned(folder, *, effort="", inertial="", dynamics=""):
     """A plan of a turning, a sliding and a turning joint; the link after the first has no body."""
     effort = f' effort="{effort}"' if effort else ""
     path = folder / "arm.urdf"
     path.write_text(
         f'<robot name="arm"><link name="base">{BODY}</link><link name="bare">{inertial}</link>'
         f'<link name="slide">{BODY}{inertial}</link><link name="hand">{BODY}{inertial}</link>'
-        + JOINT.format("turn", "revolute", "base", "bare", "0 1", effort)
+        + JOINT.format("turn", "revolute", "base", "bare", "0 1", effort).replace("<axis", f"{dynamics}<axis")
         + JOINT.format("slider", "prismatic", "bare", "slide", "1 0", effort)
         + JOINT.format("wrist", "revolute", "slide", "hand", "0 1", effort)
         + "</robot>"
@@ -70,6 +70,13 @@ def test_torque_that_nothing_limits_is_said_not_to_be_judged(weightless, tmp_pat
 def test_masses_that_are_missing_are_said_where_torque_is_not_judged(tmp_path):
     (said,) = evidence(planned(tmp_path, effort="90"), "torque-unknown")
     assert said.startswith("torque is not checked and not limited, because the description of arm has no masses")
+
+
+def test_friction_that_takes_all_torque_is_said_and_the_other_joints_are_judged(tmp_path):
+    made = planned(tmp_path, effort="90", inertial=INERTIAL, dynamics='<dynamics friction="85"/>')
+    (said,) = evidence(made, "friction-beyond-effort")
+    assert "takes the 90 % of the effort limit that a plan may use" in said and said.endswith("turn (85 of 90 N·m)")
+    assert {each.label for each in made.preflight.margins if each.limit == "torque"} == {"slider", "wrist"}
 
 
 def test_links_without_bodies_are_named_in_one_finding(weightless):

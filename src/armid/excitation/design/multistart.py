@@ -63,6 +63,10 @@ Progress = Callable[["SearchCandidate", float, int], None]
 """Callback. Its arguments are the best plan so far, the elapsed time [s] and the number of finished descents."""
 
 
+TINY = 1e-4
+"""Standard deviation of the unknowns of a very small motion, which tells which limit excludes any motion [rad/s]."""
+
+
 @dataclass(frozen=True, eq=False, slots=True)
 class SearchCandidate:
     """Plan that keeps every limit on the grid of the search.
@@ -328,7 +332,14 @@ def search(
     first = random_start(incumbent.problem, incumbent.grid, np.random.default_rng((seed, 0, 0)))
     if max_utilisation(incumbent.problem, incumbent.grid, first) > 1.0 + 1e-6:
         raise ArmidError(
-            "The start pose itself violates a limit, even without motion.", remedy=_most_violated(incumbent, first)
+            "The start pose itself violates a limit, even without motion.",
+            remedy=_most_violated(incumbent, 0.0 * first),
+        )
+    if not incumbent.grid.states(first)[1].any():
+        tiny = TINY * np.random.default_rng((seed, 0, 0)).standard_normal(len(first))
+        raise ArmidError(
+            "No motion keeps every limit: even a very small one exceeds one of them.",
+            remedy=_most_violated(incumbent, tiny),
         )
     incumbent.update(first, incumbent.grid.value(first), 0, "start")
     for x in given:
@@ -373,12 +384,12 @@ def _run_tasks(incumbent: _Incumbent, tasks: Sequence[_Task], executor: Executor
 
 
 def _most_violated(incumbent: _Incumbent, x: Array) -> str:
-    """Remedy that names the limit that is violated most, and its joint."""
+    """Remedy that names the limit that a motion (n k,) violates most, and its joint."""
     worst = max(
         (
             (float(u[:, k].max()), channel.name, label)
             for channel, u in zip(
-                incumbent.problem.channels, utilisation(incumbent.problem, incumbent.grid, 0.0 * x), strict=True
+                incumbent.problem.channels, utilisation(incumbent.problem, incumbent.grid, x), strict=True
             )
             for k, label in enumerate(channel.labels)
         ),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -43,6 +43,11 @@ def judged_torque(
             findings = (*findings, _unknown_load(unknown, robot))
             known = ~np.isin(limits.joints, unknown)
             limits = replace(limits, effort=np.where(known, limits.effort, np.inf))
+            if not np.isfinite(limits.effort).any():
+                return None, findings
+        if stuck := _stuck_joints(robot, limits, constraints.torque_margin):
+            findings = (*findings, _beyond_effort(stuck, constraints.torque_margin))
+            limits = replace(limits, effort=np.where(np.isin(limits.joints, list(stuck)), np.inf, limits.effort))
             if not np.isfinite(limits.effort).any():
                 return None, findings
         described, values = _described(robot)
@@ -116,6 +121,28 @@ def torque_lacks(robot: Robot, constraints: DesignConstraints, torque: Torque | 
     if {"viscous friction", "Coulomb friction"} <= set(missing):
         missing = ["friction", *(name for name in missing if "friction" not in name)]
     return " and ".join(missing)
+
+
+def _stuck_joints(robot: Robot, limits: Limits, margin: float) -> dict[str, str]:
+    """Joints whose described Coulomb friction takes all torque that a plan may use; with both values as text."""
+    friction = described_drives(robot)["coulomb"]
+    return {
+        joint.name: f"{force:g} of {effort:g} {joint.effort_unit}"
+        for joint, force, effort in zip(robot.joints, friction.tolist(), limits.effort.tolist(), strict=True)
+        if force >= (1.0 - margin) * effort
+    }
+
+
+def _beyond_effort(stuck: Mapping[str, str], margin: float) -> Finding:
+    """Finding that the torque of joints is not checked because friction alone takes all of it."""
+    texts = ", ".join(f"{name} ({text})" for name, text in stuck.items())
+    evidence = (
+        f"the torque of {', '.join(stuck)} is not checked: in the description, Coulomb friction alone takes the "
+        f"{100.0 * (1.0 - margin):.0f} % of the effort limit that a plan may use, so that the joint could not move: "
+        f"{texts}"
+    )
+    remedy = "give the real limit with --limit JOINT.effort=VALUE, or correct the friction in the description."
+    return Finding("friction-beyond-effort", "warning", ", ".join(stuck), evidence, remedy)
 
 
 def _unknown_load(joints: Sequence[str], robot: Robot) -> Finding:
