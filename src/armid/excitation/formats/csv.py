@@ -7,7 +7,7 @@ import io
 import numpy as np
 
 from armid.errors import ArmidError
-from armid.excitation.formats.sampled_motion import SampledMotion, number_rows
+from armid.excitation.formats.sampled_motion import DECIMALS, SampledMotion, number_rows
 from armid.model.motion import Motion
 
 SUFFIX = ".csv"
@@ -26,7 +26,7 @@ def write(track: SampledMotion) -> bytes:
     motion = track.motion
     text = io.StringIO()
     rows = np.column_stack([motion.time, motion.q, motion.dq, motion.ddq])
-    np.savetxt(text, rows, delimiter=",", header=header, comments="", fmt="%.12g")
+    np.savetxt(text, np.round(rows, DECIMALS), delimiter=",", header=header, comments="", fmt="%.12g")
     return text.getvalue().encode()
 
 

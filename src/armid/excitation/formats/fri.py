@@ -9,7 +9,7 @@ import io
 
 import numpy as np
 
-from armid.excitation.formats.sampled_motion import SampledMotion, number_rows, states_of_positions
+from armid.excitation.formats.sampled_motion import DECIMALS, SampledMotion, number_rows, states_of_positions
 
 SUFFIX = ".fri.csv"
 RATE = 200.0
@@ -27,7 +27,7 @@ def problem(track: SampledMotion) -> str:
 def write(track: SampledMotion) -> bytes:
     """Writes one row for each cycle; the file does not contain the cycle time."""
     text = io.StringIO()
-    np.savetxt(text, track.motion.q, delimiter=",", fmt="%.9f")
+    np.savetxt(text, track.motion.q, delimiter=",", fmt=f"%.{DECIMALS}f")
     return text.getvalue().encode()
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from armid.checked_array import Array
 from armid.errors import ArmidError
-from armid.excitation.formats.sampled_motion import PLAN_MARK, SampledMotion, plan_in_comments
+from armid.excitation.formats.sampled_motion import DECIMALS, PLAN_MARK, SampledMotion, plan_in_comments
 from armid.model.motion import Motion
 
 SUFFIX = ".trajectory.yaml"
@@ -28,7 +28,7 @@ def problem(track: SampledMotion) -> str:
 
 
 def _list(values: Array) -> str:
-    return "[" + ", ".join(f"{x:.12g}" for x in values) + "]"
+    return "[" + ", ".join(f"{x:.12g}" for x in np.round(values, DECIMALS)) + "]"
 
 
 def write(track: SampledMotion) -> bytes:

@@ -15,6 +15,10 @@ PLAN_MARK = "armid-plan "
 """Text before the plan in formats that have comments; the plan is one line of JSON in a comment."""
 
 
+DECIMALS = 9
+"""Decimals of the numbers in tables. A nanoradian or a nanometre is far below the resolution of encoders."""
+
+
 @dataclass(frozen=True, eq=False, slots=True)
 class SampledMotion:
     """Motion sampled for a controller.
