@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from armid.checked_array import Array
 from armid.errors import Finding, OutputError
@@ -82,17 +83,12 @@ def refuse_unidentified(run: Run, theta: Array, placeless: Collection[int], *, a
         OutputError: There are such links, and they may not be written.
     """
     standard = standard_of(run.model, run.estimate.base)
-    columns, kept = standard.inertial[:, 0], run.estimate.fit.standard
-    if kept is not None:
-        unseen = [kept.status[kept.names.index(standard.names[k])] != "identified" for k in columns]
-    else:
-        _, sizes, rows = np.linalg.svd(standard.regrouping, full_matrices=False)
-        rows = rows[sizes > SEEN * sizes[0]]
-        unseen = [float(np.linalg.norm(rows[:, k])) < 1.0 - SEEN for k in columns]
+    columns = standard.inertial[:, 0]
+    seen = _determined(run)[columns]
     guessed = [
         f"{link.name} ({theta[k]:.3g} kg)"
-        for i, (link, k, hidden) in enumerate(zip(run.robot.links, columns, unseen, strict=True))
-        if hidden and i not in placeless and (link.inertial is None or link.inertial.mass <= 0.0)
+        for i, (link, k, is_seen) in enumerate(zip(run.robot.links, columns, seen, strict=True))
+        if not is_seen and i not in placeless and (link.inertial is None or link.inertial.mass <= 0.0)
     ]
     if not guessed:
         return ()
@@ -111,12 +107,28 @@ def refuse_unidentified(run: Run, theta: Array, placeless: Collection[int], *, a
     )
 
 
+def _determined(run: Run) -> NDArray[np.bool_]:
+    """Mask of the standard parameters (p,) that the torque determines.
+
+    Where the estimate has standard parameters, these are the identified ones; otherwise those that follow from the
+    base parameters.
+    """
+    standard, kept = standard_of(run.model, run.estimate.base), run.estimate.fit.standard
+    if kept is not None:  # by name, since the fit has copies of friction parameters for several recordings
+        status = dict(zip(kept.names, kept.status, strict=True))
+        return np.array([status.get(name) == "identified" for name in standard.names], dtype=np.bool_)
+    _, sizes, rows = np.linalg.svd(standard.regrouping, full_matrices=False)
+    rows = rows[sizes > SEEN * sizes[0]]
+    return np.linalg.norm(rows, axis=0) >= 1.0 - SEEN
+
+
 def far_bodies(
     run: Run, content: Content, bodies: Sequence[Body] | None, kind: str, shared: Sequence[Finding] = ()
 ) -> list[Finding]:
-    """Finding about bodies of the file whose mass or centre of mass is far from that of the description.
+    """Findings about bodies of the file whose mass or centre of mass is far from that of the description.
 
-    Bodies with a placeholder for a mass in the description are not compared.
+    There is one about the bodies that the torque determines and one about the others. Bodies with a placeholder for a
+    mass in the description are not compared.
 
     Args:
         run: The run.
@@ -134,38 +146,58 @@ def far_bodies(
     compared = [(i, name, new, old) for i, name, new, old in pairs if new is not None and old is not None]
     if not compared:
         return []
-    names = [name for _, name, _, _ in compared]
     found, described = (
         np.array(each) for each in zip(*((new.mass, old.mass) for *_, new, old in compared), strict=True)
     )
-    empty = placeholder_masses(described)
-    far = far_masses(found, described) & ~empty
-    away = {
-        name: text
-        for (link, name, new, old), nothing in zip(compared, empty, strict=True)
-        if not nothing and (text := _far_com(run.robot, link, name, new, old))
-    }
-    if not far.any() and not away:
-        return []
-    texts = [listed_masses(names, found, described, far)] if far.any() else []
-    evidence = "; ".join([*texts, *list(away.values())[:NAMED], *(["and more"] if len(away) > NAMED else [])])
-    what = f"{evidence} in the file: the torque does not determine such a body separately. The torque is the same"
-    ways = (
-        ["use --nearest, which writes the bodies nearest to the description that give the same torque"]
-        if kind == "estimated"
-        else []
-    )
+    usable = ~placeholder_masses(described)
+    far = far_masses(found, described) & usable
+    away = [_far_com(run.robot, *each) if usable[k] else "" for k, each in enumerate(compared)]
+    names = [name for _, name, *_ in compared]
+    carrying = {each.channel for each in shared if each.code == "difference-taken"}
+    sums = {each.channel for each in shared}  # of a link with several bodies only the sum is known
+    whole = np.array([name not in sums for name in names])
+    determined = _determined(run)[standard_of(run.model, run.estimate.base).inertial[[i for i, *_ in compared]]]
+    of_mass, of_com = determined[:, 0] & whole, determined[:, :4].all(axis=1) & whole
+    findings: list[Finding] = []
+    for is_determined in (True, False):
+        which = far & (of_mass == is_determined)
+        outside = [k for k, text in enumerate(away) if text and of_com[k] == is_determined]
+        texts = [listed_masses(names, found, described, which)] if which.any() else []
+        texts += [away[k] for k in outside[:NAMED]] + ["and more"] * (len(outside) > NAMED)
+        if texts:
+            rest = [name for k, name in enumerate(names) if name in carrying and (which[k] or k in outside)]
+            findings.append(_far_finding(run, f"{'; '.join(texts)} in the file", kind, rest, known=is_determined))
+    return findings
+
+
+def _far_finding(run: Run, what: str, kind: str, rest: Sequence[str], *, known: bool) -> Finding:
+    """Finding about bodies that are far from the description.
+
+    Args:
+        run: The run.
+        what: Text that names the bodies.
+        kind: Kind of the standard parameters.
+        rest: Names of bodies that take what the other bodies of their link leave.
+        known: Whether the torque determines these bodies.
+    """
+    if known:
+        evidence = (
+            f"{what}: the torque determines these values. The recordings or the description are of another arm or "
+            "load, or the unit of the torque is wrong"
+        )
+        remedy = "check that description and recordings are of the same arm with the same load"
+        return Finding("mass-far-from-description", "warning", "", evidence, remedy)
+    evidence = f"{what}: the torque does not determine such a body separately. The torque is the same"
+    nearest = "use --nearest, which writes the bodies nearest to the description that give the same torque"
+    ways = [nearest] if kind == "estimated" else []
     standard = run.estimate.fit.standard
     if standard is None or standard.prior.kind != "log-det":
         near = 'physical = { prior = "log-det" } in [estimation] of a study'
         ways.append(f"identify with {near}, which keeps the estimates near the description")
-    carrying = {each.channel for each in shared if each.code == "difference-taken"}
-    rest = [name for name, is_far in zip(names, far, strict=True) if name in carrying and (is_far or name in away)]
     if rest:
         ways.append(f"use --lumped, which writes the whole link as one body for {', '.join(rest)}")
     ways = ways or ["if better masses are known, write them into the description and identify again"]
-    remedy = "; or ".join(ways)
-    return [Finding("mass-far-from-description", "warning", "", what, remedy)]
+    return Finding("mass-far-from-description", "warning", "", evidence, "; or ".join(ways))
 
 
 def _far_com(robot: Robot, link: int, name: str, new: InertialParameters, old: InertialParameters) -> str:

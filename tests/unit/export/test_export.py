@@ -188,7 +188,9 @@ def smallest_bodies(folder: Path, size: float) -> tuple[Run, Path]:
     )
     fit = PhysicallyConsistent(prior="mass").solve(problem).standard
     assert fit is not None
-    return run_with(folder / "run", path, model, fit.values), path
+    run = run_with(folder / "run", path, model, fit.values)
+    standard = replace(run.estimate.fit.standard, status=fit.status)
+    return replace(run, estimate=replace(run.estimate, fit=replace(run.estimate.fit, standard=standard))), path
 
 
 @pytest.mark.parametrize("size", [1.0, 0.03])

@@ -138,11 +138,29 @@ def test_a_prior_that_was_used_already_is_no_remedy_for_far_masses(tmp_path):
     heavy = replace(run.robot, links=tuple(links))
     kept = run.estimate.fit.standard
     for kind, proposed in (("none", True), ("log-det", False)):
-        standard = replace(kept, prior=replace(kept.prior, kind=kind))
+        unknown = ("prior-dominated",) * len(kept.names)
+        standard = replace(kept, prior=replace(kept.prior, kind=kind), status=unknown)
         fit = replace(run.estimate.fit, standard=standard)
         same = replace(run, estimate=replace(run.estimate, fit=fit))
         (said,) = far_bodies(same, Content(heavy, {}), None, "nearest")
         assert ("log-det" in said.remedy) is proposed and said.remedy
+        assert "the torque does not determine such a body separately" in said.evidence
+
+
+def test_far_masses_that_the_torque_determines_are_not_called_undetermined(tmp_path):
+    """The hand alone is known: of two links far from the description each is in its own finding."""
+    run, _ = the_run(tmp_path, "urdf", 0.05)
+    links = [
+        replace(link, inertial=InertialParameters.from_vector(40 * link.inertial.vector)) for link in run.robot.links
+    ]
+    kept = run.estimate.fit.standard
+    status = tuple("identified" if name.endswith("_2") else "prior-dominated" for name in kept.names)
+    fit = replace(run.estimate.fit, standard=replace(kept, status=status))
+    known = replace(run, estimate=replace(run.estimate, fit=fit))
+    told, guessed = far_bodies(known, Content(replace(run.robot, links=tuple(links)), {}), None, "estimated")
+    assert told.evidence.startswith("hand 43.2 kg") and "the torque determines these values" in told.evidence
+    assert "same arm" in told.remedy and "--nearest" not in told.remedy
+    assert guessed.evidence.startswith("upper 120 kg") and "does not determine" in guessed.evidence
 
 
 DUMMY = """<robot name="dummy"><link name="base"/>
