@@ -129,7 +129,7 @@ def _stuck_joints(robot: Robot, limits: Limits, margin: float) -> dict[str, str]
     return {
         joint.name: f"{force:g} of {effort:g} {joint.effort_unit}"
         for joint, force, effort in zip(robot.joints, friction.tolist(), limits.effort.tolist(), strict=True)
-        if force >= (1.0 - margin) * effort
+        if force >= (1.0 - margin) * effort and force > 0.0
     }
 
 
