@@ -1,4 +1,4 @@
-"""What keeps joints well below their limits is named, with what it costs and the options that release it."""
+"""Bodies that keep joints well below their limits are named, with the cost and the options that release them."""
 
 from __future__ import annotations
 

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from concurrent.futures import Executor
 
     from armid.excitation.design.multistart import Progress, SearchCandidate
-    from armid.study.plans.design import Stage
+    from armid.study.plans.certified_plan import Stage
     from armid.study.plans.preflight_text import Checked
 
 

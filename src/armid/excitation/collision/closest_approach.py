@@ -46,6 +46,9 @@ MOMENTS = 24
 """Number of poses of a motion in which a pair is tested for a constant distance. If it is constant there, random
 poses in the whole range of the joints are tested, too: a motion may keep within a part in which it hardly changes."""
 
+RANDOM = 100
+"""Number of these random poses."""
+
 CLOSER = 16
 """Number of further positions of a joint, next to the closest one, in which adjacent links are measured."""
 
@@ -92,9 +95,11 @@ def closest_approaches(
         q: Positions of the joints at these times, shape (N, n) [rad or m].
     """
     poses = forward_kinematics(robot, q)
-    found = [_of_adjacent(collision, each, times, q[:, each.joint], poses) for each in collision.adjacent.checked]
+    anywhere = random_poses(collision, robot)
+    adjacent = collision.adjacent.checked
+    found = [_of_adjacent(collision, each, times, q[:, each.joint], poses, anywhere) for each in adjacent]
     bound = collision.every.bodies.distances(poses) if len(collision.pairs) else np.zeros((len(times), 0))
-    constant = np.isfinite(constant_distances(collision, poses, bound)).tolist()
+    constant = np.isfinite(constant_distances(collision, poses, bound, anywhere)).tolist()
     if len(collision.pairs):
         margins = collision.every.margins
         for k, label in enumerate(collision.every.labels):
@@ -123,13 +128,19 @@ class AdjacentDistances:
     distance: Array
     by_hulls: bool
 
-    def is_constant(self, collision: CollisionOptions, pair: AdjacentPair) -> bool:
-        """Tests whether the distance of a pair is small and the same in all poses, as across the gap of a joint."""
+    def is_constant(self, collision: CollisionOptions, pair: AdjacentPair, anywhere: tuple[Array, Array]) -> bool:
+        """Tests whether the distance of a pair is small and the same in all poses, as across the gap of a joint.
+
+        Args:
+            collision: Pairs of bodies that must be kept apart.
+            pair: The pair.
+            anywhere: Random poses from `random_poses`.
+        """
         if len(self.which) < 2 or np.ptp(self.distance) > CONSTANT or self.distance.min() >= NEAR:
             return False
         parts = parts_of if self.by_hulls else whole
-        anywhere = distances(collision.shapes, np.array([pair.bodies]), collision.random_poses, parts)[:, 0]
-        return bool(np.ptp(np.concatenate([self.distance, anywhere])) <= CONSTANT)
+        others = distances(collision.shapes, np.array([pair.bodies]), anywhere, parts)[:, 0]
+        return bool(np.ptp(np.concatenate([self.distance, others])) <= CONSTANT)
 
 
 def adjacent_distances(
@@ -153,7 +164,12 @@ def adjacent_distances(
 
 
 def _of_adjacent(
-    collision: CollisionOptions, pair: AdjacentPair, times: Array, q: Array, poses: tuple[Array, Array]
+    collision: CollisionOptions,
+    pair: AdjacentPair,
+    times: Array,
+    q: Array,
+    poses: tuple[Array, Array],
+    anywhere: tuple[Array, Array],
 ) -> ClosestApproach:
     """Closest approach of two bodies of adjacent links; `q` are the positions (N,) of the joint between them."""
     found = adjacent_distances(collision, pair, q, poses)
@@ -168,11 +184,19 @@ def _of_adjacent(
     k = int(distance.argmin())
     meshes = any(collision.shapes[i].kind in ("mesh", "cylinder") for i in pair.bodies)
     by = ("hulls" if found.by_hulls else "triangles") if meshes else "bodies"
-    constant = float(distance[k]) >= pair.kept and found.is_constant(collision, pair)
+    constant = float(distance[k]) >= pair.kept and found.is_constant(collision, pair, anywhere)
     return ClosestApproach(pair.pair, float(distance[k]), float(times[which[k]]), pair.kept, by, constant)
 
 
-def constant_distances(collision: CollisionOptions, poses: tuple[Array, Array], bound: Array) -> Array:
+def random_poses(collision: CollisionOptions, robot: Robot) -> tuple[Array, Array]:
+    """Rotations (k, n, 3, 3) and origins (k, n, 3) of the links in random poses in the range of the joints."""
+    low, high = collision.adjacent.reach.T
+    return forward_kinematics(robot, np.random.default_rng(0).uniform(low, high, (RANDOM, robot.n)))
+
+
+def constant_distances(
+    collision: CollisionOptions, poses: tuple[Array, Array], bound: Array, anywhere: tuple[Array, Array]
+) -> Array:
     """Distances of pairs of links that are built close to each other and keep the same distance in all poses.
 
     A distance counts as constant if it changes by `CONSTANT` at most, in the motion and in random poses. Three cases
@@ -183,6 +207,7 @@ def constant_distances(collision: CollisionOptions, poses: tuple[Array, Array], 
         collision: Pairs of bodies that must be kept apart.
         poses: Rotations (N, n, 3, 3) and origins (N, n, 3) of the links.
         bound: Lower bounds of the distances of `collision.pairs` in these poses, shape (N, m) [m].
+        anywhere: Random poses from `random_poses`.
 
     Returns:
         Distances of the pairs of `collision.pairs` and then of `collision.measured`, shape (m + r,) [m]; NaN for
@@ -193,7 +218,7 @@ def constant_distances(collision: CollisionOptions, poses: tuple[Array, Array], 
     if len(poses[1]) < 2:
         return result
     moments = np.unique(np.linspace(0, len(poses[1]) - 1, MOMENTS).astype(np.intp))
-    some, anywhere = (poses[0][moments], poses[1][moments]), collision.random_poses
+    some = poses[0][moments], poses[1][moments]
     required = np.concatenate([collision.every.margins if count else [], collision.kept])
     near = np.flatnonzero(bound.min(axis=0) < NEAR).tolist()
     for k in (*near, *range(count, len(result))):

@@ -19,7 +19,6 @@ from armid.excitation.collision.pairs import joints_on_path, pairs_of_bodies, st
 from armid.excitation.collision.required_distances import (
     BY_CAPSULES,
     CONSTRUCTION,
-    FEW,
     LEFT_OUT,
     MEASURED,
     RequiredDistances,
@@ -76,7 +75,6 @@ class CollisionOptions:
         kept: Required distances of the pairs of `measured`, shape (r,) [m].
         left_out: Bounding volumes of the pairs of `skipped`.
         adjacent: Pairs of adjacent links.
-        random_poses: Rotations (k, n, 3, 3) and origins (k, n, 3) of the links in random poses.
     """
 
     searched: Clearance | None
@@ -88,8 +86,7 @@ class CollisionOptions:
     measured: NDArray[np.intp]
     kept: Array
     left_out: CollisionBodies
-    adjacent: AdjacentLinks
-    random_poses: tuple[Array, Array]
+    adjacent: AdjacentLinks = NO_ADJACENT
 
     @property
     def unchecked(self) -> tuple[IgnoredPair, ...]:
@@ -223,26 +220,8 @@ class CollisionModel:
         return self.closer(np.setdiff1d(wide, self.bodies.hulls.at), self.margin, WIDE)
 
 
-def make_collision_model(
-    robot: Robot,
-    limits: Limits,
-    surroundings: Sequence[Shape] = (),
-    *,
-    margin: float = 0.02,
-    ignored: Sequence[IgnoredBodies] = (),
-) -> CollisionModel:
-    """Collision model of an arm and its surroundings, with required distances determined from random poses.
-
-    Args:
-        robot: The arm.
-        limits: Limits of its joints.
-        surroundings: Bodies that do not move.
-        margin: Required distance between bodies [m].
-        ignored: Pairs that are not checked.
-
-    Raises:
-        ArmidError: The description has no shapes, or the margin is negative or too large for the arm.
-    """
+def _check(robot: Robot, margin: float) -> None:
+    """Raises an error if bodies are missing, or a margin [m] is negative or too large for the arm."""
     missing = missing_bodies(robot)
     if missing:
         raise ArmidError(
@@ -269,6 +248,29 @@ def make_collision_model(
             possible=f"0 to {max(FARTHEST * reach, ALLOWED):.2g} m",
             remedy=f"give it in metres{f'; {margin:g} mm are {margin / 1000.0:g}' if margin >= 1.0 else ''}.",
         )
+
+
+def make_collision_model(
+    robot: Robot,
+    limits: Limits,
+    surroundings: Sequence[Shape] = (),
+    *,
+    margin: float = 0.02,
+    ignored: Sequence[IgnoredBodies] = (),
+) -> CollisionModel:
+    """Collision model of an arm and its surroundings, with required distances determined from random poses.
+
+    Args:
+        robot: The arm.
+        limits: Limits of its joints.
+        surroundings: Bodies that do not move.
+        margin: Required distance between bodies [m].
+        ignored: Pairs that are not checked.
+
+    Raises:
+        ArmidError: The description has no shapes, or the margin is negative or too large for the arm.
+    """
+    _check(robot, margin)
     shapes = (*robot.shapes, *surroundings)
     bodies, pairs = pairs_of_bodies(robot, shapes)
     low = np.where(np.isfinite(limits.lower), limits.lower, -np.pi)
@@ -381,7 +383,6 @@ def looked_at(cell: CollisionModel) -> CollisionOptions:
         required.margin[own],
         cell.bodies.only(left_out),
         cell.adjacent,
-        forward_kinematics(cell.robot, cell.tried[:FEW]),
     )
 
 

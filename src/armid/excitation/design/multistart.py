@@ -330,17 +330,7 @@ def search(
     deadline = np.inf if budget is None else began + budget
     incumbent = _Incumbent(problem, progress, began)
     first = random_start(incumbent.problem, incumbent.grid, np.random.default_rng((seed, 0, 0)))
-    if max_utilisation(incumbent.problem, incumbent.grid, first) > 1.0 + 1e-6:
-        raise ArmidError(
-            "The start pose itself violates a limit, even without motion.",
-            remedy=_most_violated(incumbent, 0.0 * first),
-        )
-    if not incumbent.grid.states(first)[1].any():
-        tiny = TINY * np.random.default_rng((seed, 0, 0)).standard_normal(len(first))
-        raise ArmidError(
-            "No motion keeps every limit: even a very small one exceeds one of them.",
-            remedy=_most_violated(incumbent, tiny),
-        )
+    _check_first(incumbent, first)
     incumbent.update(first, incumbent.grid.value(first), 0, "start")
     for x in given:
         inside = shrink_to_feasible(incumbent.problem, incumbent.grid, x)
@@ -360,6 +350,17 @@ def search(
     return Search(
         incumbent.best, done, incumbent.descents, time.time() - began, interrupted, tuple(incumbent.history)
     )
+
+
+def _check_first(incumbent: _Incumbent, first: Array) -> None:
+    """Raises an error if the start pose violates a limit, or if the first motion (n k,) is none."""
+    if max_utilisation(incumbent.problem, incumbent.grid, first) > 1.0 + 1e-6:
+        what, still = "The start pose itself violates a limit, even without motion.", 0.0 * first
+        raise ArmidError(what, remedy=_most_violated(incumbent, still))
+    if not incumbent.grid.states(first)[1].any():
+        tiny = TINY * np.random.default_rng(0).normal(size=len(first))
+        what = "No motion keeps every limit, not even a very small one."
+        raise ArmidError(what, remedy=_most_violated(incumbent, tiny))
 
 
 def _run_tasks(incumbent: _Incumbent, tasks: Sequence[_Task], executor: Executor | None) -> list[_Outcome]:

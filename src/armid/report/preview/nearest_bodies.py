@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armid.checked_array import Array
-from armid.excitation.collision.closest_approach import adjacent_distances, constant_distances
+from armid.excitation.collision.closest_approach import adjacent_distances, constant_distances, random_poses
 from armid.excitation.collision.coal import nearest, whole
 from armid.excitation.collision.collision_model import CollisionOptions, looked_at, make_collision_model
 from armid.excitation.collision.hull_distances import parts_of
@@ -84,11 +84,12 @@ def closest(robot: Robot, clip: Clip, collision: CollisionOptions) -> NearestBod
     bound[:, :count] = collision.every.bodies.distances((turned, placed)) if count else 0.0
     gaps = np.full(len(pairs), np.nan)
     apart = len(pairs) - len(adjacent)
-    gaps[:apart] = constant_distances(collision, (turned, placed), bound[:, :count])
+    anywhere = random_poses(collision, robot)
+    gaps[:apart] = constant_distances(collision, (turned, placed), bound[:, :count], anywhere)
     for k, each in enumerate(adjacent, apart):
         found = adjacent_distances(collision, each, q[:, each.joint], (turned, placed))
         bound[:, k] = np.interp(q[:, each.joint], q[found.which, each.joint], found.distance)
-        gaps[k] = found.distance.min() if found.is_constant(collision, each) else np.nan
+        gaps[k] = found.distance.min() if found.is_constant(collision, each, anywhere) else np.nan
     bound[:, np.isfinite(gaps)] = np.inf
     samples = len(moments)
     distance, pair, points = np.full(samples, np.inf), np.zeros(samples, np.intp), np.zeros((samples, 2, 3))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from concurrent.futures import Executor
 from contextlib import nullcontext
 from dataclasses import replace
@@ -11,14 +10,10 @@ from typing import Literal
 
 import numpy as np
 
-from armid.checked_array import Array
 from armid.errors import ArmidError, Finding, did_you_mean
-from armid.excitation.certification import certified, fine_grid
-from armid.excitation.collision.closest_approach import RATE
-from armid.excitation.collision.collision_model import CollisionOptions
 from armid.excitation.design.measured_pairs import measured_pairs
 from armid.excitation.design.multistart import Progress, Search, search, single_threaded_pool
-from armid.excitation.design.sqp import DescentProblem, about_start
+from armid.excitation.design.sqp import DescentProblem
 from armid.excitation.limits.constraints import ConstraintChannel
 from armid.excitation.limits.joint_limits import (
     Limits,
@@ -28,28 +23,17 @@ from armid.excitation.limits.joint_limits import (
     thesis_channels,
 )
 from armid.excitation.plan import Plan
-from armid.excitation.preflight import Preflight, preflight
 from armid.excitation.rest_to_rest_basis import SeriesBasis
 from armid.excitation.restrained_motion import restrained_motion
 from armid.excitation.search_convergence import unsettled
 from armid.excitation.weak_motion import weak_motion
 from armid.robot.robot import Robot
+from armid.study.plans.certified_plan import Stage, certified_plan
 from armid.study.plans.designed import SPREAD, Designed
 from armid.study.plans.goals import LIMIT_KINDS, DesignConstraints, DesignGoal, SearchBudget, constrained_limits
 from armid.study.plans.leads import add_leads, check_leads
 from armid.study.plans.start_pose_and_bodies import place_motion
 from armid.study.plans.torque_constraint import judged_torque, pose_holds, torque_lacks
-
-DRAWN, DRAWN_BY = 0.1, (0.97, 0.94, 0.88, 0.85)
-"""Smallest factor, and factors of the first steps and of all further ones, by which joints between bodies that touch
-as they are move less about the start pose. The search keeps such bodies apart only approximately."""
-
-TRIED = 50.0
-"""Rate at which these bodies are tested first [Hz]; then they are tested at `RATE`."""
-
-
-Stage = Callable[[str], None]
-"""Callback with the name of a stage of a design."""
 
 
 def design_plan(
@@ -99,7 +83,7 @@ def design_plan(
     stage("search")
     found = _searched(problem, budget, executor, progress)
     whole = replace(problem, channels=(*channels, *every))
-    x, report = _finished(whole, found.best.x, collision, placed.unchecked, stage)
+    x, report = certified_plan(whole, found.best.x, collision, placed.unchecked, stage)
     plan = add_leads(basis, x, goal, limits, robot.name)
     check_leads(plan, robot, collision)
     unfinished = unsettled(found, criterion.criterion, budget.budget)
@@ -157,35 +141,6 @@ def _unlimited(plan: Plan, limits: Limits, robot: Robot) -> Finding | None:
     evidence = f"Acceleration is not limited, because no limit is given; the plan reaches {peaks_text}"
     remedy = "give a limit with --acceleration, or with --limit JOINT.acceleration=VALUE."
     return Finding("acceleration-unlimited", "info", "", evidence, remedy)
-
-
-def _finished(
-    problem: DescentProblem, x: Array, collision: CollisionOptions | None, unchecked: str, stage: Stage
-) -> tuple[Array, Preflight]:
-    """Unknowns and preflight of the plan with certified limits, scaled down while bodies are too close as they are.
-
-    Joints between such bodies are scaled down alone. If that does not separate the bodies, the report names them.
-    """
-    grid, basis = fine_grid(problem), problem.basis
-    few, every = (max(100, round(rate * basis.period)) for rate in (TRIED, RATE))
-    robot = problem.goal.model.robot
-    factors, trial, steps = np.ones(basis.n), x, 0
-    for times in () if collision is None else (basis.times(few), basis.times(every)):
-        while factors.min() > DRAWN and collision is not None:
-            close = collision.too_close_as_they_are(robot, basis.excitation(trial).at(times).q)
-            if not close:
-                break
-            factors[close] *= DRAWN_BY[min(steps, len(DRAWN_BY) - 1)]
-            trial, steps = about_start(basis, x, factors), steps + 1
-    while True:
-        stage("certificate of the limits")
-        done, margins = certified(problem, grid, trial)
-        stage("closest approaches")
-        report = preflight(problem, done, collision, margins, unchecked)
-        if factors.min() <= DRAWN or all(each.kept for each in report.approaches):
-            return done, report
-        factors *= DRAWN_BY[-1]
-        trial = about_start(basis, x, factors)
 
 
 def _motion(limits: Limits, basis: SeriesBasis, constraints: DesignConstraints) -> tuple[ConstraintChannel, ...]:

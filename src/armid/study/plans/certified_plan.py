@@ -1,0 +1,63 @@
+"""Last step of a design: bodies that are checked as they are, certified limits, and preflight report."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from armid.checked_array import Array
+from armid.excitation.certification import certified, fine_grid
+from armid.excitation.collision.closest_approach import RATE
+from armid.excitation.collision.collision_model import CollisionOptions
+from armid.excitation.design.sqp import DescentProblem, about_start
+from armid.excitation.preflight import Preflight, preflight
+
+Stage = Callable[[str], None]
+"""Callback with the name of a stage of a design."""
+
+DRAWN, DRAWN_BY = 0.1, (0.97, 0.94, 0.88, 0.85)
+"""Smallest factor, and factors of the first steps and of all further ones, by which joints between bodies that touch
+as they are move less about the start pose. The search keeps such bodies apart only approximately."""
+
+TRIED = 50.0
+"""Rate at which these bodies are tested first [Hz]; then they are tested at `RATE`."""
+
+
+def certified_plan(
+    problem: DescentProblem, x: Array, collision: CollisionOptions | None, unchecked: str, stage: Stage
+) -> tuple[Array, Preflight]:
+    """Plan with certified limits, in which joints move less while the bodies between them are too close as they are.
+
+    If that does not separate the bodies, the report names them.
+
+    Args:
+        problem: Criterion and all limits of the design.
+        x: Unknowns of the plan that the search has found, shape (n k,).
+        collision: Pairs of bodies that must keep a distance; `None` for no collision check.
+        unchecked: Reason why collisions are not checked; empty if they are checked.
+        stage: Called with the name of each stage.
+
+    Returns:
+        Unknowns (n k,) of the certified plan, and its preflight check.
+    """
+    grid, basis = fine_grid(problem), problem.basis
+    few, every = (max(100, round(rate * basis.period)) for rate in (TRIED, RATE))
+    robot = problem.goal.model.robot
+    factors, trial, steps = np.ones(basis.n), x, 0
+    for times in () if collision is None else (basis.times(few), basis.times(every)):
+        while factors.min() > DRAWN and collision is not None:
+            close = collision.too_close_as_they_are(robot, basis.excitation(trial).at(times).q)
+            if not close:
+                break
+            factors[close] *= DRAWN_BY[min(steps, len(DRAWN_BY) - 1)]
+            trial, steps = about_start(basis, x, factors), steps + 1
+    while True:
+        stage("certificate of the limits")
+        done, margins = certified(problem, grid, trial)
+        stage("closest approaches")
+        report = preflight(problem, done, collision, margins, unchecked)
+        if factors.min() <= DRAWN or all(each.kept for each in report.approaches):
+            return done, report
+        factors *= DRAWN_BY[-1]
+        trial = about_start(basis, x, factors)
