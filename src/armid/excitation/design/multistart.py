@@ -354,13 +354,13 @@ def search(
 
 def _check_first(incumbent: _Incumbent, first: Array) -> None:
     """Raises an error if the start pose violates a limit, or if the first motion (n k,) is none."""
+    still, tiny = 0.0 * first, TINY * np.random.default_rng(0).normal(size=len(first))
     if max_utilisation(incumbent.problem, incumbent.grid, first) > 1.0 + 1e-6:
-        what, still = "The start pose itself violates a limit, even without motion.", 0.0 * first
-        raise ArmidError(what, remedy=_most_violated(incumbent, still))
+        remedy = _most_violated(incumbent, still)
+        raise ArmidError("The start pose itself violates a limit, even without motion.", remedy=remedy)
     if not incumbent.grid.states(first)[1].any():
-        tiny = TINY * np.random.default_rng(0).normal(size=len(first))
-        what = "No motion keeps every limit, not even a very small one."
-        raise ArmidError(what, remedy=_most_violated(incumbent, tiny))
+        remedy = _most_violated(incumbent, tiny)
+        raise ArmidError("No motion keeps every limit, not even a very small one.", remedy=remedy)
 
 
 def _run_tasks(incumbent: _Incumbent, tasks: Sequence[_Task], executor: Executor | None) -> list[_Outcome]:
