@@ -136,5 +136,6 @@ TRUE: dict[str, Any] = {
     "clock-missing": _rate,
     "clock-unit": _same,
     "channel-delay": _delay,
+    "torque-gain": _same,
 }
 """Faults whose remedy has one truth, and how a remedy is compared with it."""

@@ -344,6 +344,29 @@ def channel_delay(seed: int) -> Case:
     return replace(case.logged(effort=np.roll(log.effort, samples, axis=0)), truth={"delay": samples / rate})
 
 
+def joint_delay(seed: int) -> Case:
+    """Position and velocity of the joint that lifts the arm lag; a wrist is hardly felt by the others."""
+    case, rng = sound(seed), _rng(seed)
+    log, j = case.recording, 1
+    rate = 1.0 / float(case.motion.time[1])
+    samples = max(2, round(rng.uniform(0.05, 0.08) * rate))
+    q, dq = log.q.copy(), None if log.dq is None else log.dq.copy()
+    for values in (q, dq):
+        if values is not None:
+            values[:, j] = np.roll(values[:, j], samples)
+    return replace(case.logged(q=q, dq=dq), truth={"delay": samples / rate, "joint": j})
+
+
+def torque_gain(seed: int) -> Case:
+    """The torque of one loaded joint has another scale, or another unit."""
+    case, rng = sound(seed), _rng(seed)
+    assert case.recording.effort is not None
+    j, factor = int(rng.integers(1, 4)), float(rng.choice([0.4, 0.5, 1.8, 2.5, 0.1, 10.0, 1000.0]))
+    effort = case.recording.effort.copy()
+    effort[:, j] *= factor
+    return replace(case.logged(effort=effort), truth={"factor": factor, "joint": j})
+
+
 def velocity_mismatch(seed: int) -> Case:
     """One joint's velocity has another sign or scale or is that of its neighbour, or all of them lag."""
     case, rng = sound(seed), _rng(seed)
@@ -485,7 +508,8 @@ FAULTS: dict[str, Fault] = {
     for fault in (
         torque_sign, position_sign, joint_order, degrees, position_offset, position_wrapped, gravity_direction,
         motor_side, rotor_inertia_missing, current_without_gain, clock_missing, clock_unit, clock_jitter, clock_gap,
-        rows_repeated, rows_not_consecutive, channel_delay, velocity_mismatch, saturation, channel_dead,
+        rows_repeated, rows_not_consecutive, channel_delay, joint_delay, torque_gain, velocity_mismatch,
+        saturation, channel_dead,
         value_missing, filtered_before_logging, period_misaligned, excitation_weak, temperature_drift, contact,
     )
 }  # fmt: skip

@@ -22,6 +22,7 @@ CHECKS: Catalogue[LogCheck] = Catalogue(
         "joint-order": "armid.doctor.checks.dynamics.joint_order:CHECK",
         "gravity-direction": "armid.doctor.checks.dynamics.gravity_direction:CHECK",
         "channel-delay": "armid.doctor.checks.dynamics.channel_delay:CHECK",
+        "joint-delay": "armid.doctor.checks.dynamics.joint_delay:CHECK",
         "position-offset": "armid.doctor.checks.dynamics.position_offset:CHECK",
         "torque-gain": "armid.doctor.checks.dynamics.torque_gain:CHECK",
         "description-does-not-match": "armid.doctor.checks.dynamics.description_does_not_match:CHECK",

@@ -10,28 +10,10 @@ import pytest
 
 from armid.doctor.channel_orders import exchanges, shifts, usual_orders
 from armid.errors import Finding
-from armid.robot import Robot, load_robot
 from armid.study.diagnosis import diagnose_recording
+from gantries import gantry
 from healing import told_after
 from sick import Case, sound
-
-GANTRY = """<robot name="gantry"><link name="rail"/>
-<link name="bridge"><inertial><mass value="40"/>
-  <inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
-<link name="slide"><inertial><mass value="12"/>
-  <inertia ixx="0.2" iyy="0.2" izz="0.2" ixy="0" ixz="0" iyz="0"/></inertial></link>
-<joint name="x" type="{kind}"><parent link="rail"/><child link="bridge"/><axis xyz="{axis}"/>
-  <limit lower="-1" upper="1" velocity="1.5" effort="300"/></joint>
-<joint name="y" type="prismatic"><parent link="bridge"/><child link="slide"/><axis xyz="0 1 0"/>
-  <limit lower="-0.3" upper="0.3" velocity="1.5" effort="120"/></joint>
-</robot>"""
-"""Two axes that do not feel each other: in either order a model explains the torque equally well."""
-
-
-def gantry(folder: Path, kind: str = "prismatic", axis: str = "1 0 0") -> Robot:
-    path = folder / f"{kind}.urdf"
-    path.write_text(GANTRY.format(kind=kind, axis=axis))
-    return load_robot(path)
 
 
 def filling(case: Case, fill: tuple[float, float], offset: tuple[float, float] = (0.0, 0.0)) -> Case:

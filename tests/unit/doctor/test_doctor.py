@@ -32,6 +32,7 @@ from armid.measurement.robot_convention import to_robot_convention
 from armid.robot import load_robot
 from armid.study.diagnosis import diagnose_recording
 from armid.study.remedy_translation import tables_of
+from gantries import gantry
 from healing import delay_error
 from sick import FAULTS, Case, sound
 
@@ -249,24 +250,9 @@ def test_a_planar_arm_that_lies_is_no_arm_in_another_order():
     assert found.remedy == "gravity = [0.0, 0.0, -9.81]  # in [robot]"
 
 
-GANTRY = """<robot name="gantry"><link name="rail"/>
-<link name="bridge"><inertial><mass value="40"/>
-  <inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
-<link name="slide"><inertial><mass value="12"/>
-  <inertia ixx="0.2" iyy="0.2" izz="0.2" ixy="0" ixz="0" iyz="0"/></inertial></link>
-<joint name="x" type="prismatic"><parent link="rail"/><child link="bridge"/><axis xyz="1 0 0"/>
-  <limit lower="-1" upper="1" velocity="1.5" effort="300"/></joint>
-<joint name="y" type="prismatic"><parent link="bridge"/><child link="slide"/><axis xyz="0 1 0"/>
-  <limit lower="-0.5" upper="0.5" velocity="1.5" effort="120"/></joint>
-</robot>"""
-"""Two axes that do not feel each other."""
-
-
 @pytest.mark.parametrize("sign", [(1, 1), (1, -1), (-1, 1), (-1, -1)])
 def test_joints_that_do_not_feel_each_other_have_signs_of_their_own(tmp_path: Path, sign: tuple[int, int]):
-    path = tmp_path / "gantry.urdf"
-    path.write_text(GANTRY)
-    case = sound(2, robot=load_robot(path))
+    case = sound(2, robot=gantry(tmp_path, second=0.5))
     assert case.recording.effort is not None
     errors = [f for f in examined(case.logged(effort=case.recording.effort * sign)) if f.severity == "error"]
     told = {(1, 1): [], (-1, -1): ["torque_sign = -1"]}.get(sign, [f"torque_sign = [{sign[0]}, {sign[1]}]"])
@@ -302,9 +288,7 @@ def test_a_condition_number_that_is_rounding_is_not_told_as_a_number():
 
 def test_where_orders_tie_nothing_is_called_an_error(tmp_path: Path):
     """Axes that do not feel each other: exchanged torques look like exchanged positions."""
-    path = tmp_path / "gantry.urdf"
-    path.write_text(GANTRY.replace('lower="-1" upper="1"', 'lower="-0.5" upper="0.5"'))
-    case = sound(2, robot=load_robot(path))
+    case = sound(2, robot=gantry(tmp_path, first=0.5, second=0.5))
     assert case.recording.effort is not None
     found = [f for f in examined(case.logged(effort=case.recording.effort[:, ::-1])) if f.code == "joint-order"]
     assert [f.severity for f in found] in ([], ["info"])
