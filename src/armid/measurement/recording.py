@@ -127,9 +127,9 @@ class Recording(Displayed):
         return self.joint_names or tuple(str(i + 1) for i in range(self.n))
 
 
-def recording_error(code: str, recording: Recording, problem: str, remedy: str) -> RecordingError:
+def recording_error(code: str, recording: Recording, problem: str, remedy: str, possible: str = "") -> RecordingError:
     """Error about a recording; `code` is that of the corresponding finding of the doctor."""
-    return RecordingError(problem, remedy=remedy, source=recording.source, code=code)
+    return RecordingError(problem, possible=possible, remedy=remedy, source=recording.source, code=code)
 
 
 def kept_rows(recording: Recording, keep: NDArray[np.bool_]) -> Recording:

@@ -496,8 +496,68 @@ def test_what_cannot_be_guessed_is_asked_in_the_form_of_the_arm(tmp_path):
         read(path)
     assert "in the order turn, lift, Elbow" in caught.value.remedy
     said = tomllib.loads(caught.value.remedy)
-    assert said["columns"] == {"q": "ch{0}"}
-    np.testing.assert_array_equal(read(path, columns={**said["columns"], "time": "when"}).recording.q, Q)
+    assert said["columns"] == {"time": "when", "q": "ch{0}"} and "name the columns of effort" in caught.value.remedy
+    np.testing.assert_array_equal(read(path, columns=said["columns"]).recording.q, Q)
+
+
+def test_all_that_is_missing_is_asked_at_once(tmp_path):
+    """Positions, torque and clock of unknown names: one error, and its study reads the file."""
+    columns = {"tick": 1000.0 * T} | {
+        f"{form}{k + 1}": x[:, k] for form, x in (("a", Q), ("b", TAU)) for k in range(3)
+    }
+    path = write_csv(tmp_path / "run.csv", columns)
+    with pytest.raises(
+        RecordingError, match=r"No column holds positions, effort \(torque or current\) or time"
+    ) as caught:
+        read(path)
+    assert "tick, a1, a2" in caught.value.possible
+    found = read(path, **tomllib.loads(caught.value.remedy)).recording
+    assert found.time is not None and found.effort is not None
+    np.testing.assert_allclose(found.time, T, atol=1e-9)  # rounding of milliseconds
+    np.testing.assert_array_equal(found.effort, TAU)
+
+
+@pytest.mark.parametrize("steps", [{"tick": 1000.0 * T}, {}])
+def test_a_missing_clock_is_asked_together_with_missing_torque(tmp_path, steps):
+    path = write_csv(
+        tmp_path / "run.csv",
+        steps | {f"q{k + 1}": Q[:, k] for k in range(3)} | {f"m{k}": TAU[:, k] for k in range(3)},
+    )
+    with pytest.raises(RecordingError, match="no effort") as caught:
+        read(path)
+    assert "m0, m1, m2" in caught.value.possible and 'effort = "m{0}"' in caught.value.remedy
+    if steps:
+        found = read(path, **tomllib.loads(caught.value.remedy)).recording
+        np.testing.assert_array_equal(found.effort, TAU)
+        np.testing.assert_allclose(found.time, T, atol=1e-9)  # rounding of milliseconds
+
+
+@pytest.mark.parametrize(
+    ("forms", "of"),
+    [
+        (("q{}_meas_rad", "q{}_trq_Nm"), (1, 2, 3)),
+        (("pos_meas_{}", "trq_meas_{}"), (1, 2, 3)),
+        (("q{}_rad", "q{}_Nm"), (1, 2, 3)),
+        (("q{}", "i_q_{}"), (1, 2, 3)),  # the current that makes torque
+        (("{}_meas_rad", "{}_trq_Nm"), JOINTS),
+        (("{} [deg]", "{} [Nm]"), JOINTS),
+    ],
+)
+def test_the_letter_of_a_joint_and_units_beside_its_name_are_understood(forms, of):
+    q, effort = (each(form, of=of) for form in forms)
+    found = guess_columns([*effort, *q], ALL, wanted=JOINTS)
+    assert isinstance(found, Guess)
+    assert found.columns == {"q": tuple(q), "effort": tuple(effort)}
+
+
+def test_units_of_motion_beside_a_joints_name_tell_positions_from_velocities():
+    forms = {"q": "{}_meas_rad", "dq": "{}_meas_rad_s", "ddq": "{} [rad/s^2]"}
+    names = [name for form in forms.values() for name in each(form, of=JOINTS)]
+    assert guess_columns(names, ALL, wanted=JOINTS).columns == {
+        k: tuple(each(f, of=JOINTS)) for k, f in forms.items()
+    }
+    others = each("{}_slack_rad", of=JOINTS)  # an unknown word may mean anything
+    assert guess_columns(others, ALL, wanted=JOINTS).columns == {}
 
 
 def test_a_file_that_holds_torques_alone_is_answered_with_what_they_were_taken_for(tmp_path):

@@ -6,6 +6,7 @@ words.
 
 from __future__ import annotations
 
+import itertools
 import math
 import re
 from collections.abc import Mapping, Sequence
@@ -102,6 +103,9 @@ OTHER = frozenset(
 MOTOR = frozenset("motor mot theta phi".split())
 """Words that may indicate the motor side of a gear; in libfranka theta is the motor angle and q the joint angle."""
 
+BESIDE_JOINT = frozenset({"*", "joint"}) | MEASURED | COMMANDED | MOTOR
+"""Words of a name whose unit shows the quantity: `turn_meas_rad` is a position."""
+
 CLOCKS: Mapping[str, int] = {
     **dict.fromkeys(("t", "time", "timestamp", "elapsed", "clock", "zeit", "zeitstempel", "tiempo", "tempo"), 1),
     **{"stamp": 0, "rosbag": 2},
@@ -132,6 +136,9 @@ ANGLES = ("deg", "degree", "degrees", "rad", "mrad")
 """Units of angle that may occur inside a name."""
 
 PER_SECOND = re.compile(r"(m?rad|deg|degrees?|°)(?:ps|s|persec)?\d?[2²]?")
+PER_TIME = re.compile(r"(?:rpm|(?:/|_|p|per)\s*s(?:ec)?\W*(?P<square>2|²)?)$")
+"""Unit of a velocity, or with a square of an acceleration."""
+
 WORDS = re.compile(r"[A-Z]+(?=[A-Z][a-z])|[A-Z]?[a-z]+|[A-Z]+|\d+|[^\W\d_]+")
 GREEK = {"q\u0308": "ddq", "q\u0307": "dq", "τ": "tau", "θ": "theta", "φ": "phi", "ω": "omega"}
 
@@ -205,13 +212,15 @@ def named(column: str, labels: Sequence[str]) -> list[ColumnName]:
     """
     text, unit = split_unit(column)
     found: list[ColumnName] = []
-    for channel, form in _channels(words(text), labels, by_unit=_is_effort(unit)):
+    for channel, form in _channels(words(text), labels, unit):
         measured = unit_of(unit) if unit else next((UNITS[word] for word in form if word in ANGLES), None)
         if unit and measured is None:
             return []  # another quantity
         quantity = quantity_of(form)
-        by_unit = quantity is None and isinstance(channel, str) and channel != "" and _is_effort(unit)
-        quantity = "effort" if by_unit else quantity
+        of_joint = (isinstance(channel, str) and channel != "") or _q_is_joint(form)
+        of_unit = _quantity_of_unit(unit, form) if of_joint else None
+        by_unit = of_unit is not None and (quantity is None or (quantity == "q" and of_unit == "effort"))
+        quantity = of_unit if by_unit else quantity
         if quantity is None or OTHER & set(form) or (quantity == "current" and channel == ""):
             continue
         if measured is not None and not _fits(quantity, measured[0]):
@@ -250,24 +259,42 @@ def split_time(column: str) -> tuple[str, str]:
     return (hit[1], hit[2]) if hit else (text, unit)
 
 
-def _is_effort(unit: str) -> bool:
-    """Tests whether a unit is a unit of torque or current."""
-    return unit != "" and (unit_of(unit) or ("", 1.0))[0] in ("torque", "current")
+def _quantity_of_unit(unit: str, form: Sequence[str]) -> str | None:
+    """Quantity that the unit of a joint's column shows: effort, or motion if no unknown word stands in the name.
+
+    Args:
+        unit: Unit in the name; may be empty.
+        form: Words of the name, with `*` for the joint.
+    """
+    kind = unit_of(unit) if unit else None
+    if kind is None:
+        return None
+    if kind[0] in ("torque", "current"):
+        return "effort"
+    if not set(form) <= BESIDE_JOINT:
+        return None
+    power = PER_TIME.search(unit.strip().lower())
+    return "q" if power is None else "ddq" if power["square"] else "dq"
 
 
-def _channels(parts: Sequence[str], labels: Sequence[str], *, by_unit: bool) -> list[tuple[str | int, list[str]]]:
+def _q_is_joint(form: Sequence[str]) -> bool:
+    """Tests whether the letter q stands directly before the number, so that both may name a joint: `q1_trq`."""
+    return any(pair == ("q", "*") for pair in itertools.pairwise(form))
+
+
+def _channels(parts: Sequence[str], labels: Sequence[str], unit: str) -> list[tuple[str | int, list[str]]]:
     """Possible channels in a name: the longest joint name, or else each number; empty if there is neither.
 
     Args:
         parts: Words of the name.
         labels: Names of the joints.
-        by_unit: True if the unit shows the quantity, so that no word for it is needed.
+        unit: Unit in the name; beside the name of a joint it may show the quantity, so that no word is needed.
     """
     for label in labels:
         name = words(label)
         for k in range(len(parts) - len(name) + 1):
             form = [*parts[:k], "*", *parts[k + len(name) :]]
-            if list(parts[k : k + len(name)]) == name and (by_unit or quantity_of(form)):
+            if list(parts[k : k + len(name)]) == name and (quantity_of(form) or _quantity_of_unit(unit, form)):
                 return [(label, form)]
     numbers = [k for k, word in enumerate(parts) if word.isdigit()]
     if not numbers:
@@ -278,6 +305,8 @@ def _channels(parts: Sequence[str], labels: Sequence[str], *, by_unit: bool) -> 
 def quantity_of(form: Sequence[str]) -> str | None:
     """Quantity that the words of a name indicate; `None` if they are ambiguous."""
     found = {quantity for quantity, known in QUANTITIES.items() if set(known) & set(form)}
+    if len(found) == 2 and "q" in found and set(QUANTITIES["q"]) & set(form) == {"q"} and _q_is_joint(form):
+        found.remove("q")
     if "dot" in form and found == {"q"}:
         return "dq"
     return found.pop() if len(found) == 1 else None

@@ -98,7 +98,10 @@ def select(
     if robot is not None and not guess.joints and (not chosen["q"] or "q" in guess.columns):
         refuse_other_joints(names, log_format, robot, labels, chosen["q"], path)
     if not chosen["q"]:
-        raise positions_missing(present, chosen, log_format, path, robot, labels)
+        clocks: dict[str, float] = {}
+        if values is not None and _lacks_clock(chosen, log_format):
+            clocks = evenly_growing(list(present), set(chain.from_iterable(chosen.values())), values)
+        raise positions_missing(present, chosen, log_format, path, robot, labels, clocks=clocks)
     if log_format.drive_gain is not None and "effort" not in log_format.columns and log_format.preset is None:
         _refuse_two_efforts(chosen["effort"], present, path)
     guessed = _as_fields(guess, log_format, robot) | unit_fields(chosen, log_format)

@@ -8,7 +8,7 @@ from itertools import chain
 from pathlib import Path
 
 from armid.errors import Finding, RecordingError
-from armid.measurement.columns.clocks import ClockRequest
+from armid.measurement.columns.clocks import ClockRequest, unit_of_step
 from armid.measurement.columns.column_name_parsing import split_unit, words
 from armid.measurement.columns.pattern_matching import shortened
 from armid.measurement.log_format import PRESETS, LogFormat
@@ -58,8 +58,10 @@ def positions_missing(
     path: Path,
     robot: Robot | None,
     labels: Sequence[str],
+    *,
+    clocks: Mapping[str, float],
 ) -> RecordingError:
-    """Error for a file without positions, with the columns that may hold them.
+    """Error for a file without positions, with all other quantities that are missing and columns that may hold them.
 
     Args:
         present: All columns.
@@ -68,25 +70,52 @@ def positions_missing(
         path: The file.
         robot: The arm, if it is known.
         labels: Names of its joints in the file.
+        clocks: Unread columns that increase evenly, with their median steps; one of them may be a missing clock.
     """
-    used = set(chain.from_iterable(chosen.values()))
+    used = {*chain.from_iterable(chosen.values()), *clocks}
     present = list(present)
     unread = [name for name in present if name not in used]
     sets = channel_sets(unread, labels, len(chosen["effort"]) if robot is None else robot.n)
     order = "" if robot is None else f" in the order {', '.join(robot.joint_names)}"
+    missing = _missing(chosen, log_format)
     if sets:
-        remedy = naming(
-            log_format, {"q": pattern_of(sets[0], present)}, f"if they hold positions,{order}" if order else ""
-        )
+        found: dict[str, str | Sequence[str]] = {}
+        if "time" in missing and clocks:
+            found["time"] = next(iter(clocks))
+        found["q"] = pattern_of(sets[0], present)
+        if "effort" in missing and len(sets) > 1:
+            found["effort"] = pattern_of(sets[-1], present)
+        note = f"if they hold {_listing([missing[name] for name in found], 'and')},{order}" if order else ""
+        unknown = [missing[name] for name in missing if name not in found]
+        note += f"; name the columns of {_listing(unknown, 'and')}, too" if unknown and order else ""
+        remedy = naming(log_format, found, note)
+        if "time" in found and (counted := unit_of_step(next(iter(clocks.values())))) is not None:
+            remedy = Remedy(*remedy.parts, setting("time_unit", counted[0]), note=note)
     else:
+        named = {name: "…" if name == "time" else ["…", "…"] for name in missing}
         remedy = Remedy(
             f"log the position of each joint; if the file has these columns, name them{order}: ",
-            setting("columns", {"q": ["…", "…"]}),
+            setting("columns", named),
             f"; or give a preset ({', '.join(PRESETS)}) in a study.",
         )
     taken = [f"{name} is {shortened(columns)}" for name, columns in chosen.items() if columns]
     guessed = f" From the names, {'; '.join(taken)}." if taken else ""
-    return RecordingError(f"{path}: No column holds positions.{guessed}", possible=_listed(present), remedy=remedy)
+    problem = f"{path}: No column holds {_listing(list(missing.values()), 'or')}.{guessed}"
+    return RecordingError(problem, possible=_listed(present), remedy=remedy)
+
+
+def _missing(chosen: Mapping[str, Sequence[str]], log_format: LogFormat) -> dict[str, str]:
+    """Quantities that an identification needs and no column holds, by key, with their names in a sentence."""
+    names = {"q": "positions", "effort": "effort (torque or current)", "time": "time"}
+    left_out = {name for name, columns in log_format.columns.items() if not columns}
+    if log_format.rate is not None or log_format.consecutive is False:
+        left_out.add("time")
+    return {key: name for key, name in names.items() if not chosen[key] and key not in left_out}
+
+
+def _listing(names: Sequence[str], word: str) -> str:
+    """Names in a sentence: `a, b and c`."""
+    return f" {word} ".join(part for part in (", ".join(names[:-1]), *names[-1:]) if part)
 
 
 def ambiguous_columns(request: ClockRequest, q: Sequence[str], log_format: LogFormat, path: Path) -> RecordingError:

@@ -287,22 +287,38 @@ def _with_consecutive(recording: Recording, turn: Array) -> tuple[Recording, tup
 
 def _clockless(recording: Recording, implied: float) -> RecordingError:
     """Error for a missing clock, with a column that may be one, or the rate [Hz] that q and dq imply."""
-    possible = next((each for each in recording.findings if each.code == "clock-possible"), None)
-    evidence = "the recording has neither a time column nor a sample rate."
+    told = {each.code: each for each in recording.findings}
+    possible, effort = told.get("clock-possible"), told.get("effort-possible")
+    evidence = "the recording has neither a time column nor a sample rate"
+    evidence += ", and no effort (torque or current)." if recording.effort is None else "."
+    unread = "" if effort is None else effort.evidence
+    of_effort = Remedy() if effort is None else Remedy.read(effort.remedy)
     if possible is not None:
-        return recording_error("clock-missing", recording, f"{evidence} {possible.evidence}", possible.remedy)
+        remedy = _both(Remedy.read(possible.remedy), of_effort)
+        return recording_error("clock-missing", recording, f"{evidence} {possible.evidence}", remedy, unread)
+    if np.isfinite(implied):
+        rate = lines(f"Hz; positions and velocities imply {implied:.3g} Hz", rate=float(f"{implied:.3g}"))
+        return recording_error("clock-missing", recording, evidence, _both(rate, of_effort), unread)
     remedy = Remedy(
         "find out the sample rate of the log and give it in Hz: ",
         Assignment("rate = HZ", {"rate": "HZ"}),
         "; or name the time column: ",
-        setting("columns", {"time": "NAME"}),
+        setting("columns", {"time": "NAME", **of_effort.keys.get("columns", {})}),
         "; or, if the rows are separate samples, write ",
         setting("consecutive", value=False),
         " into a study.",
     )
-    if np.isfinite(implied):
-        remedy = lines(f"Hz; positions and velocities imply {implied:.3g} Hz", rate=float(f"{implied:.3g}"))
-    return recording_error("clock-missing", recording, evidence, remedy)
+    return recording_error("clock-missing", recording, evidence, remedy, unread)
+
+
+def _both(clock: Remedy, effort: Remedy) -> Remedy:
+    """Remedy that gives a clock and names the columns of effort, if these are known."""
+    if not clock.keys or not effort.keys:
+        return clock
+    keys = dict(clock.keys)
+    keys["columns"] = {**keys.get("columns", {}), **effort.keys["columns"]}
+    settings = [setting(key, value) for key, value in keys.items()]
+    return Remedy(*settings, note="; ".join(filter(None, (clock.note, effort.note))))
 
 
 def _coherence(recording: Recording, turn: Array) -> tuple[float, float]:
