@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import re
+import shlex
 import shutil
 import subprocess
 import sys
@@ -21,6 +22,7 @@ from scipy.special import stdtrit
 
 from armid.cli import main as cli
 from armid.cli.console import print_findings, print_verdict, validation_table
+from armid.cli.folder_overview import next_step
 from armid.cli.parameter_tables import estimate_table, print_links
 from armid.errors import Finding
 from armid.estimation.catalogue import ESTIMATORS
@@ -257,6 +259,37 @@ def test_identify_prints_the_bodies_of_the_links_or_what_gives_them(armid: Armid
         assert total == pytest.approx(each["value"], rel=1e-9, abs=1e-9)  # rounding of sums of ten terms
     plain = armid("identify", small / "study.toml", "--no-report")
     assert "Bodies of" not in plain.out and "--method physical" in " ".join(plain.out.split())
+
+
+@pytest.mark.parametrize("options", [(), ("--no-report",), ("--terms", "auto"), ("--method", "physical")])
+def test_each_offered_next_command_works(armid: Armid, small: Path, tmp_path: Path, options: tuple[str, ...]):
+    write_recording(small_recording(4), Path("other.csv"))
+    arm = (small / "small.urdf", small / "run1.csv", "--validate", small / "run2.csv")
+    done = armid("identify", *arm, *options, "--out", Path("runs") / "a run")  # with a blank in its name
+    assert done.code == 0
+    offered = [line.split("   ")[0].strip() for line in done.out.rpartition("next:\n")[2].splitlines()]
+    assert len(offered) >= 3 and ("--to urdf" in " ".join(offered)) == ("physical" in options)
+    for command in offered:
+        program, *words = shlex.split(command)
+        assert program == "armid"
+        assert armid(*("other.csv" if word == "RECORDING" else word for word in words)).code == 0, command
+    assert all(armid(*shlex.split(line)[1:]).code == 0 for line in _offered_in(tmp_path))
+
+
+def _offered_in(folder: Path) -> list[str]:
+    """Commands that `armid` alone offers in a folder, but for those that need a recording."""
+    lines = next_step(folder).splitlines()
+    return [line.split("   ")[0].strip() for line in lines if line.startswith("  armid") and "RECORDING" not in line]
+
+
+def test_a_failed_run_offers_the_doctor_with_the_options_of_reading(armid: Armid, small: Path):
+    write_recording(small_recording(1), Path("log.csv"), clock=False)
+    options = ("--rate", "50", "--torque-sign", "-1", "--lock", "joint_3=0.25", "--no-report")
+    done = armid("identify", small / "small.urdf", "log.csv", *options)
+    (line,) = [line.strip() for line in done.out.splitlines() if line.startswith("  armid doctor")]
+    words = shlex.split(line.split("   ")[0])
+    assert done.code == 1 and words[-6:] == ["--lock", "joint_3=0.25", "--rate", "50", "--torque-sign", "-1"]
+    assert armid(*words[1:]).code == 1  # it reads the log, and finds the fault
 
 
 def test_each_validation_recording_is_named(armid: Armid, small: Path):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -37,16 +38,17 @@ def _steps(folder: Path) -> tuple[tuple[str, str], ...]:
     files = sorted(path.name for path in folder.iterdir() if path.is_file())
     runs = [path.parent for path in folder.glob("runs/*/estimate.json")]
     if runs:
-        run = max(runs, key=lambda path: (path / "estimate.json").stat().st_mtime).relative_to(folder)
+        newest = max(runs, key=lambda path: (path / "estimate.json").stat().st_mtime)
+        run = shlex.quote(str(newest.relative_to(folder)))
         return (
             (f"armid report {run}", "a page about the latest run"),
             (f"armid validate {run} RECORDING", "torque error of the run on a held-out recording"),
-            (f"armid export {run} --to urdf", "the model as a robot description, or as source code: --to c"),
+            (f"armid export {run} --to c", "the model as source code; --to urdf for a robot description"),
         )
-    arms = [name for name in files if name.endswith(DESCRIPTIONS)]
+    arms = [shlex.quote(name) for name in files if name.endswith(DESCRIPTIONS)]
     if "study.toml" in files:
         return ("armid doctor study.toml", "faults of the recordings"), ("armid identify study.toml", "a model")
-    logs = _logs(folder, files)
+    logs = [shlex.quote(name) for name in _logs(folder, files)]
     if arms and logs:
         return (
             (f"armid doctor {arms[0]} {logs[0]}", "faults of the recording"),

@@ -5,11 +5,13 @@ from __future__ import annotations
 import shlex
 import sys
 from collections.abc import Sequence
+from inspect import signature
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rich.markup import escape
 
+from armid.cli.commands.doctor import doctor
 from armid.cli.commands.report import PAGE
 from armid.cli.console import output_console, print_verdict, validation_table
 from armid.cli.parameter_tables import estimate_table, folded_line, friction_selection_table, print_links, status_line
@@ -92,6 +94,7 @@ def print_next(
         replaced: True if an earlier run in this folder was replaced.
         inputs: The study, or the arm and its recordings, as given on the command line.
     """
+    from armid.cli.remedy_options import given_options
     from armid.report.heading import export_command
 
     run = shlex.quote(str(folder))
@@ -104,8 +107,9 @@ def print_next(
     if result.validation.verdict == "not judged":
         steps.append((f"armid validate {run} RECORDING", "torque error on a recording not used for training"))
     if result.validation.verdict == "fail" and inputs:
-        steps.append((f"armid doctor {' '.join(map(shlex.quote, inputs))}", "faults of the recordings"))
-    steps.append(export_command(run, result.estimate, result.study.robot.description))
+        words = [*map(shlex.quote, inputs), *given_options(signature(doctor).parameters)]
+        steps.append((f"armid doctor {' '.join(words)}", "faults of the recordings; exit code 1 if there are any"))
+    steps.append(export_command(run, result.estimate, result.robot, result.study.robot.description))
     if result.validation.verdict != "not judged":
         steps.append((f"armid validate {run} RECORDING", "torque error on a further recording"))
     steps.append((f"armid preview {run}", "the recorded motion of the arm"))

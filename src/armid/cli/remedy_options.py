@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import shlex
+from collections.abc import Container
 from contextvars import ContextVar
 from itertools import chain
 from typing import Any
@@ -37,6 +39,31 @@ def options_of_command() -> tuple[str, ...]:
     if not _has_study(context):
         return keys
     return () if context.info_name == "doctor" else tuple(key for key in keys if key not in OF_READING)
+
+
+def given_options(names: Container[str]) -> list[str]:
+    """Options of the running command that were given, as words for a shell; none if a study was given.
+
+    Args:
+        names: Names of the options that are wanted.
+    """
+    context = CONTEXT.get()
+    if context is None or _has_study(context):
+        return []
+    found: list[str] = []
+    for param in context.command.params:
+        value = context.params.get(param.name)
+        if param.param_type_name != "option" or param.name not in names or not _is_given(value):
+            continue
+        for each in value if isinstance(value, list) else [value]:
+            numbers = each if isinstance(each, tuple) else (each,)
+            found += [param.opts[0], *(shlex.quote(f"{x:.12g}" if isinstance(x, float) else str(x)) for x in numbers)]
+    return found
+
+
+def _is_given(value: Any) -> bool:
+    """True for the value of an option that has one; switches have none."""
+    return value is not None and value != () and not isinstance(value, bool)
 
 
 def _has_study(context: Any) -> bool:

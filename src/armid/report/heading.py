@@ -9,13 +9,18 @@ from datetime import datetime
 from pathlib import Path
 
 from armid.estimation.saved_estimate import Estimate
+from armid.model.parameter_name import ParameterName
 from armid.notebook import names_apart
 from armid.report.data.number_format import short
 from armid.report.data.page_data import PageData
 from armid.report.plots.arm_picture import picture_of
+from armid.robot.robot import Robot
 
 MAX_RECORDINGS = 4
 """Largest number of recordings of a role that the head names; the provenance section names all."""
+
+EDITED = (".urdf", ".xacro", ".xml", ".mjcf")
+"""Suffixes of descriptions that an export edits; a new file may lack limits that its format needs."""
 
 NEXT_COMMANDS = (
     ("validate {run} RECORDING", "torque error on another recording"),
@@ -58,16 +63,40 @@ def heading_of_run(page_data: PageData) -> Heading:
 def commands_of(page_data: PageData) -> list[tuple[str, str]]:
     """Next commands with the path of a run, and their results."""
     run = shlex.quote(str(Path(page_data.run.folder)))
-    export = export_command(run, page_data.run.estimate, page_data.study.robot.description)
+    export = export_command(run, page_data.run.estimate, page_data.run.robot, page_data.study.robot.description)
     return [export, *((f"armid {command.format(run=run)}", purpose) for command, purpose in NEXT_COMMANDS)]
 
 
-def export_command(run: str, estimate: Estimate, description: str) -> tuple[str, str]:
-    """Export that suits an estimate: the description if there is a body for each link, otherwise source code."""
-    format_name = "mjcf" if Path(description).suffix == ".xml" else "urdf"
-    if estimate.fit.standard is None:
+def export_command(run: str, estimate: Estimate, robot: Robot, description: str) -> tuple[str, str]:
+    """Export that works for an estimate: as a description if it has a body for each link, otherwise as source code.
+
+    Args:
+        run: Path of the run, as the command line needs it.
+        estimate: Estimate of the run.
+        robot: Arm of the run.
+        description: Path or name of its description.
+    """
+    suffix = Path(description).suffix
+    format_name = "mjcf" if suffix in (".xml", ".mjcf") else "urdf"
+    needed = needed_for_description(estimate, robot)
+    if needed:
+        other = f"a robot description (--to {format_name}) needs {needed}"
+        return f"armid export {run} --to c", f"the model as source code; {other}"
+    if suffix not in EDITED:
         return f"armid export {run} --to c", f"the model as source code; as a robot description: --to {format_name}"
     return f"armid export {run} --to {format_name}", "the model as a robot description, or code: --to c"
+
+
+def needed_for_description(estimate: Estimate, robot: Robot) -> str:
+    """What is needed first for a robot description with the identified bodies; empty if nothing is."""
+    bodies = estimate.fit.standard
+    if bodies is None or bodies.proof.smallest_eigenvalue <= 0.0 or bodies.proof.lowest < 0.0:
+        return "bodies: identify with --method physical"
+    status = dict(zip(bodies.names, bodies.status, strict=True))
+    numbered = enumerate(robot.links, 1)
+    massless = [(k, link.name) for k, link in numbered if link.inertial is None or link.inertial.mass <= 0.0]
+    unknown = [name for k, name in massless if status.get(ParameterName("M", k)) != "identified"]
+    return f"masses of {', '.join(unknown)} in the description" if unknown else ""
 
 
 def _recordings(page_data: PageData, role: str) -> str:

@@ -10,7 +10,8 @@ ROS need not be installed.
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+import shlex
+from collections.abc import Iterable, Mapping
 from contextvars import ContextVar, Token
 from pathlib import Path
 from types import MappingProxyType
@@ -18,6 +19,15 @@ from types import MappingProxyType
 from armid.errors import RobotError
 
 REMEDY = "name the folder of the package with --package NAME=DIR, ROS_PACKAGE_PATH or AMENT_PREFIX_PATH"
+
+SCHEMES = ("package://", "model://")
+"""Beginnings of the names of files that lie in a package."""
+
+LEVELS = 3
+"""Number of folders, from that of the description upwards, near which missing files are searched."""
+
+MOST_FOLDERS = 50
+"""Largest number of folders in a folder that are searched; more belong to no package."""
 
 _given: ContextVar[Mapping[str, str]] = ContextVar("_given", default=MappingProxyType({}))
 
@@ -71,8 +81,58 @@ def file_of(name: str, inside: Path, source: str) -> str:
     """
     above = Path(source).resolve().parent
     places = [folder / inside for folder in package_folders(name, source)]
+    places += [Path(_given.get()[name]) / tail for tail in _tails(inside)] if name in _given.get() else []
     places += [up / inside for up in (above, *above.parents)]
     return next((str(place) for place in places if place.is_file()), "")
+
+
+def option_for(references: Iterable[str], source: str) -> str:
+    """Option `--package NAME=DIR` with which missing files are found; empty if they do not lie near the description.
+
+    Searched are the folder of the description, the two above it, and the folders in these, for the ends of the paths
+    inside the packages: a copy of meshes rarely has all folders of the package.
+
+    Args:
+        references: Names of missing files as in the description, such as `package://NAME/meshes/a.stl`.
+        source: Path of the description.
+    """
+    above = Path(source).resolve().parent
+    near = [*dict.fromkeys((above, *above.parents[: LEVELS - 1]))]
+    near += [each for up in near for each in _folders_in(up)]
+    found: dict[str, str] = {}
+    for name, inside in filter(None, map(split_reference, references)):
+        if name in found:
+            continue
+        places = ((folder, folder / tail) for tail in (inside, *_tails(inside)) for folder in near)
+        folder = next((folder for folder, place in places if place.is_file()), None)
+        if folder is not None:
+            found[name] = shlex.quote(f"{name}={folder}")
+        if not found:
+            return ""  # the first search tells whether meshes are near
+    return " ".join(f"--package {each}" for each in found.values())
+
+
+def split_reference(reference: str) -> tuple[str, Path] | None:
+    """Name of the package and path inside it, of a file such as `package://NAME/…`; `None` for another path."""
+    for scheme in SCHEMES:
+        if reference.startswith(scheme):
+            package, _, inside = reference.removeprefix(scheme).partition("/")
+            return package, Path(inside)
+    return None
+
+
+def _tails(inside: Path) -> list[Path]:
+    """Ends of a path, the longest first, without the path itself."""
+    return [Path(*inside.parts[k:]) for k in range(1, len(inside.parts))]
+
+
+def _folders_in(folder: Path) -> list[Path]:
+    """Folders in a folder; none if there are too many for a search, or if it cannot be read."""
+    try:
+        found = sorted(path for path in folder.iterdir() if path.is_dir())
+    except OSError:
+        return []
+    return found if len(found) <= MOST_FOLDERS else []
 
 
 def _entries(variable: str) -> list[Path]:

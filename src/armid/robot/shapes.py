@@ -78,37 +78,47 @@ def capsule_between(name: str, link: int, begin: ArrayLike, end: ArrayLike, radi
     return Shape(name, link, "capsule", np.array([radius, length]), homogeneous(turned, 0.5 * (a + b)))
 
 
-def meshes_missing(files: Mapping[str, str]) -> tuple[Finding, ...]:
+def meshes_missing(files: Mapping[str, str], option: str = "") -> tuple[Finding, ...]:
     """Finding about all collision meshes whose files are missing; none if all exist.
 
     Args:
         files: Paths of the missing files, by the names of their bodies.
+        option: Option that would find them; empty if none is known.
     """
     if not files:
         return ()
     bodies, (first, file) = _listed(tuple(files)), next(iter(files.items()))
     what = f"the collision mesh {file} is" if len(files) == 1 else f"{len(files)} collision meshes ({file}, …) are"
-    evidence = f"{what} missing; a collision check would ignore {bodies}"
-    remedy = (
-        "if collisions are to be checked, name the folder of the package with --package NAME=DIR, or put the meshes "
-        "beside the description; an identification does not need them."
-    )
+    evidence = f"{what} missing; a collision check would ignore {bodies}{_nearby(option)}"
+    remedy = f"if collisions are to be checked, {_naming(option)}; an identification does not need them."
     return (Finding("mesh-missing", "warning", first if len(files) == 1 else "", evidence, remedy),)
 
 
-def looks_missing(files: Mapping[str, str]) -> tuple[Finding, ...]:
+def looks_missing(files: Mapping[str, str], option: str = "") -> tuple[Finding, ...]:
     """Finding about all visual meshes whose files are missing; none if all exist.
 
     Args:
         files: Paths of the missing files, by the names of their bodies.
+        option: Option that would find them; empty if none is known.
     """
     if not files:
         return ()
-    evidence = (
-        f"{len(files)} visual meshes are missing, such as {next(iter(files.values()))}: {_listed(tuple(files))}"
-    )
-    remedy = "name the folder of the package with --package NAME=DIR, or put the meshes beside the description."
+    example = next(iter(files.values()))
+    evidence = f"{len(files)} visual meshes are missing, such as {example}: {_listed(tuple(files))}{_nearby(option)}"
+    remedy = f"{_naming(option)}."
     return (Finding("visual-missing", "info", "", evidence, remedy),)
+
+
+def _nearby(option: str) -> str:
+    """Clause that a missing file was seen near the description; empty if it was not."""
+    return f"; {option} would find it near the description" if option else ""
+
+
+def _naming(option: str) -> str:
+    """What to do about missing meshes."""
+    if option:
+        return f"give {option}"
+    return "name the folder of the package with --package NAME=DIR, or put the meshes beside the description"
 
 
 def _listed(bodies: Sequence[str]) -> str:

@@ -15,7 +15,7 @@ from armid.checked_array import Array
 from armid.errors import Finding, RobotError
 from armid.maths.rotations import axis_rotation, homogeneous, rpy_rotation
 from armid.robot.collision_body_names import BodyName
-from armid.robot.packages import file_of
+from armid.robot.packages import file_of, option_for, split_reference
 from armid.robot.robot import Robot
 from armid.robot.shapes import Kind, Shape, looks_missing, meshes_missing
 from armid.robot.xml import numbers
@@ -61,7 +61,8 @@ def shapes_of_urdf(
                 findings.append(
                     Finding("visual-left-out", "info", label, error.problem, "correct it if pictures need this body.")
                 )
-    return tuple(shapes), (*findings, *(meshes_missing if kind == "collision" else looks_missing)(missing))
+    option = option_for(missing.values(), source)
+    return tuple(shapes), (*findings, *(meshes_missing if kind == "collision" else looks_missing)(missing, option))
 
 
 def _carrier(
@@ -117,9 +118,7 @@ def _geometry(shape: ET.Element, source: str, where: str) -> tuple[Kind, Array, 
 def _mesh_path(filename: str, source: str) -> str:
     """Path of a mesh; empty if the file is not found."""
     folder = Path(source).resolve().parent
-    for scheme in ("package://", "model://"):
-        if filename.startswith(scheme):
-            package, _, inside = filename.removeprefix(scheme).partition("/")
-            return file_of(package, Path(inside), source)
+    if (reference := split_reference(filename)) is not None:
+        return file_of(*reference, source)
     place = folder / filename.removeprefix("file://")
     return str(place) if place.is_file() else ""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import struct
 from pathlib import Path
 
@@ -90,6 +91,28 @@ def test_xacro_finds_packages_where_meshes_are_found(
     path.write_text(XACRO)
     monkeypatch.setenv("ROS_PACKAGE_PATH", str(package.parent))
     assert load_robot(path).joint_names == ("j",)
+
+
+@pytest.mark.parametrize("meshes", ["meshes", "meshes/shapes", "stl"])
+def test_the_option_that_is_named_finds_meshes_near_the_description(tmp_path: Path, package: Path, meshes: str):
+    """The folder of the description stands beside that of the meshes, under another name than in the package."""
+    path = tmp_path / "copied here" / "urdf" / "arm.urdf"
+    path.parent.mkdir(parents=True)
+    path.write_text(URDF.replace("arm_description/meshes", "arm_description/robots/arm/meshes/shapes"))
+    there = path.parents[1] / meshes / "a.stl"
+    there.parent.mkdir(parents=True)
+    there.write_bytes((package / "meshes" / "a.stl").read_bytes())
+    (missing,) = (finding for finding in load_robot(path).findings if finding.code == "mesh-missing")
+    words = shlex.split(missing.remedy.partition("--package ")[2])
+    assert words and "--package" in missing.evidence
+    name, _, folder = words[0].rstrip(";").partition("=")
+    robot = load_robot(path, packages={name: folder.rstrip(";")})
+    assert "mesh-missing" not in codes(robot) and Path(robot.shapes[0].path).samefile(there)
+
+
+def test_no_option_is_named_where_no_mesh_is_near(alone: Path):
+    (missing,) = (finding for finding in load_robot(alone).findings if finding.code == "mesh-missing")
+    assert "--package NAME=DIR" in missing.remedy and "--package" not in missing.evidence
 
 
 def test_what_is_no_package_is_refused(alone: Path, capsys: pytest.CaptureFixture[str]):
