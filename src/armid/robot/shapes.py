@@ -115,7 +115,7 @@ def _nearby(option: str) -> str:
 
 
 def _naming(option: str) -> str:
-    """What to do about missing meshes."""
+    """Action against missing meshes."""
     if option:
         return f"give {option}"
     return "name the folder of the package with --package NAME=DIR, or put the meshes beside the description"

@@ -305,9 +305,10 @@ def numeric(values: NDArray[Any], name: str, path: Path) -> Array:
     Raises:
         RecordingError: The column has values other than real numbers, or is not a vector or matrix.
     """
-    if values.dtype.kind not in "fiub":
+    kind = getattr(values, "dtype", None)  # an archive may hold files of other kinds
+    if kind is None or kind.kind not in "fiub":
         raise RecordingError(
-            f"{path}: {name!r} holds {values.dtype.name}, not numbers.",
+            f"{path}: {name!r} holds {type(values).__name__ if kind is None else kind.name}, not numbers.",
             remedy="save plain arrays of real numbers, or name another column.",
         )
     if values.ndim not in (1, 2):
