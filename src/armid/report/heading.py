@@ -88,7 +88,7 @@ def export_command(run: str, estimate: Estimate, robot: Robot, description: str)
 
 
 def needed_for_description(estimate: Estimate, robot: Robot) -> str:
-    """What is needed first for a robot description with the identified bodies; empty if nothing is."""
+    """Requirement of a robot description with the identified bodies; empty if it is fulfilled."""
     bodies = estimate.fit.standard
     if bodies is None or bodies.proof.smallest_eigenvalue <= 0.0 or bodies.proof.lowest < 0.0:
         return "bodies: identify with --method physical"
