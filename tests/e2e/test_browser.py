@@ -238,6 +238,26 @@ def test_the_preview_is_drawn(size: tuple[int, int], dark: bool, moving: Path, c
     assert_quiet(tab, moving)
 
 
+def test_without_webgl_a_message_and_the_picture_of_the_joints_stand_there(
+    moving: Path, tmp_path: Path, chromium: Browser
+):
+    blind = tmp_path / "blind.html"
+    no_context = "<script>HTMLCanvasElement.prototype.getContext = () => null;</script>"
+    blind.write_text(moving.read_text(encoding="utf-8").replace("<head>", f"<head>{no_context}", 1), encoding="utf-8")
+    tab = chromium.open(blind, size=PHONE, mark="still")
+    shown = "document.querySelector('#skeleton .arm').getBoundingClientRect().height > 100"
+    tab.wait(shown)
+    assert "could not be drawn in this browser" in tab.run("document.getElementById('undrawn').textContent")
+    assert is_inside(tab)
+    tab = chromium.open(moving, mark="still")
+    tab.wait("document.documentElement.dataset.drawn")
+    assert not tab.run(shown)
+    context = "document.querySelector('#view canvas').getContext('webgl2')"
+    tab.run(f"{context}.getExtension('WEBGL_lose_context').loseContext()")
+    tab.wait(shown)
+    assert "context was lost" in tab.run("document.getElementById('undrawn').textContent")
+
+
 def test_the_arm_is_where_it_is(moving: Path, arm: Robot, chromium: Browser):
     tab = chromium.open(moving, mark="still")
     tab.wait("document.documentElement.dataset.drawn")

@@ -16,6 +16,7 @@ from armid.errors import Finding
 from armid.excitation.collision.collision_model import CollisionOptions
 from armid.excitation.limits.joint_limits import Limits, described_limits
 from armid.report.page_file import write_html
+from armid.report.plots.arm_picture import POSES, skeleton
 from armid.report.plots.encoding import compressed, embedded, packed
 from armid.report.preview.clip import Clip
 from armid.report.preview.masses import MassLayer
@@ -91,6 +92,7 @@ def _page(preview: Preview) -> tuple[str, tuple[Finding, ...]]:
             has_bodies=bool(record["bodies"]),
             missing=[f"{f.channel}: {f.evidence}" if f.channel else f.evidence for f in missing],
             bare=not record["bodies"] or bool(missing),
+            skeleton=skeleton(robot, clip.q[:: max(1, len(clip.q) // POSES)]),
             version=version("armid"),
             style=text_of("theme.css") + text_of("preview/preview.css"),
             script=text_of("unpack.js") + text_of("preview/view.js") + text_of("preview/preview.js"),

@@ -168,8 +168,17 @@
     event.preventDefault();
   });
 
+  // The picture of the joints in the place of the arm, where a browser draws nothing in three dimensions.
+  function showSkeleton(reason) {
+    at("undrawn").textContent = `The arm could not be drawn in this browser (${reason}); the bars and distances beside it still move. The preview needs WebGL, which the settings of a browser may switch off.`;
+    at("skeleton").hidden = false;
+  }
+
   function begin() {
     view = new View(at("view"), data, colour);
+    const canvas = view.renderer.domElement;
+    canvas.addEventListener("webglcontextlost", () => showSkeleton("its WebGL context was lost"));
+    canvas.addEventListener("webglcontextrestored", () => { at("skeleton").hidden = true; });
     at("home").addEventListener("click", () => view.home());
     for (const box of document.querySelectorAll("[data-layer]")) {
       box.addEventListener("change", () => view.set(box.dataset.layer, box.checked));
@@ -184,10 +193,7 @@
   if (approach) drawChart();
   seek(0);
   unpack("three-packed").then(begin).catch((error) => {
-    const said = document.createElement("p");
-    said.className = "missing";
-    said.textContent = `The arm could not be drawn in this browser (${error.message}); the bars and distances beside it still move.`;
-    at("view").append(said);
+    showSkeleton(error.message);
     play(true);
   });
 
