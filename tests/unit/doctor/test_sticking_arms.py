@@ -50,6 +50,13 @@ def test_stiction_is_no_other_order(tmp_path: Path, size: float):
     assert not [f for f in diagnose_recording(robot, log, LogFormat()) if f.severity == "error"]
 
 
+def test_stiction_is_no_certain_delay(tmp_path: Path):
+    """It looks like a delay of all torque, but not of weight and inertia."""
+    robot = pendulum(tmp_path, 0.1)
+    found = [f for f in diagnose_recording(robot, sticking(robot, 0.2, 6), LogFormat()) if f.code == "channel-delay"]
+    assert all(f.severity == "warning" for f in found)
+
+
 def test_stiction_hides_no_exchange(tmp_path: Path):
     """Away from reversals, the two orders differ clearly, however large the residual at reversals is."""
     robot = pendulum(tmp_path, 2.0)

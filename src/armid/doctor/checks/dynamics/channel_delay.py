@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 
@@ -31,7 +32,11 @@ GAIN = 0.06
 0.3 or more; on a servo arm with encoders of 4096 counts, 8 ms give 0.07. On recorded arms, friction that resembles a
 delay gives up to 0.04, and more only if it is not significant or not the same in a wider band."""
 
-HINT = 0.03
+AGREED_GAIN = 0.03
+"""The same limit if the torque without dry friction says the same delay with as much certainty: stiction imitates a
+delay of the whole torque, but not one of weight and inertia."""
+
+HINT, AGREED_HINT = 0.03, 0.015
 """Smallest decrease of the mean log residual, with the time derivative of the torque as an extra column, for which a
 delay is searched. It is at least half of the decrease that the delay itself gives."""
 
@@ -39,6 +44,9 @@ SHARE = 0.98
 """Smallest ratio of two decreases of the log residual: with one delay for all joints, and with a separate lag of
 the friction of each joint. If friction only resembles a delay, the ratio is below 0.97 (recorded arms: two thirds; a
 light arm with presliding: 0.96). For a true delay of 10 ms it is 1, even in slow motion where friction dominates."""
+
+SURE_OF_ERROR = 3.0
+"""Number of stated standard deviations of a delay from which it is an error; below, it is a warning."""
 
 SURE = 6.0
 """Number of standard deviations by which a delay must differ from zero."""
@@ -98,7 +106,7 @@ def check(evidence: LogEvidence) -> list[Finding]:
     deviation = _with_difference(deviation, delay - moving, spread)
     text = f"{_delay_text(delay, deviation, first.gain, sharp.log.rate)} {evidence.trial_of(first)}"
     remedy = lines("s", delay=_total_delay(evidence, delay)).marked()
-    return [replace(each, evidence=text, remedy=remedy) for each in found]
+    return [replace(each, severity=_severity(delay, deviation), evidence=text, remedy=remedy) for each in found]
 
 
 def _in_wider_band(evidence: LogEvidence) -> LogState | None:
@@ -139,29 +147,76 @@ def explain(state: LogState) -> Explanation | None:
 def _explained_by(state: LogState, judged: LogState) -> Explanation | None:
     """Explanation by a delay that is significant in all rows of a log or in the rows away from reversals."""
     cost, whole = judged.fit.cost, judged is state
-    if cost - solve(judged.rows, extra=judged.torque_slope()[None]).cost < HINT:
+    hint = cost - solve(judged.rows, extra=judged.torque_slope()[None]).cost
+    if hint < (HINT if whole else AGREED_HINT):
         return None
     delay, deviation, after = delay_of(judged)
     gain = cost - after.fit.cost
-    if gain < GAIN or abs(delay) < max(LEAST, SURE * deviation) or gain < SHARE * (cost - _friction_alone(judged)):
+    if gain < AGREED_GAIN or abs(delay) < max(LEAST, SURE * deviation):
+        return None
+    applied = delay
+    rest, spread = _delay_without_friction(after)
+    agrees = not whole and abs(rest) < AGREE * spread and abs(delay + rest) > SURE * spread
+    imitated = not whole and abs(delay + rest) < SURE_OF_ERROR * spread
+    if not agrees and (imitated or gain < GAIN or hint < HINT):
+        return None
+    if gain < SHARE * (cost - _friction_alone(judged)):
         return None
     if whole:
         moving, spread = _away_from_reversals_alone(state)
         if abs(delay - moving) > CONTRADICT * spread:
             return None
-        deviation = _with_difference(deviation, delay - moving, spread)
+        applied, deviation = _with_reversals(delay, deviation, moving, spread)
+    else:
+        deviation = float(np.hypot(deviation, rest / 2.0))
     return Explanation(
         CODE,
         gain,
-        "error",
+        _severity(applied, deviation),
         "effort",
-        _delay_text(delay, deviation, gain, state.log.rate),
-        lambda evidence: lines("s", delay=_total_delay(evidence, delay)),
-        _with_torque_advanced(state, delay),
+        _delay_text(applied, deviation, gain, state.log.rate),
+        lambda evidence: lines("s", delay=_total_delay(evidence, applied)),
+        _with_torque_advanced(state, applied),
         lambda evidence: _is_in_every_band(evidence, delay, whole),
         by_error_alone=True,
         trial=None if whole else try_remedy(judged.rows, after.rows),
     )
+
+
+def _with_reversals(delay: float, deviation: float, moving: float, spread: float) -> tuple[float, float]:
+    """Delay [s] and its standard deviation, from all rows and from the rows away from reversals.
+
+    Where they differ by more than the deviation of the latter, joints stick, and the difference is the error of the
+    delay from all rows; the mean is weighted accordingly.
+
+    Args:
+        delay: Delay from all rows.
+        deviation: Its standard deviation.
+        moving: Delay from rows away from reversals.
+        spread: Its standard deviation.
+    """
+    error = abs(delay - moving)
+    if error <= spread:
+        return delay, _with_difference(deviation, error, spread)
+    share = spread**2 / (spread**2 + error**2)
+    return share * delay + (1.0 - share) * moving, error * spread / float(np.hypot(error, spread))
+
+
+def _severity(delay: float, deviation: float) -> Literal["error", "warning"]:
+    """Severity of a delay: a warning where it is uncertain."""
+    return "error" if abs(delay) > SURE_OF_ERROR * deviation else "warning"
+
+
+def _delay_without_friction(after: LogState) -> tuple[float, float]:
+    """Delay of the torque without dry friction after a correction, and its standard deviation [s].
+
+    The dry friction of each joint has a free delay of its own.
+    """
+    rows = after.rows
+    lags, friction = _friction_lags(after)
+    rest = _slopes(rows, rows.torque - after.fit.residual - friction)
+    fit = solve(rows, extra=np.concatenate([rest[None], lags]))
+    return -float(fit.values[rows.count]), float(fit.deviation[rows.count])
 
 
 def _away_from_reversals_alone(state: LogState) -> tuple[float, float]:
@@ -266,13 +321,20 @@ def _friction_alone(state: LogState) -> float:
 
     Stiction and backlash make friction lag without a delay of the log; gravity and inertial torques do not lag then.
     """
-    rows = state.rows
-    extra = np.zeros((rows.n, *rows.torque.shape))
+    return solve(state.rows, extra=_friction_lags(state)[0]).cost
+
+
+def _friction_lags(state: LogState) -> tuple[Array, Array]:
+    """Derivative of the dry friction of each joint (n, M, n), for a unit of it, and all dry friction (M, n) [N·m]."""
+    rows, values = state.rows, state.fit.values
+    lags, friction = np.zeros((rows.n, *rows.torque.shape)), np.zeros_like(rows.torque)
     for j in range(rows.n):
-        for symbol, column in zip(state.symbols(j), rows.columns[j], strict=True):
+        own = zip(state.symbols(j), rows.columns[j], rows.parameters[j], strict=True)
+        for symbol, column, parameter in own:
             if symbol == "FS":
-                extra[j, :, j] = _slopes(rows, column)
-    return solve(rows, extra=extra).cost
+                lags[j, :, j] = _slopes(rows, column)
+                friction[:, j] += values[parameter] * column
+    return lags, friction
 
 
 def _advanced(run: ObservedRun, seconds: float) -> ObservedRun:
