@@ -160,12 +160,34 @@ def test_a_plan_after_a_run(identified, tmp_path, capsys):
     plans = [json.loads((tmp_path / name / "plan.json").read_text()) for name in ("first", "second", "third")]
     assert [plan["criterion"] for plan in plans] == ["d-optimal", "worst", "a-optimal"]
     told = [{finding["code"] for finding in plan["findings"]} for plan in plans]
-    assert "torque-nominal" in told[0] and "torque-nominal" not in told[1]  # but of what the run has identified
+    assert "torque-nominal" in told[0] and "torque-nominal" not in told[1] and "torque-estimated" in told[1]
     alone, after = (
         np.array([p["deviation"] for p in json.loads((each / "preflight.json").read_text())["base_parameters"]])
         for each in (tmp_path / "first", tmp_path / "second")
     )
     assert np.sqrt(np.mean(after**2)) < np.sqrt(np.mean(alone**2))
+
+
+def test_a_plan_after_a_run_has_the_torque_that_the_run_predicts(identified, tmp_path, capsys):
+    """Also where the design itself has fewer terms than the run."""
+    plan = tmp_path / "plan"
+    common = [identified / "small.urdf", *QUICK, "--terms", "rigid-body,viscous", "--after", identified / "run"]
+    run([*common, "--out", plan], capsys)
+    margins = json.loads((plan / "preflight.json").read_text())["limits"]
+    stated = [each["value"] for each in margins if each["limit"] == "torque"]
+    motion = tmp_path / "torque.csv"
+    call = ["predict", identified / "run", plan / "plan.json", "--plan-rate", 1000, "--out", motion]
+    with pytest.raises(SystemExit) as end:
+        main(list(map(str, call)))
+    assert not end.value.code
+    predicted = np.abs(np.loadtxt(motion, delimiter=",", skiprows=1)[:, 1:]).max(axis=0)
+    assert stated == pytest.approx(predicted.tolist(), rel=1e-9)  # rounding
+
+
+def test_poses_need_a_run_of_the_arm_for_its_torque(identified, small, tmp_path, capsys):
+    poses = ["--experiment", "poses", "--poses", 3, "--after", identified / "run", "--out", tmp_path / "poses"]
+    run([identified / "small.urdf", *poses], capsys)
+    assert "under this gravity" in stopped([small, *poses], capsys)
 
 
 def test_a_run_about_another_arm_is_refused(identified, small, tmp_path, capsys):

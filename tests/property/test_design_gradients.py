@@ -13,7 +13,18 @@ from armid.excitation.limits.workspace import Workspace
 from armid.excitation.rest_to_rest_basis import SeriesBasis
 from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics_model import DynamicsModel
-from armid.model.terms import Coulomb, Coupling, Offset, RigidBody, RotorInertia, Viscous
+from armid.model.slipping_hysteresis import slipping
+from armid.model.terms import (
+    Coulomb,
+    Coupling,
+    Hysteresis,
+    LoadCoulomb,
+    LoadViscous,
+    Offset,
+    RigidBody,
+    RotorInertia,
+    Viscous,
+)
 from armid.robot import load_robot
 
 RELATIVE = 1e-6
@@ -69,6 +80,10 @@ def channels(goal, basis):
     normals = rng.normal(size=(3, 3))
     other = DynamicsModel(goal.model.robot, (RigidBody(), RotorInertia(), Coulomb()))
     described = TorqueModel(other, find_base_parameters(other))
+    terms = (RigidBody(), RotorInertia(), Coulomb(), LoadCoulomb(), LoadViscous(), Hysteresis((0.01, 0.1)))
+    bodies = goal.model.robot.inertial_vector
+    laden = DynamicsModel(goal.model.robot, terms, None if bodies is None else 0.1 * bodies)
+    loaded = TorqueModel(slipping(laden), find_base_parameters(laden))
     return {
         "position": RangeLimit("position", 0, every, names, 0.1 * limits, limits),
         "velocity": RangeLimit("velocity", 1, some, (names[0], names[-1]), np.zeros(2), limits[:2]),
@@ -83,6 +98,9 @@ def channels(goal, basis):
         "torque of another model": Torque(
             "torque", every, names, rng.normal(size=described.base.count), 3.0 * limits, described
         ),
+        "torque with load and hysteresis": Torque(
+            "torque", every, names, rng.normal(size=loaded.base.count), 3.0 * limits, loaded
+        ),
         "workspace": Workspace(
             "workspace", ("a", "b", "c"), normals / np.linalg.norm(normals, axis=1)[:, None], 0.5 * np.ones(3)
         ),
@@ -91,7 +109,8 @@ def channels(goal, basis):
 
 KINDS = (
     "position", "velocity", "acceleration", "jerk", "amplitude of position", "amplitude of velocity",
-    "coefficients", "torque", "torque of another model", "workspace",
+    "coefficients", "torque", "torque of another model", "torque with load and hysteresis",
+    "workspace",
 )  # fmt: skip
 
 

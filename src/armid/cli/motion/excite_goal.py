@@ -14,9 +14,12 @@ from armid.cli.motion.motion_of_file import motion_of_file, series_of_file
 from armid.cli.motion.number_options import numbers
 from armid.errors import ArmidError
 from armid.excitation.design.objective import CriterionGoal, information_along, known_sizes
+from armid.excitation.limits.torque_limits import EstimatedTorque
 from armid.information.information import Information
 from armid.model.base_parameters import BaseParameters, find_base_parameters
 from armid.model.dynamics_model import DynamicsModel
+from armid.robot.robot import Robot
+from armid.runs.estimated_torque import estimated_torque
 from armid.runs.run import MARKER, load_run
 from armid.value_files import load
 
@@ -61,14 +64,10 @@ def _estimates(path: str, base: BaseParameters) -> tuple[Array, Array]:
     return values, deviations
 
 
-def identified_parameters(paths: Sequence[str], goal: CriterionGoal) -> Array | None:
-    """Base parameters (b,) for the torque limits, from the last run that identified all of them."""
-    for path in reversed(paths):
-        if (Path(path) / MARKER).is_file():
-            values, deviations = _estimates(path, goal.base)
-            if np.isfinite(deviations).all():
-                return values
-    return None
+def torque_of_runs(paths: Sequence[str], robot: Robot) -> EstimatedTorque | None:
+    """Torque for the limits, from the last run that gives it; `None` if no run does."""
+    runs = (load_run(path) for path in reversed(paths) if (Path(path) / MARKER).is_file())
+    return next(filter(None, (estimated_torque(run, robot) for run in runs)), None)
 
 
 def _of_motion(path: str, goal: CriterionGoal) -> Array:

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import replace
 from typing import Any
 
 from armid.checked_array import Array
-from armid.cli.motion.excite_goal import goal_of, identified_parameters
+from armid.cli.motion.excite_goal import goal_of, torque_of_runs
 from armid.cli.motion.motion_of_file import motion_of_file
 from armid.cli.motion.number_options import numbers, parse_limits
 from armid.errors import ArmidError
@@ -57,9 +56,7 @@ def run_request(
         _pose(options, "end", model.robot),
     )
     budget = SearchBudget(options["budget"], options["seed"], 0)
-    constraints = replace(
-        design_constraints(options, model.robot), parameters=identified_parameters(options["after"] or (), goal)
-    )
+    constraints = design_constraints(options, model.robot)
     return design_plan(design_goal, constraints, budget, progress=progress, executor=executor, stage=stage)
 
 
@@ -73,7 +70,7 @@ def design_constraints(options: Mapping[str, Any], robot: Robot) -> DesignConstr
         options["acceleration"],
         options["jerk"],
         TORQUE_MARGIN if margin is None and options["limits"] == "true" else margin,
-        None,
+        torque_of_runs(options["after"] or (), robot),
         _clearance(options, robot, surroundings),
         surroundings,
         assumed_floor(robot, options),
@@ -106,12 +103,19 @@ def run_experiment(model: DynamicsModel, options: Mapping[str, Any]) -> Designed
     """Design static poses or constant velocities, by the options of `armid excite`.
 
     Raises:
-        ArmidError: The experiment is unknown, or bodies come too close to each other during it.
+        ArmidError: The experiment is unknown, no run given with --after is about this arm, or bodies come too close
+            to each other during it.
     """
     kind, start = options["experiment"], _pose(options, "start", model.robot)
     goal = MovesGoal(kind, options["poses"], options["rest"], start, options["seed"])
-    parameters = identified_parameters(options["after"], goal_of(model, options)) if options["after"] else None
-    return design_moves(model, goal, replace(design_constraints(options, model.robot), parameters=parameters))
+    constraints = design_constraints(options, model.robot)
+    if options["after"] and constraints.estimate is None:
+        raise ArmidError(
+            f"--after {' '.join(options['after'])}: poses and sweeps use the torque of an earlier run, but none of "
+            f"these is a run that gives the torque of {model.robot.name} under this gravity.",
+            remedy="give a run of this arm, or leave out --after: torque is then computed from the description.",
+        )
+    return design_moves(model, goal, constraints)
 
 
 def _pose(options: Mapping[str, Any], name: str, robot: Robot) -> Array | None:

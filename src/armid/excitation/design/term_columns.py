@@ -14,11 +14,12 @@ from numpy.typing import NDArray
 
 from armid.checked_array import Array
 from armid.errors import ModelError
+from armid.excitation.design.load_torque import LoadTorque
 from armid.excitation.design.smoothed_laws import smoothed
 from armid.information.column_source import ColumnSource
 from armid.model.expression import FUNCTIONS, Expression, derivative
 
-STATES = ("q", "dq", "ddq")
+STATES = ("q", "dq", "ddq", "load")
 
 
 class _ExpressionProgram:
@@ -26,9 +27,11 @@ class _ExpressionProgram:
 
     Args:
         expressions: The expressions.
+        given: Symbols that they may contain.
     """
 
-    def __init__(self, expressions: Sequence[Expression]) -> None:
+    def __init__(self, expressions: Sequence[Expression], given: Sequence[str] = STATES) -> None:
+        self._given = given
         self._known: dict[Expression, int] = {}
         self._steps: list[tuple[str, tuple[int, ...]]] = []
         self._constants: list[Array | None] = []
@@ -40,7 +43,7 @@ class _ExpressionProgram:
             return self._known[expression]
         inputs = tuple(self._add(argument) for argument in expression.arguments)
         number = isinstance(expression.head, float)
-        if not number and not inputs and expression.head not in STATES:
+        if not number and not inputs and expression.head not in self._given:
             raise ModelError(
                 f"A torque law of the model depends on {expression.head!r}; a design knows only the motion.",
                 remedy="leave this term out of the model, or use laws of position, velocity and acceleration only.",
@@ -90,6 +93,7 @@ def _groups(source: ColumnSource, width: float) -> tuple[_Group, ...]:
     entries = [source.model.entries[e] for e in source.layout.kept]
     for row, (_, _, law, _) in enumerate(entries):
         by_law.setdefault(law.expression, []).append(row)
+    given = STATES if source.model.load_parameters is not None else STATES[:3]
     groups: list[_Group] = []
     for expression, rows in by_law.items():
         law = smoothed(expression, width)
@@ -107,7 +111,7 @@ def _groups(source: ColumnSource, width: float) -> tuple[_Group, ...]:
                 coordinate.argmax(axis=1) if plain else None,
                 np.array([[entries[row][3]] for row in rows]),
                 tuple(slopes),
-                _ExpressionProgram([law, *slopes.values()]),
+                _ExpressionProgram([law, *slopes.values()], given),
             )
         )
     return tuple(groups)
@@ -124,13 +128,16 @@ class TermRows:
     def __init__(self, source: ColumnSource, width: float) -> None:
         self._groups = _groups(source, width)
         self._slopes: list[list[Array]] = []
+        loaded = any("load" in group.steps.states for group in self._groups)
+        self._load = LoadTorque(source.model) if loaded else None
 
     def fill(self, states: tuple[Array, Array, Array], rows: Array) -> None:
         """Computes rows (e, N) at states (N, n)."""
         self._slopes = []
+        values_of_all = states if self._load is None else (*states, self._load.fill(states))
         for group in self._groups:
             environment: dict[str, Array] = {}
-            for name, x in zip(STATES, states, strict=True):
+            for name, x in zip(STATES, values_of_all, strict=False):
                 if name in group.steps.states:
                     environment[name] = x.T[group.joints] if group.joints is not None else group.coordinate @ x.T
             values, *slopes = group.steps(environment)
@@ -139,7 +146,11 @@ class TermRows:
 
     def pullback(self, adjoint: Array, gradient: tuple[Array, ...]) -> None:
         """Adds the gradient of Σ adjoint · rows to the gradients by q, dq, ddq, each (N, n)."""
+        by_load = np.zeros_like(gradient[0])
+        by_state = (*gradient, by_load)
         for group, slopes in zip(self._groups, self._slopes, strict=True):
             weighted = group.weight * adjoint[group.rows]
             for k, slope in zip(group.slopes, slopes, strict=True):
-                gradient[k][:] += (weighted * slope).T @ group.coordinate
+                by_state[k][:] += (weighted * slope).T @ group.coordinate
+        if self._load is not None:
+            self._load.pullback(by_load, gradient)

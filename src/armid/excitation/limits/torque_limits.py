@@ -36,6 +36,23 @@ class TorqueModel:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
+class EstimatedTorque:
+    """Estimate from which torque is computed.
+
+    Attributes:
+        model: Model of the estimate.
+        values: Base parameters, shape (b,).
+        origin: Name of the estimate, for messages.
+        terms: Names of the torque terms of the estimate.
+    """
+
+    model: TorqueModel
+    values: Array
+    origin: str
+    terms: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False, slots=True)
 class Torque:
     """Joint torques for given base parameters, divided by their limits.
 

@@ -9,6 +9,7 @@ from armid.checked_array import Array
 from armid.excitation.collision.ignored_pairs import IgnoredBodies
 from armid.excitation.design.objective import CriterionGoal
 from armid.excitation.limits.joint_limits import Limits, limits_of
+from armid.excitation.limits.torque_limits import EstimatedTorque
 from armid.excitation.limits.workspace import Workspace
 from armid.model.motion import Motion
 from armid.robot.robot import Robot
@@ -56,8 +57,7 @@ class DesignConstraints:
         acceleration: Limit of the acceleration of every joint [rad/s² or m/s²]; no limit if not given.
         jerk: Limit of the jerk of every joint [rad/s³ or m/s³]; no limit if not given.
         torque_margin: Share of the torque limits that must stay unused; with `None` torque is not limited.
-        parameters: Identified base parameters from which torque is computed, shape (b,); if not given, those of the
-            description.
+        estimate: Estimate from which torque is computed; if not given, the description.
         clearance: Smallest distance between bodies [m]; with `None` collisions are not checked.
         surroundings: Bodies that do not move.
         floor: Assumed floor, which is ignored if the arm does not start above it.
@@ -72,7 +72,7 @@ class DesignConstraints:
     acceleration: float | None = None
     jerk: float | None = None
     torque_margin: float | None = 0.1
-    parameters: Array | None = None
+    estimate: EstimatedTorque | None = None
     clearance: float | None = None
     surroundings: tuple[Shape, ...] = ()
     floor: AssumedFloor | None = None

@@ -14,7 +14,7 @@ from armid.excitation.limits.joint_limits import (
     Limits,
     torque_channel,
 )
-from armid.excitation.limits.torque_limits import Torque, TorqueModel
+from armid.excitation.limits.torque_limits import EstimatedTorque, Torque, TorqueModel
 from armid.excitation.start_pose import Holds, TorqueHolds, any_pose
 from armid.model.base_parameters import find_base_parameters
 from armid.model.described_torque import described_drives, described_torque
@@ -33,11 +33,13 @@ def judged_torque(
     if constraints.torque_margin is None:
         return None, ()
     unlimited = [limits.joints[j] for j in np.flatnonzero(~np.isfinite(limits.effort))]
-    described, values = None, constraints.parameters
     findings = () if not unlimited else (_unjudged(unlimited, goal.model.robot),)
     if len(unlimited) == len(limits.joints):
         return None, findings
-    if values is None:
+    if (estimate := constraints.estimate) is not None:
+        described, values = estimate.model, estimate.values
+        findings = (*findings, Finding("torque-estimated", "info", "", _contained(estimate)))
+    else:
         robot = goal.model.robot
         if unknown := [name for name in joints_with_unknown_load(robot) if name in limits.joints]:
             findings = (*findings, _unknown_load(unknown, robot))
@@ -106,15 +108,21 @@ def _counted(robot: Robot) -> str:
     return f"{links}, and from its {', '.join(parts)}{without}"
 
 
+def _contained(estimate: EstimatedTorque) -> str:
+    """Sentence that tells which terms of an estimate the torque contains."""
+    slipping = "; hysteresis counts as slipping in the direction of motion" if "hysteresis" in estimate.terms else ""
+    return f"torque is computed from {estimate.origin}, with all of its terms: {', '.join(estimate.terms)}{slipping}"
+
+
 def torque_lacks(robot: Robot, constraints: DesignConstraints, torque: Torque | None) -> str:
     """Friction and rotor inertia that a torque which is compared with limits does not contain; empty if it has all.
 
     Args:
         robot: The arm.
-        constraints: Constraints of a design; with estimated parameters, torque contains what these contain.
+        constraints: Constraints of a design; with an estimate, torque contains all of its terms.
         torque: Constraint on torque, if any.
     """
-    if torque is None or constraints.parameters is not None:
+    if torque is None or constraints.estimate is not None:
         return ""
     drives = described_drives(robot)
     missing = [name for term, (name, _) in COUNTED.items() if not drives[term].any()]

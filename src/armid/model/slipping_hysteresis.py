@@ -1,0 +1,63 @@
+"""Model whose hysteresis elements all slip in the direction of motion: its torque depends on the states alone.
+
+Hysteresis depends on the earlier motion. As soon as a coordinate has moved by twice the width of an element, however,
+the deflection of the element is at its limit, like Coulomb friction. The torque of a motion is therefore the same
+with both, except within this distance after a reversal, where friction that slips is the larger one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+from armid.model.dynamics_model import DynamicsModel
+from armid.model.expression import Expression, sign, symbol
+from armid.model.terms import Term
+from armid.model.terms.term import Law
+from armid.robot.robot import Robot
+
+
+@dataclass(frozen=True, slots=True)
+class _Slipping:
+    """Torque term whose hysteresis elements slip; it has the parameters of the original term.
+
+    Attributes:
+        original: The term with hysteresis.
+    """
+
+    original: Term
+    name: ClassVar[str] = "slipping"
+
+    def laws(self, robot: Robot) -> tuple[Law, ...]:
+        """Laws of the original term, without states."""
+        return tuple(_slipping(law) for law in self.original.laws(robot))
+
+
+def slipping(model: DynamicsModel) -> DynamicsModel:
+    """Model with the same parameters whose hysteresis elements always slip; the model itself if it has no hysteresis.
+
+    Args:
+        model: Arm and torque terms.
+    """
+    if not model.nodes:
+        return model
+    terms = tuple(
+        _Slipping(term) if any(law.memory is not None for law in term.laws(model.robot)) else term
+        for term in model.terms
+    )
+    return replace(model, terms=terms)
+
+
+def _slipping(law: Law) -> Law:
+    """Law in which the state of the play operator trails the coordinate by its half-width."""
+    if law.memory is None:
+        return law
+    trailing = symbol("q") - law.memory.width * sign(symbol("dq"))
+    return replace(law, expression=_replaced(law.expression, trailing), memory=None)
+
+
+def _replaced(expression: Expression, state: Expression) -> Expression:
+    """Expression with another one in place of the symbol `state`."""
+    if not expression.arguments:
+        return state if expression.head == "state" else expression
+    return Expression(expression.head, tuple(_replaced(each, state) for each in expression.arguments))

@@ -1,0 +1,56 @@
+"""Torque model of a run for the design of a motion."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from armid.estimation.saved_estimate import torque_parameters
+from armid.excitation.limits.torque_limits import EstimatedTorque, TorqueModel
+from armid.kernel import Tree
+from armid.model.base_parameters import BaseParameters, find_base_parameters
+from armid.model.slipping_hysteresis import slipping
+from armid.robot.robot import Robot
+from armid.runs.run import Run
+
+SAME = 1e-6
+"""Largest difference of placements [m], axes and coefficients of two arms that count as one: rounding in files."""
+
+
+def estimated_torque(run: Run, robot: Robot) -> EstimatedTorque | None:
+    """Torque of the estimate of a run, with all of its terms, for an arm with its own gravity.
+
+    Hysteresis depends on the earlier motion; its elements always slip in the model
+    (`armid.model.slipping_hysteresis`).
+
+    Args:
+        run: The run.
+        robot: The arm.
+
+    Returns:
+        Model and values; `None` if the run is about an arm of another geometry, or has not determined all parameters
+        that the torque under this gravity needs.
+    """
+    if not _same_geometry(run.robot.tree, robot.tree):
+        return None
+    model, known = replace(run.model, robot=robot), run.estimate.base
+    base = find_base_parameters(model)
+    if not _same_parameters(base, known):
+        return None
+    values = base.values_of(torque_parameters(known, run.estimate.fit))
+    terms = tuple(dict.fromkeys(term.name for term in model.terms))
+    return EstimatedTorque(TorqueModel(slipping(model), base), values, f"the run {run.folder}", terms)
+
+
+def _same_geometry(one: Tree, other: Tree) -> bool:
+    """True if two arms have the same joints at the same places, whatever their gravity."""
+    return one.n == other.n and all(
+        np.allclose(getattr(one, name), getattr(other, name), rtol=0.0, atol=SAME)
+        for name in ("parent", "prismatic", "axis", "rotation", "translation")
+    )
+
+
+def _same_parameters(one: BaseParameters, other: BaseParameters) -> bool:
+    """True if two sets of base parameters are the same sums of the same standard parameters."""
+    return one.names == other.names and np.allclose(one.regrouping, other.regrouping, rtol=0.0, atol=SAME)
