@@ -118,6 +118,16 @@ def _rate(case: Case, remedy: str) -> bool:
     return rate is not None and abs(rate * float(case.motion.time[1]) - 1.0) < RATE
 
 
+def _time_unit(case: Case, remedy: str) -> bool:
+    unit = healed(case, remedy)[0].reading.time_unit
+    return unit is not None and abs(unit / case.truth["unit"] - 1.0) < SCALE
+
+
+SCALE = 0.05
+"""Relative error of a unit of time that is estimated from the dynamics: ten times what is found without friction that
+the model lacks."""
+
+
 def _delay(case: Case, remedy: str) -> bool:
     return delay_error(case, remedy) < SAMPLES
 
@@ -135,6 +145,7 @@ TRUE: dict[str, Any] = {
     "gravity-direction": _gravity,
     "clock-missing": _rate,
     "clock-unit": _same,
+    "time-scale": _time_unit,
     "channel-delay": _delay,
     "torque-gain": _same,
 }

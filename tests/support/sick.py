@@ -292,6 +292,15 @@ def clock_unit(seed: int) -> Case:
     return replace(case.logged(time=case.recording.time / unit), truth={"unit": unit})
 
 
+def time_scale(seed: int) -> Case:
+    """Time stamps of another rate, by a factor of 2 or 4 either way, in a log without velocities."""
+    case, rng = sound(seed), _rng(seed)
+    assert case.recording.time is not None
+    factor = float(rng.choice([2.0, 4.0])) ** float(rng.choice([-1.0, 1.0]))
+    log = case.logged(time=case.recording.time * factor, dq=None, ddq=None)
+    return replace(log, truth={"unit": 1.0 / factor})
+
+
 def clock_jitter(seed: int) -> Case:
     case, rng = sound(seed), _rng(seed)
     time = case.recording.time
@@ -507,8 +516,8 @@ FAULTS: dict[str, Fault] = {
     fault.__name__.replace("_", "-"): fault
     for fault in (
         torque_sign, position_sign, joint_order, degrees, position_offset, position_wrapped, gravity_direction,
-        motor_side, rotor_inertia_missing, current_without_gain, clock_missing, clock_unit, clock_jitter, clock_gap,
-        rows_repeated, rows_not_consecutive, channel_delay, joint_delay, torque_gain, velocity_mismatch,
+        motor_side, rotor_inertia_missing, current_without_gain, clock_missing, clock_unit, time_scale, clock_jitter,
+        clock_gap, rows_repeated, rows_not_consecutive, channel_delay, joint_delay, torque_gain, velocity_mismatch,
         saturation, channel_dead,
         value_missing, filtered_before_logging, period_misaligned, excitation_weak, temperature_drift, contact,
     )

@@ -21,6 +21,7 @@ CHECKS: Catalogue[LogCheck] = Catalogue(
         "position-sign": "armid.doctor.checks.dynamics.position_sign:CHECK",
         "joint-order": "armid.doctor.checks.dynamics.joint_order:CHECK",
         "gravity-direction": "armid.doctor.checks.dynamics.gravity_direction:CHECK",
+        "time-scale": "armid.doctor.checks.dynamics.time_scale:CHECK",
         "channel-delay": "armid.doctor.checks.dynamics.channel_delay:CHECK",
         "joint-delay": "armid.doctor.checks.dynamics.joint_delay:CHECK",
         "position-offset": "armid.doctor.checks.dynamics.position_offset:CHECK",

@@ -34,21 +34,29 @@ def reconsidered(evidence: LogEvidence) -> LogEvidence:
     far = next((f for f in evidence.noted if f.code == "position-offset"), None)
     if degrees is not None and evidence.state is not None and not _explains_torque(evidence):
         doubted, why = degrees, "If they were degrees, they would contradict the torque"
-    elif far is not None and _turns_too_far(evidence):
+    elif far is not None and turns_too_far(evidence):
         read_so = _as_degrees(evidence)
         if read_so is not None and _explains_torque(read_so):
             return _replaced(read_so, far, _degrees(far))
         doubted, why = far, "Other joints move as far as this one"
     else:
         return evidence
-    motor = Finding(
+    return replace(_replaced(evidence, doubted, of_motors(f"{doubted.evidence} {why}")), recording=None)
+
+
+def of_motors(reason: str) -> Finding:
+    """Finding for positions of motors.
+
+    Args:
+        reason: Beginning of the evidence, without a stop.
+    """
+    return Finding(
         "motor-side",
         "error",
         "q",
-        f"{doubted.evidence} {why}, so they are probably positions of motors on the motor side of the gears.",
+        f"{reason}, so they are probably positions of motors on the motor side of the gears.",
         "find out the matrix N with q_motor = N (q - joint_offset), and give it: transmission = [[N1, 0, …], …]",
     )
-    return replace(_replaced(evidence, doubted, motor), recording=None)
 
 
 def _replaced(evidence: LogEvidence, old: Finding, new: Finding) -> LogEvidence:
@@ -78,7 +86,7 @@ def _as_degrees(evidence: LogEvidence) -> LogEvidence | None:
     return replace(evidence, recording=again, reading=replace(reading, units="deg"))
 
 
-def _turns_too_far(evidence: LogEvidence) -> bool:
+def turns_too_far(evidence: LogEvidence) -> bool:
     """True if most joints move over several times the range of their limits."""
     recording = evidence.recording
     assert recording is not None  # findings about limits need it

@@ -57,11 +57,7 @@ class RemedyTrial:
 
     def __str__(self) -> str:
         if abs(self.after - self.before) <= WORTH:
-            return (
-                f"On left-out motion, the remedy changes nothing: the error is {np.exp(self.after):.2%} of the "
-                "torque "
-                "with and without it."
-            )
+            return f"The remedy does not change the error on left-out motion: {np.exp(self.after):.2%} of the torque."
         return (
             f"On left-out motion, the error is {np.exp(self.before):.2%} of the torque without the remedy and "
             f"{np.exp(self.after):.2%} with it."

@@ -158,7 +158,7 @@ def _of_currents(evidence: LogEvidence) -> tuple[Finding, ...]:
         with_remedy = [replace(f, remedy=remedy) if f.code == "current-without-gain" else f for f in evidence.noted]
         evidence = replace(evidence, noted=tuple(with_remedy))
     evidence = replace(evidence, explains=())
-    applicable = {finding.code for finding in evidence.noted}
+    applicable = {"motor-side", *(finding.code for finding in evidence.noted)}  # positions of motors
     applicable |= {code for check in CHECKS.values() if not check.needs_torque for code in check.effects}
     return tuple(f for f in examine(evidence) if f.code in applicable)
 

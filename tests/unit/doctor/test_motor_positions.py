@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -49,3 +51,16 @@ def test_positions_of_motors_are_no_degrees():
     found = errors(in_degrees(factor=np.array([1.4, 1.7, 2.1, 2.8, 1.7, 2.1])))  # gear ratios of 80 to 160
     assert [f.code for f in found] == ["motor-side"]
     assert found[0].remedy.startswith("find out the matrix N")
+
+
+def test_positions_of_motors_with_their_unit_and_currents_are_no_log_of_another_arm():
+    """The unit of the angles is known, and currents say nothing about it."""
+    ratio = np.array([214.0, 250.0, 230.0, 205.0, 170.0, 115.0])
+    case = in_degrees(factor=ratio)
+    case = replace(case, reading=replace(case.reading, units="deg"))
+    for current in (False, True):
+        effort = case.recording.effort
+        assert effort is not None
+        log = case.logged(effort=effort / 10.0, effort_is_current=current)
+        codes = {f.code for f in errors(log)}
+        assert "motor-side" in codes and "position-limits" not in codes

@@ -9,6 +9,7 @@ from armid.checked_array import Array
 from armid.doctor.check_definition import LogCheck
 from armid.doctor.check_input import Explanation, LogEvidence
 from armid.doctor.interpreted_log import LogState
+from armid.doctor.remedy_trial import try_remedy
 from armid.errors import Finding
 from armid.maths.median import median
 from armid.measurement.log_format_remedies import lines
@@ -27,7 +28,10 @@ LARGE = 4.0
 """Multiple of the described torque from which the effort is in another unit. On eight recorded arms, the loaded
 joints have 0.7 to 2.3 times the described torque; the median over the joints is 0.8 to 1.5 times."""
 
-UNITS = ((10.197, "kgf·cm"), (100.0, "N·cm"), (1000.0, "mN·m"), (1e4, "0.1 mN·m"))
+LOWEST_SCALE = 1 / 500
+"""Share below which the effort is in another unit than N·m, because gear ratios of joints are smaller."""
+
+UNITS = ((0.001, "kN·m"), (10.197, "kgf·cm"), (100.0, "N·cm"), (1000.0, "mN·m"), (1e4, "0.1 mN·m"))
 """Units of torque, each with the number of units in one newton metre."""
 
 NEAR_UNIT = 1.6
@@ -87,17 +91,37 @@ def explain(state: LogState) -> Explanation | None:
     if known.sum() < MOST_OF * heavy.sum():
         return None
     typical = float(median(np.abs(nominal.scale[known])))
-    if typical > LARGE:
-        return None if has_placeholder_masses(state) else _too_large(state, known, typical)
-    if typical >= SMALL or typical <= 0.0:
-        return None
-    scale = np.where(known, np.abs(nominal.scale), typical)
-    after = state.with_torque(1.0 / scale)
+    if LOWEST_SCALE <= typical < SMALL:
+        return _small_share(state, known, typical)
+    if typical > LARGE or 0.0 < typical < SMALL:
+        return None if has_placeholder_masses(state) else _other_unit(state, known, typical)
+    return None
+
+
+def _small_share(state: LogState, known: NDArray[np.bool_], typical: float) -> Explanation:
+    """Explanation by a motor torque or current, for an effort that is a small share of the described torque.
+
+    Each joint has the factor that the description gives, unless the joints then disagree more than with one factor
+    for all: masses of the description may be wrong by more than the factors differ.
+
+    Args:
+        state: The log.
+        known: Joints whose scale is known, shape (n,).
+        typical: Share of the described torque, the median over these joints.
+    """
+    nominal = state.nominal
+    assert nominal is not None
+    own = np.where(known, np.abs(nominal.scale), typical)
+    deviations = _deviations(nominal.correlation, known)
+    scale, after = own, state.with_torque(1.0 / own)
+    if try_remedy(state.rows, after.rows).harms:
+        scale = np.full(state.rows.n, typical)
+        after = state.with_torque(1.0 / scale)
+        deviations = [float(f"{each:.2g}") for each in np.hypot(deviations, np.log(own / typical))]
     names = state.model.robot.joint_names
     listed = ", ".join(f"{names[j]} 1/{1 / abs(nominal.scale[j]):.3g}" for j in np.flatnonzero(known))
     motor = typical < MOTOR_SCALE
     gains = [float(f"{1 / s:.3g}") for s in scale]
-    deviations = _deviations(nominal.correlation, known)
     return Explanation(
         MOTOR if motor else CURRENT,
         10.0,  # corrected first, since all other numbers depend on the unit
@@ -109,8 +133,8 @@ def explain(state: LogState) -> Explanation | None:
     )
 
 
-def _too_large(state: LogState, known: NDArray[np.bool_], typical: float) -> Explanation:
-    """Explanation by a unit, for a torque that is a multiple of the described torque.
+def _other_unit(state: LogState, known: NDArray[np.bool_], typical: float) -> Explanation:
+    """Explanation by a unit, for a torque that is a multiple or a tiny share of the described torque.
 
     The same factor is used for all joints if it is that of a unit, or if the joints agree with it. It corrects the
     unit, but not the errors of the description. A factor of no unit is known as well as the description's masses are,
@@ -130,9 +154,10 @@ def _too_large(state: LogState, known: NDArray[np.bool_], typical: float) -> Exp
         f"the joints; {names[loaded]}: {nominal.scale[loaded]:.3g})."
     )
     unit = next((u for u in UNITS if 1.0 / NEAR_UNIT < typical / u[0] < NEAR_UNIT), None)
+    masses = f"the masses of the description are too {'small' if typical > 1.0 else 'large'}"
     if unit is not None:
         gains, note, deviations = np.full(state.rows.n, 1.0 / unit[0]), UNIT_NOTE, None
-        what += f" It is probably in {unit[1]}, unless the masses of the description are too small."
+        what += f" It is probably in {unit[1]}, unless {masses}."
     else:
         gains = np.full(state.rows.n, 1.0 / float(f"{typical:.2g}"))
         own = np.where(known, 1.0 / np.abs(np.where(known, nominal.scale, 1.0)), gains)
@@ -141,7 +166,7 @@ def _too_large(state: LogState, known: NDArray[np.bool_], typical: float) -> Exp
         deviations = _deviations(nominal.correlation, known)
         what += (
             " The factor fits no usual unit of torque: the effort may be in raw units of the drive, a motor current, "
-            "or scaled by a wrong gain, or the masses of the description are too small."
+            f"or scaled by a wrong gain, or {masses}."
         )
         if apart:
             what += " The joints have different factors."
@@ -190,8 +215,8 @@ CHECK = LogCheck(
     effects={
         "motor-side": "All parameters are too small by the gear ratio.",
         "current-without-gain": "All parameters are in units of the drive's current.",
-        "torque-unit": "All parameters are too large by one factor; a validation in the same unit does not detect "
-        "it.",
+        "torque-unit": "All parameters are too large or too small by one factor; a validation in the same unit does "
+        "not detect it.",
     },
     explain=explain,
     hides=("saturation", "torque-beyond-limit"),

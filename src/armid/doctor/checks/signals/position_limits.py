@@ -1,4 +1,4 @@
-"""Joints that are outside their limits as long as they move: the log of another arm, or other zeros and signs."""
+"""Joints that are outside their limits as long as they move: another arm's log, other zeros, or motor positions."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from armid.checked_array import Array
 from armid.doctor.check_definition import LogCheck
 from armid.doctor.check_input import LogEvidence
+from armid.doctor.motor_positions import of_motors, turns_too_far
 from armid.errors import Finding
 from armid.robot import Robot
 
@@ -53,6 +54,8 @@ def check(evidence: LogEvidence) -> list[Finding]:
         else ""
     )
     evident = f"In all of the motion joints are outside their limits: {'; '.join(told)}{more}.{why}"
+    if turns_too_far(evidence):
+        return [of_motors(f"{evident} Most joints move over several times the range of their limits")]
     return [Finding(CODE, "error", ", ".join(robot.joint_names[j] for j in joints), evident, REMEDY)]
 
 

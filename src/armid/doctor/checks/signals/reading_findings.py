@@ -13,22 +13,22 @@ EFFECTS = {
     "columns-guessed": "If the columns are wrong, the estimate is useless; check their names.",
     "units-of-header": "No effect if the names are right. In a study, these lines state the same units.",
     "clock-received": "Jitter of the network and the recorder becomes noise of velocity and acceleration.",
-    "joints-extra": "None: channels of joints that the model does not have are not used.",
+    "joints-extra": "No effect: channels of joints that the model does not have are not used.",
     "joints-merged": "Interpolated values are smoother than measured values, and they are shifted by a fraction of a "
     "step.",
     "locked-joint": "Gravity torques and inertias of all links that the joint carries are computed at a wrong pose.",
     "clock-unit": "Velocities and accelerations are too small by powers of a thousand.",
     "clock-rate": "Velocities and accelerations are too large or too small by the ratio of the two rates.",
-    "row-incomplete": "None: one sample is missing at the end.",
+    "row-incomplete": "No effect, but one sample is missing at the end.",
     "rows-repeated": "Velocity would be zero at every repeated row; these rows are excluded.",
     "rows-not-consecutive": "Nothing can be filtered or differentiated, and terms with hysteresis cannot be used.",
     "effort-missing": "Without torque or current, no parameters can be identified.",
     "value-missing": "Nothing can be computed from it.",
-    "description-rounded": "Without rounding to multiples of 15°, there would be base parameters that the real arm "
-    "does not have.",
-    "topic-chosen": "None: the other topics contain no joints of the arm, or they are commands.",
-    "rests-left-out": "None: the rows at rest, where static friction is unknown, are left out, and all other rows "
-    "remain.",
+    "description-rounded": "Angles that miss a multiple of 15° by rounding only would add base parameters that the "
+    "real arm does not have.",
+    "topic-chosen": "No effect: the other topics contain no joints of the arm, or they are commands.",
+    "rests-left-out": "No harm: static friction at rest is unknown, so these rows are left out; all other rows are "
+    "used.",
     "sticking": "At rest, static friction can have any value up to its bound, so no function of the velocity "
     "describes it.",
     "standstill": "At standstill, static friction can have any value up to its bound, which can bias the estimate.",

@@ -1,0 +1,159 @@
+"""Wrong scale of time: a wrong sample rate or unit of the clock, which gravity and inertia contradict."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from armid.checked_array import Array
+from armid.doctor.check_definition import LogCheck
+from armid.doctor.check_input import Explanation, LogEvidence
+from armid.doctor.downsample import DownsampledLog
+from armid.doctor.interpreted_log import LogState
+from armid.doctor.quick_fit import cost_of, make_rows, tables
+from armid.errors import Finding
+from armid.measurement.log_format_remedies import lines
+from armid.model.motion import Motion
+
+CODE = "time-scale"
+
+FACTORS = 2.0 ** (np.arange(-12.0, 12.5) / 4.0)
+"""Factors on velocities that are tried. The residual rises within a fifth of the true factor."""
+
+GAIN = 0.35
+"""Smallest decrease of the mean log residual. On the recorded arms it is up to 0.2, for a factor of one half."""
+
+ANCHORS = (0.2, 1.0, 5.0)
+"""Factors for which columns are computed; the shape of dry friction near standstill changes over larger distances."""
+
+APART = 1.35
+"""Smallest factor, or its inverse, that is a fault. Rates differ by a factor of two or more from wrong ones."""
+
+SHARP = 0.1
+"""Smallest increase of the mean log residual for half and twice the factor, with dry friction of the same shape. If
+accelerations are too slow to matter, another shape of dry friction alone would look like another scale of time."""
+
+CALM = 0.15
+"""Conflict up to which the joints agree in the scale of time."""
+
+STEPS = 6
+"""Number of steps in which the factor is refined. Each halves the distance to the neighbouring factors."""
+
+
+def check(evidence: LogEvidence) -> list[Finding]:
+    """Reports a wrong scale of time if it explains the log."""
+    return evidence.explained(CODE)
+
+
+def explain(state: LogState) -> Explanation | None:
+    """Explanation by another scale of time; `None` if that of the log agrees.
+
+    The torque of gravity does not depend on time, that of inertia does. Both follow from the same first moments, so
+    that a wrong scale of time is a misfit: with velocities too large by a factor s, gravity seems too small by s².
+    """
+    if state.conflict < CALM:
+        return None
+    cost_with = _costs(state)
+    cost = np.array([cost_with(factor, _anchor(factor)) for factor in FACTORS])
+    if cost.min() > cost_with(1.0, 1.0) - GAIN:
+        return None
+    factor = _refined(cost_with, float(FACTORS[np.argmin(cost)]))
+    around = [cost_with(factor * apart, _anchor(factor)) for apart in (0.5, 2.0)]
+    if max(factor, 1.0 / factor) < APART or min(around) < cost_with(factor, _anchor(factor)) + SHARP:
+        return None
+    after = state.on(_scaled(state.log, factor))
+    gain = state.fit.cost - after.fit.cost
+    if gain < GAIN:
+        return None
+    return Explanation(
+        CODE,
+        gain,
+        "error",
+        "time",
+        f"With rows {1.0 / factor:.3g} times as far apart in time, so that velocities are {factor:.3g} times as "
+        f"large, the residual of one model for all joints is {1 - np.exp(-gain):.0%} smaller.",
+        lambda evidence: _remedy(evidence, factor),
+        after,
+        by_error_alone=True,
+    )
+
+
+def _costs(state: LogState) -> Callable[[float, float], float]:
+    """Function that returns the mean log residual with velocities multiplied by a factor, given the nearest anchor.
+
+    The torque of links is a part at rest plus one in proportion to the square of the factor. The columns of friction
+    and of rotors have no part at rest, and their size does not matter for a fit. So products of the columns at rest
+    and of the rest are enough for all factors near one for which the columns are computed.
+    """
+    rows = state.rows
+    at_rest = [*tables(replace(make_rows(state.source, _scaled(state.log, 0.0)), mask=rows.mask))]
+    near: dict[float, list[tuple[Array, Array, Array]]] = {}
+    for anchor in ANCHORS:
+        there = rows if anchor == 1.0 else make_rows(state.source, _scaled(state.log, anchor))
+        near[anchor] = [
+            _products(*both) for both in zip(at_rest, tables(replace(there, mask=rows.mask)), strict=True)
+        ]
+
+    def cost_with(factor: float, anchor: float) -> float:
+        square = (factor / anchor) ** 2
+        return cost_of(rows, [rest + square * (mixed + square * moving) for rest, mixed, moving in near[anchor]])
+
+    return cost_with
+
+
+def _anchor(factor: float) -> float:
+    """Anchor nearest to a factor."""
+    return min(ANCHORS, key=lambda each: abs(np.log(factor / each)))
+
+
+def _products(still: Array, whole: Array) -> tuple[Array, Array, Array]:
+    """Products of the columns at rest, of these with the remaining columns, and of the remaining columns."""
+    moving = whole - still  # zero in the row of the torque
+    mixed = still @ moving.T
+    return still @ still.T, mixed + mixed.T, moving @ moving.T
+
+
+def _refined(cost_with: Callable[[float, float], float], factor: float) -> float:
+    """Factor with the smallest residual near a factor, by bisection of the distance to its neighbours."""
+    anchor, ratio = _anchor(factor), np.sqrt(FACTORS[1] / FACTORS[0])
+    best = cost_with(factor, anchor)
+    for _ in range(STEPS):
+        for trial in (factor * ratio, factor / ratio):
+            cost = cost_with(trial, anchor)
+            if cost < best:
+                factor, best = trial, cost
+        ratio = np.sqrt(ratio)
+    return float(factor)
+
+
+def _scaled(log: DownsampledLog, factor: float) -> DownsampledLog:
+    """The log with its velocities multiplied by a factor, and its accelerations by the square of the factor."""
+
+    def changed(m: Motion) -> Motion:
+        ddq: Array = m.ddq * factor**2
+        return Motion(m.time, m.q, m.dq * factor, ddq)
+
+    return replace(log, runs=tuple(replace(run, motion=changed(run.motion)) for run in log.runs))
+
+
+def _remedy(evidence: LogEvidence, factor: float) -> str:
+    """Line of a study with the rate or unit of time that the dynamics ask for."""
+    recording, reading = evidence.recording, evidence.reading
+    assert recording is not None
+    note = "about; use the true value"
+    if reading.rate is not None or recording.time is None:
+        return lines(note, rate=float(f"{evidence.rate * factor:.3g}"))
+    return lines(f"s, {note}", time_unit=float(f"{(reading.time_unit or 1.0) / factor:.3g}"))
+
+
+CHECK = LogCheck(
+    look=check,
+    scope="format",
+    effects={
+        CODE: "Velocities are wrong by a factor and accelerations by its square, so inertia and friction are wrong.",
+    },
+    explain=explain,
+    hides=("velocity-mismatch",),
+)
