@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from armid.checked_array import Array
 from armid.errors import ArmidError
+from armid.robot.collada_unit import collada_unit
 from armid.robot.shapes import Shape
 
 Parts = Callable[[Shape], Sequence[Any]]
@@ -56,15 +57,16 @@ def stamp(path: str) -> tuple[int, int]:
 
 @lru_cache(maxsize=64)
 def _mesh(path: str, scale: tuple[float, float, float], _stamp: tuple[int, int]) -> Any:
-    """Triangle mesh of a file.
+    """Triangle mesh of a file, in metres.
 
     Raises:
-        ArmidError: Coal cannot read the file.
+        ArmidError: Coal cannot read the file, or its unit of length is invalid.
     """
     coal = _coal()
     _tell.get()(path)
+    unit = collada_unit(path)
     try:
-        return coal.MeshLoader().load(path, np.array(scale))
+        return coal.MeshLoader().load(path, unit * np.array(scale))
     except (ValueError, RuntimeError) as error:
         raise ArmidError(
             f"The mesh {path} cannot be read: {error}.", remedy="convert it to STL, DAE or OBJ, or remove it."

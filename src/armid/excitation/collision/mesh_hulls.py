@@ -24,7 +24,7 @@ from armid.excitation.collision.capsules import Points, around, covering, cuts_o
 from armid.excitation.collision.coal import apart, convex, mesh_faces, stamp, version
 from armid.robot.shapes import Shape
 
-FORMAT = 1
+FORMAT = 2
 """Version of the entries in the cache folder; it is increased if the computation of the bounding volumes changes."""
 
 ENOUGH = 64
