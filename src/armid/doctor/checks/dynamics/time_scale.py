@@ -19,14 +19,14 @@ from armid.model.motion import Motion
 
 CODE = "time-scale"
 
-FACTORS = 2.0 ** (np.arange(-12.0, 12.5) / 4.0)
-"""Factors on velocities that are tried. The residual rises within a fifth of the true factor."""
+FACTORS = 2.0 ** (np.arange(-6.0, 6.5) / 2.0)
+"""Factors on velocities that are tried first."""
+
+HINT = 0.15
+"""Decrease of the mean log residual from which the best of these factors is refined."""
 
 GAIN = 0.35
 """Smallest decrease of the mean log residual. On the recorded arms it is up to 0.2, for a factor of one half."""
-
-ANCHORS = (0.2, 1.0, 5.0)
-"""Factors for which columns are computed; the shape of dry friction near standstill changes over larger distances."""
 
 APART = 1.35
 """Smallest factor, or its inverse, that is a fault. Rates differ by a factor of two or more from wrong ones."""
@@ -38,7 +38,7 @@ accelerations are too slow to matter, another shape of dry friction alone would 
 CALM = 0.15
 """Conflict up to which the joints agree in the scale of time."""
 
-STEPS = 6
+STEPS = 7
 """Number of steps in which the factor is refined. Each halves the distance to the neighbouring factors."""
 
 
@@ -55,13 +55,15 @@ def explain(state: LogState) -> Explanation | None:
     """
     if state.conflict < CALM:
         return None
-    cost_with = _costs(state)
-    cost = np.array([cost_with(factor, _anchor(factor)) for factor in FACTORS])
-    if cost.min() > cost_with(1.0, 1.0) - GAIN:
+    rough = _costs(state, 1.0)
+    cost = [rough(factor) for factor in FACTORS]
+    if min(cost) > rough(1.0) - HINT:
         return None
-    factor = _refined(cost_with, float(FACTORS[np.argmin(cost)]))
-    around = [cost_with(factor * apart, _anchor(factor)) for apart in (0.5, 2.0)]
-    if max(factor, 1.0 / factor) < APART or min(around) < cost_with(factor, _anchor(factor)) + SHARP:
+    first = float(FACTORS[np.argmin(cost)])
+    cost_with = _costs(state, first)
+    factor = _refined(cost_with, first)
+    around = min(cost_with(0.5 * factor), cost_with(2.0 * factor))
+    if max(factor, 1.0 / factor) < APART or around < cost_with(factor) + SHARP:
         return None
     after = state.on(_scaled(state.log, factor))
     gain = state.fit.cost - after.fit.cost
@@ -80,32 +82,24 @@ def explain(state: LogState) -> Explanation | None:
     )
 
 
-def _costs(state: LogState) -> Callable[[float, float], float]:
-    """Function that returns the mean log residual with velocities multiplied by a factor, given the nearest anchor.
+def _costs(state: LogState, about: float) -> Callable[[float], float]:
+    """Function that returns the mean log residual with velocities multiplied by a factor.
 
     The torque of links is a part at rest plus one in proportion to the square of the factor. The columns of friction
     and of rotors have no part at rest, and their size does not matter for a fit. So products of the columns at rest
-    and of the rest are enough for all factors near one for which the columns are computed.
+    and of the rest are enough for all factors about one, for which the shape of dry friction is computed.
     """
     rows = state.rows
-    at_rest = [*tables(replace(make_rows(state.source, _scaled(state.log, 0.0)), mask=rows.mask))]
-    near: dict[float, list[tuple[Array, Array, Array]]] = {}
-    for anchor in ANCHORS:
-        there = rows if anchor == 1.0 else make_rows(state.source, _scaled(state.log, anchor))
-        near[anchor] = [
-            _products(*both) for both in zip(at_rest, tables(replace(there, mask=rows.mask)), strict=True)
-        ]
+    at_rest = make_rows(state.source, _scaled(state.log, 0.0))
+    there = rows if about == 1.0 else make_rows(state.source, _scaled(state.log, about))
+    both = zip(*(tables(replace(each, mask=rows.mask)) for each in (at_rest, there)), strict=True)
+    pairs = [_products(still, whole) for still, whole in both]
 
-    def cost_with(factor: float, anchor: float) -> float:
-        square = (factor / anchor) ** 2
-        return cost_of(rows, [rest + square * (mixed + square * moving) for rest, mixed, moving in near[anchor]])
+    def cost_with(factor: float) -> float:
+        square = (factor / about) ** 2
+        return cost_of(rows, [rest + square * (mixed + square * moving) for rest, mixed, moving in pairs])
 
     return cost_with
-
-
-def _anchor(factor: float) -> float:
-    """Anchor nearest to a factor."""
-    return min(ANCHORS, key=lambda each: abs(np.log(factor / each)))
 
 
 def _products(still: Array, whole: Array) -> tuple[Array, Array, Array]:
@@ -115,13 +109,12 @@ def _products(still: Array, whole: Array) -> tuple[Array, Array, Array]:
     return still @ still.T, mixed + mixed.T, moving @ moving.T
 
 
-def _refined(cost_with: Callable[[float, float], float], factor: float) -> float:
+def _refined(cost_with: Callable[[float], float], factor: float) -> float:
     """Factor with the smallest residual near a factor, by bisection of the distance to its neighbours."""
-    anchor, ratio = _anchor(factor), np.sqrt(FACTORS[1] / FACTORS[0])
-    best = cost_with(factor, anchor)
+    ratio, best = np.sqrt(FACTORS[1] / FACTORS[0]), cost_with(factor)
     for _ in range(STEPS):
         for trial in (factor * ratio, factor / ratio):
-            cost = cost_with(trial, anchor)
+            cost = cost_with(trial)
             if cost < best:
                 factor, best = trial, cost
         ratio = np.sqrt(ratio)
