@@ -22,6 +22,10 @@ SPREAD = 1.0
 """Time before and after slow rows that is also left out, in periods of the cut-off: the filter spreads the torque of
 a reversal that far."""
 
+SIGNIFICANT = 10.0
+"""Smallest log-likelihood ratio of two models, from as many rows as are independent, from which unmodelled friction
+and noise cannot be its cause. Some hundred models are compared at most, whose logarithm is 5."""
+
 
 @lru_cache(maxsize=4)
 def away_from_reversals(state: LogState) -> LogState:
@@ -37,6 +41,29 @@ def away_from_reversals(state: LogState) -> LogState:
     kept = (rows.mask & ~near).sum(axis=0)
     few = kept <= ROWS * np.array([len(parameters) for parameters in rows.parameters])
     return state.without(near | few)
+
+
+def judged_away_from_reversals(state: LogState) -> tuple[LogState, NDArray[np.bool_]]:
+    """The log on which models are compared, and the joints (n,) that have enough rows away from reversals.
+
+    Stiction at reversals is missing in the models, so a wrong one may fit it better by chance; on light arms it is
+    most of the residual. Joints without enough rows away from reversals keep all their rows.
+    """
+    moving = away_from_reversals(state)
+    enough = moving.rows.mask.sum(axis=0) > 0
+    if enough.all():
+        return moving, enough
+    return state.without(enough & ~moving.rows.mask), enough
+
+
+def is_significant(judged: LogState, gain: float) -> bool:
+    """True if a decrease of the mean log residual is more than unmodelled friction and noise cause.
+
+    Args:
+        judged: The log on which models are compared, with the model that has the larger residual.
+        gain: Decrease of the mean log residual by the other model.
+    """
+    return gain * float(np.sum(judged.rows.mask.sum(axis=0) / judged.fit.autocorrelation)) > SIGNIFICANT
 
 
 def _any_within(flags: NDArray[np.bool_], seconds: float, run: ObservedRun) -> NDArray[np.bool_]:

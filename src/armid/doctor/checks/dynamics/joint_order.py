@@ -19,7 +19,7 @@ from armid.doctor.downsample import DownsampledLog
 from armid.doctor.interpreted_log import LogState
 from armid.doctor.quick_fit import QuickRows, cost_of, make_rows, products, tables
 from armid.doctor.remedy_trial import try_remedy
-from armid.doctor.rows_away_from_reversals import away_from_reversals
+from armid.doctor.rows_away_from_reversals import is_significant, judged_away_from_reversals
 from armid.errors import Finding
 from armid.measurement.columns.joint_assignment import by_number
 from armid.measurement.log_format_remedies import lines, naming
@@ -54,10 +54,6 @@ that fit may exceed that of the logged order."""
 FEW = 7
 """Joints up to which all orders are tried, which takes some milliseconds."""
 
-SIGNIFICANT = 10.0
-"""Smallest log-likelihood ratio of two orders, from as many rows as are independent. Some hundred orders are
-compared, whose logarithm is 5."""
-
 AGREES = 0.005
 """Decrease of the mean log residual from which the torque supports an order that puts all joints inside their limits,
 and largest increase with which it does not contradict it. On sound logs, such orders increase it by more."""
@@ -83,11 +79,11 @@ def check(evidence: LogEvidence) -> list[Finding]:
 def explain(state: LogState) -> Explanation | None:
     """Explanation by another order of channels; `None` if the order is right."""
     same, limits = np.arange(state.rows.n), limit_excess(state)
-    judged, moving = _without_reversals(state)
+    judged, moving = judged_away_from_reversals(state)
     begin = _Order(same, same, cost_of(judged.rows, products(judged.rows)))
     best, others = _searched(state, judged, begin, limits)
     gain = begin.cost - best.cost
-    if not _is_significant(judged, gain, best, moving):
+    if not _is_worth(judged, gain, best, moving):
         return None if limits.given_fits else _by_limits(state, judged, begin, limits)
     equal = [order for order in others if order.cost < best.cost + GAIN]
     within = [order for order in (best, *equal) if limits.fits(order.motion)]
@@ -101,20 +97,7 @@ def explain(state: LogState) -> Explanation | None:
     return _explanation(state, judged, best, evidence, decided=not doubt)
 
 
-def _without_reversals(state: LogState) -> tuple[LogState, Flags]:
-    """The log on which orders are judged, and the joints (n,) that have enough rows away from reversals.
-
-    Stiction at reversals is missing in the model, so a wrong order may fit it better by chance; on light arms it is
-    most of the residual. Joints without enough rows away from reversals keep all their rows.
-    """
-    moving = away_from_reversals(state)
-    enough = moving.rows.mask.sum(axis=0) > 0
-    if enough.all():
-        return moving, enough
-    return state.without(enough & ~moving.rows.mask), enough
-
-
-def _is_significant(judged: LogState, gain: float, best: _Order, moving: Flags) -> bool:
+def _is_worth(judged: LogState, gain: float, best: _Order, moving: Flags) -> bool:
     """True if the decrease of the residual by an order is more than unmodelled friction and noise can cause."""
     if gain < GAIN:
         return False
@@ -124,9 +107,7 @@ def _is_significant(judged: LogState, gain: float, best: _Order, moving: Flags) 
         least = SURE
     else:
         least = GAIN if judged.conflict < CALM else min(SURE, SHARE * judged.conflict)
-    return (
-        gain > least and gain * float(np.sum(judged.rows.mask.sum(axis=0) / judged.fit.autocorrelation)) > SIGNIFICANT
-    )
+    return gain > least and is_significant(judged, gain)
 
 
 def _explanation(
