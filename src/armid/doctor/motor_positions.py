@@ -1,4 +1,4 @@
-"""Decision between degrees and positions of motors, for angles far outside the limits of the joints."""
+"""Decision between degrees, counts of encoders and positions of motors, for angles that are no radians."""
 
 from __future__ import annotations
 
@@ -20,16 +20,27 @@ joint limits."""
 GEARED = 3.0
 """Range of a motion divided by the range of the limits, from which positions are degrees or positions of motors."""
 
+MOST_DEGREES = 720.0
+"""Position above which whole numbers are counts of encoders and no degrees: joints with cables turn twice at most."""
+
+USUAL_COUNTS = 4096
+"""Counts in a turn that are assumed at least in an example; usual of servos."""
+
 
 def reconsidered(evidence: LogEvidence) -> LogEvidence:
-    """The evidence with degrees or motor positions reported where other angles or degrees were suspected.
+    """The evidence with degrees, counts or motor positions reported where other angles or degrees were suspected.
 
     Degrees that contradict the torque are positions of motors. Angles far outside all limits are degrees if the
-    torque agrees with this, and otherwise positions of motors.
+    torque agrees with this, and otherwise positions of motors. If all of these are whole numbers, or if all positions
+    are whole numbers too large for degrees, they are counts of encoders.
 
     Args:
         evidence: The log and the findings of the reader.
     """
+    whole = _are_whole(evidence)
+    if whole and _largest(evidence) > MOST_DEGREES:
+        others = evidence.without("degrees", "position-offset")
+        return replace(others, noted=(*others.noted, _counts(evidence)), recording=None)
     degrees = next((f for f in evidence.noted if f.code == "degrees"), None)
     far = next((f for f in evidence.noted if f.code == "position-offset"), None)
     if degrees is not None and evidence.state is not None and not _explains_torque(evidence):
@@ -41,7 +52,8 @@ def reconsidered(evidence: LogEvidence) -> LogEvidence:
         doubted, why = far, "Other joints move as far as this one"
     else:
         return evidence
-    return replace(_replaced(evidence, doubted, of_motors(f"{doubted.evidence} {why}")), recording=None)
+    found = _counts(evidence) if whole else of_motors(f"{doubted.evidence} {why}")
+    return replace(_replaced(evidence, doubted, found), recording=None)
 
 
 def of_motors(reason: str) -> Finding:
@@ -56,6 +68,40 @@ def of_motors(reason: str) -> Finding:
         "q",
         f"{reason}, so they are probably positions of motors on the motor side of the gears.",
         "find out the matrix N with q_motor = N (q - joint_offset), and give it: transmission = [[N1, 0, …], …]",
+    )
+
+
+def _are_whole(evidence: LogEvidence) -> bool:
+    """True if all logged positions are whole numbers and are read as radians of revolute joints."""
+    recording, reading, q = evidence.recording, evidence.reading, evidence.raw.q
+    if recording is None or reading.transmission is not None or reading.degrees(recording.n).any():
+        return False
+    turns = [not joint.is_prismatic for joint in evidence.robot.joints]
+    known = q[np.isfinite(q)]
+    return all(turns) and bool(len(known)) and bool((known == np.round(known)).all())
+
+
+def _largest(evidence: LogEvidence) -> float:
+    """Largest magnitude of the logged positions."""
+    return float(np.nanmax(np.abs(evidence.raw.q), initial=0.0))
+
+
+def _counts(evidence: LogEvidence) -> Finding:
+    """Finding for positions that are counts of encoders, with the motion for a usual number of counts in a turn."""
+    q = evidence.raw.q
+    low, high = np.nanmin(q, axis=0), np.nanmax(q, axis=0)
+    reach = high.max() + 1.0 if low.min() >= 0.0 else (high - low).max() + 1.0
+    turn = max(USUAL_COUNTS, 2 ** int(np.ceil(np.log2(reach))))
+    moves = (high - low) * 2.0 * np.pi / turn
+    return Finding(
+        "motor-side",
+        "error",
+        "q",
+        f"All positions are whole numbers, from {low.min():.0f} to {high.max():.0f}, so they are probably counts of "
+        f"encoders. With {turn} counts in a turn of the joint, the joints would move over {moves.min():.2g} to "
+        f"{moves.max():.2g} rad.",
+        "find out the number N of counts in a turn of each joint and the count Z at its zero, and convert the "
+        "positions in the file to radians: q = 2π (count - Z) / N; velocities in counts likewise.",
     )
 
 

@@ -236,11 +236,13 @@ def run_checks(
         explains, checks = explanations_of(), checks_of(("recording", "format"))
         if kind in faulty and choice.role == "train":
             explains, checks = explains if faulty[kind] else explanations_of(each_alone), checks_of(each_alone)
-        evidence = LogEvidence(model.robot, recording, choice.reading, recording, (), model, explains)
+        evidence = reconsidered(LogEvidence(model.robot, recording, choice.reading, recording, (), model, explains))
         known = known_codes[k] if known_codes else ()
-        result += [(k, finding) for finding in examine(evidence, checks) if finding.code not in known]
+        found = (*evidence.noted, *examine(evidence, checks))
+        result += [(k, finding) for finding in found if finding.code not in known]
         own = {code for name in checks_of(each_alone) for code in CHECKS[name].effects}
-        faulty.setdefault(kind, any(each.code not in own for each in evidence.explanations))
+        told = (*evidence.noted, *evidence.explanations)
+        faulty.setdefault(kind, any(each.code not in own for each in told))
     return result
 
 

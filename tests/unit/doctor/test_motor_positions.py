@@ -1,4 +1,4 @@
-"""Angles far outside all limits: degrees, also beside another fault, or positions of motors."""
+"""Angles that are no radians: degrees, also beside another fault, counts of encoders, or positions of motors."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ import pytest
 
 from armid.checked_array import Array
 from armid.errors import Finding
-from armid.study.diagnosis import diagnose_recording
+from armid.study.config import RecordingChoice
+from armid.study.diagnosis import diagnose_recording, run_checks
 from sick import Case, sound
 
 UR = 4  # the seed of a UR10e, whose description has inertias
@@ -64,3 +65,34 @@ def test_positions_of_motors_with_their_unit_and_currents_are_no_log_of_another_
         log = case.logged(effort=effort / 10.0, effort_is_current=current)
         codes = {f.code for f in errors(log)}
         assert "motor-side" in codes and "position-limits" not in codes
+
+
+@pytest.mark.parametrize(
+    ("turn", "zero", "example"), [(4096, 2048, "4096"), (65536, 32768, "65536"), (1000, 1000, "4096")]
+)
+def test_whole_numbers_are_counts_of_encoders(turn: int, zero: int, example: str):
+    """The example is the next power of two above the largest count, from 4096 on."""
+    case = sound(UR)
+    (found,) = errors(case.logged(q=np.round(case.motion.q * turn / (2 * np.pi)) + zero, dq=None, ddq=None))
+    assert (found.code, found.channel) == ("motor-side", "q")
+    assert "whole numbers, from " in found.evidence and "counts of encoders" in found.evidence
+    assert f"With {example} counts in a turn" in found.evidence and "q = 2π (count - Z) / N" in found.remedy
+
+
+def test_counts_are_named_without_limits_of_the_joints():
+    """Joints without limits are nowhere outside them."""
+    case = sound(UR)
+    free = tuple(replace(joint, position_limits=(-np.inf, np.inf)) for joint in case.robot.joints)
+    counts = case.logged(q=np.round(case.motion.q * 4096 / (2 * np.pi)) + 2048, dq=None, ddq=None)
+    robot = replace(case.robot, joints=free)
+    (found,) = errors(replace(counts, robot=robot))
+    assert found.code == "motor-side" and "counts of encoders" in found.evidence
+    model = replace(case.model, robot=robot)
+    identified = run_checks(model, [(RecordingChoice("counts.csv"), counts.recording)])
+    assert [each for _, each in identified if each.severity == "error"] == [found]
+
+
+def test_whole_degrees_are_degrees():
+    """Half a degree of rounding leaves the torque in agreement with degrees."""
+    case = in_degrees()
+    assert [f.code for f in errors(case.logged(q=np.round(case.recording.q)))] == ["degrees"]

@@ -213,7 +213,7 @@ CHECK = LogCheck(
     look=check,
     scope="format",
     effects={
-        "motor-side": "All parameters are too small by the gear ratio.",
+        "motor-side": "All parameters are wrong by the gear ratio, or by the counts of the encoders.",
         "current-without-gain": "All parameters are in units of the drive's current.",
         "torque-unit": "All parameters are too large or too small by one factor; a validation in the same unit does "
         "not detect it.",
