@@ -1,9 +1,10 @@
-"""Estimation options of a model with selected friction, if the study does not set them."""
+"""Estimation options of a model with selected friction, if the study does not set them, and the finding about it."""
 
 from __future__ import annotations
 
 import dataclasses
 
+from armid.errors import Finding
 from armid.estimation.catalogue import ESTIMATORS
 from armid.estimation.friction.selection import FrictionSelection
 from armid.estimation.prior import CHOSEN, GIVEN, INFORMED, weight_finding
@@ -58,3 +59,18 @@ def with_origin_of_weight(estimate: Estimate, selection: FrictionSelection | Non
         fit = dataclasses.replace(fit, standard=dataclasses.replace(fit.standard, prior=prior))
     findings = tuple(chosen.get(finding, finding) for finding in estimate.findings)
     return dataclasses.replace(estimate, fit=fit, findings=findings)
+
+
+def chosen_finding(selection: FrictionSelection, method: str) -> Finding:
+    """Finding about the method by which selected friction is estimated."""
+    if selection.prior_weight is None:
+        return Finding(
+            "friction-not-chosen", "warning", "", selection.why, "record longer, or give the torque terms by name."
+        )
+    evidence = (
+        "Friction was selected while a prior held the inertial parameters. The weight of the prior with the "
+        f"smallest error on held-out motion is {selection.prior_weight:.3g} independent samples. The "
+        f"parameters were then estimated with the method {method}. The selection is valid for speeds and "
+        "poses similar to the recorded ones."
+    )
+    return Finding("friction-chosen", "info", "", evidence, "validate the model on another recording.")

@@ -15,7 +15,7 @@ from armid.errors import Finding
 from armid.estimation.crossvalidation import FOLDS
 from armid.estimation.estimators.physical import NOT_JUDGED
 from armid.estimation.fit_result import Fit
-from armid.estimation.friction.selection import FEWEST, FrictionSelection
+from armid.estimation.friction.selection import FEWEST
 from armid.estimation.friction_per_recording import offset_names
 from armid.estimation.problem import EstimationProblem, StandardParameters
 from armid.estimation.uncertainty.covariance_choice_thresholds import FEWEST_BLOCKS, FEWEST_ROWS
@@ -172,21 +172,6 @@ def excitation_finding(information: Information, robot: Robot, observations: Obs
     )
 
 
-def chosen_finding(selection: FrictionSelection, method: str) -> Finding:
-    """Finding about the method by which selected friction is estimated."""
-    if selection.prior_weight is None:
-        return Finding(
-            "friction-not-chosen", "warning", "", selection.why, "record longer, or give the torque terms by name."
-        )
-    evidence = (
-        "Friction was selected while a prior held the inertial parameters. The weight of the prior with the "
-        f"smallest error on held-out motion is {selection.prior_weight:.3g} independent samples. The "
-        f"parameters were then estimated with the method {method}. The selection is valid for speeds and "
-        "poses similar to the recorded ones."
-    )
-    return Finding("friction-chosen", "info", "", evidence, "validate the model on another recording.")
-
-
 def few_blocks_finding(fit: Fit) -> Finding | None:
     """Finding about intervals for which white residuals are assumed without a test, or `None`."""
     if fit.covariance_kind != "white" or fit.report.whiteness is not None:
@@ -300,7 +285,7 @@ def negative_finding(model: DynamicsModel, fit: Fit) -> Finding | None:
 
 
 def contradicted(validation: Validation, findings: Sequence[Finding]) -> Validation:
-    """Validation that fails where the doctor found an error in a recording, also without validation recordings.
+    """Validation that fails where the recordings have an error, also without validation recordings.
 
     Such an error makes most of an estimate wrong. Training and validation recordings with the same fault, such as a
     wrong unit or order of channels, agree with each other, so that no error on held-out motion shows it.
@@ -309,7 +294,7 @@ def contradicted(validation: Validation, findings: Sequence[Finding]) -> Validat
         validation: Scores, checks and verdict.
         findings: Findings on the recordings.
     """
-    codes = effects()
+    codes = {*effects(), "recordings-disagree"}
     errors = [each.code for each in findings if each.severity == "error" and each.code in codes]
     if not errors:
         return validation

@@ -19,7 +19,6 @@ from armid.measurement.recording import Recording
 from armid.measurement.robot_convention import understood
 from armid.model.base_parameters import BaseParameters, find_base_parameters
 from armid.model.dynamics_model import DynamicsModel
-from armid.study import plausibility
 from armid.study.config import (
     PER_RECORDING,
     Study,
@@ -29,8 +28,9 @@ from armid.study.config import (
 )
 from armid.study.default_terms import add_rotor_inertia
 from armid.study.diagnosis import findings_of_each, merged
-from armid.study.estimation_defaults import as_chosen
+from armid.study.estimation_defaults import as_chosen, chosen_finding
 from armid.study.progress import Progress, no_progress
+from armid.study.recordings.agreement import disagreement_findings
 from armid.study.recordings.processed import ProcessedRecording, joined_observations, of_role, process_each
 from armid.study.recordings.reading import read_all, scale_deviation
 from armid.threads import one_blas_thread
@@ -96,7 +96,7 @@ def prepare(
         bodies = robot.inertial_vector
         described = bodies is not None and bool((bodies[:, 0] > 0.0).all())
         study = replace(study, estimation=as_chosen(study.estimation, selection, described=described))
-        findings.append(plausibility.chosen_finding(selection, study.estimation.method))
+        findings.append(chosen_finding(selection, study.estimation.method))
     model = with_load(model, observations, threads=threads)
     findings += memory_findings(model, observations)
     tell("doctor", 0.0)
@@ -114,6 +114,7 @@ def prepare(
         threads=threads,
         progress=lambda done, all: tell("information", done / all),
     )
+    findings += disagreement_findings(model, base, problem.information, [each.choice for each in training])
     return Prepared(study, model, base, processed, problem, tuple(findings), began, selection)
 
 

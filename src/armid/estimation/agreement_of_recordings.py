@@ -1,0 +1,335 @@
+"""Agreement of one recording with others of the same arm, from the factors of both.
+
+Links are the same in all recordings, friction and offsets may differ. So a recording and the others share the
+inertial parameters, and each side has friction of its own. The weighted sum of squared residuals of this fit is
+compared with that of separate fits, and with that of a fit with a scale s_j of the torque of each joint in the
+recording,
+
+    ρ_j = s_j R_j π + noise,
+
+which Levenberg-Marquardt steps find. A step is least squares over the columns [s_j R_j, R_j π], so the factors of the
+blocks with these columns give the covariance of the scales by the jackknife, valid for correlated residuals.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armid.checked_array import Array
+from armid.estimation.crossvalidation import held_out_squares
+from armid.estimation.friction_per_recording import separate_by_recording
+from armid.estimation.uncertainty.covariance_choice_thresholds import (
+    FEWEST_BLOCKS,
+    MAX_NEIGHBOUR_CORRELATION,
+    MIN_MERGED_BLOCKS,
+)
+from armid.estimation.uncertainty.jackknife import Groups, correlation, group_blocks, jackknife
+from armid.information.information import Information, JointFactors, select, stack, total
+from armid.kernel import factor_columns
+from armid.maths.linalg import unit_columns
+from armid.model.parameter_name import ParameterName
+
+STEPS = 60
+"""Largest number of Levenberg-Marquardt steps."""
+
+DAMPING = (1e-4, 1e4)
+"""First and largest damping of the steps, for columns of unit length."""
+
+CONVERGED = 1e-6
+"""Relative decrease of the cost that ends the steps."""
+
+KNOWN = 1e-9
+"""Smallest singular value, relative to the largest, of columns of unit length that counts as determined; also the
+smallest noise, relative to the torque, in squares."""
+
+CORRELATED = 4.0
+"""Least number of rows that count as one independent sample, as for payloads."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Agreement:
+    """Residuals of one recording with common and with separate inertial parameters.
+
+    Attributes:
+        recording: Number of the recording.
+        sides: Information with friction for each side; block 0 is that of the others, block 1 of the recording.
+        values: Parameters of the common fit, shape (b,).
+        weights: Weight of the rows of each joint, one over its noise, shape (n,).
+        common: RMS residual of the recording in the common fit, shape (n,) [N·m or N].
+        alone: RMS residual of the fit of the recording alone, shape (n,) [N·m or N].
+        torque: RMS torque of the recording, shape (n,) [N·m or N].
+        cost: Weighted sum of squared residuals of both sides in the common fit.
+        separate: The same with separate fits.
+    """
+
+    recording: int
+    sides: Information
+    values: Array
+    weights: Array
+    common: Array
+    alone: Array
+    torque: Array
+    cost: float
+    separate: float
+
+    @property
+    def excess(self) -> float:
+        """Residual in the common fit divided by that of the recording alone, of all joints, weighted."""
+        alone = float(np.linalg.norm(self.weights * self.alone))
+        return float(np.linalg.norm(self.weights * self.common)) / max(alone, np.finfo(float).tiny)
+
+    @property
+    def relative(self) -> float:
+        """Residual in the common fit divided by the torque of the recording, of all joints."""
+        torque = float(np.linalg.norm(self.torque))
+        return float(np.linalg.norm(self.common)) / max(torque, np.finfo(float).tiny)
+
+    @property
+    def expected(self) -> float:
+        """Decrease of the cost by separate fits that correlated noise explains, with five deviations added."""
+        parameters = 2 * self.sides.count
+        return CORRELATED * (parameters + 5.0 * np.sqrt(2.0 * parameters))
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class TorqueScales:
+    """Scales of the torque of a recording relative to the torque that the others imply.
+
+    Attributes:
+        scale: Scale of each joint, shape (n,).
+        values: Parameters of the fit with these scales, shape (b,).
+        cost: Weighted sum of squared residuals of both sides.
+        squares: Sum of squared residuals of both sides, shape (n,) [(N·m)² or N²].
+        residual: RMS residual of the recording, shape (n,) [N·m or N].
+    """
+
+    scale: Array
+    values: Array
+    cost: float
+    squares: Array
+    residual: Array
+
+
+def compare_recordings(information: Information, own: NDArray[np.bool_]) -> tuple[Agreement, ...]:
+    """Compares every recording with the others; none if there is one recording.
+
+    Args:
+        information: Factors of the recordings.
+        own: Mask of the parameters that may differ between recordings, such as friction, shape (b,).
+    """
+    used = information.rows.any(axis=1)
+    numbers = np.unique(information.recording[used])
+    if len(numbers) < 2:
+        return ()
+    each = {int(r): total(select(information, used & (information.recording == r))) for r in numbers}
+    weights = _weights(list(each.values()))
+    return tuple(
+        _compare(total(select(information, used & (information.recording != r))), part, r, own, weights)
+        for r, part in each.items()
+    )
+
+
+def torque_scales(agreement: Agreement) -> TorqueScales:
+    """Scales of the torque with which a recording agrees best with the others."""
+    sides, weights = agreement.sides, agreement.weights
+    opposite = -np.ones(sides.n)
+    starts = [
+        (agreement.values, np.ones(sides.n)),
+        (_solve(_scaled(sides, opposite), weights), opposite),
+        _first_scales(sides, agreement, weights),
+    ]
+    cost, values, scale = min(
+        ((_cost(sides, values, scale, weights), values, scale) for values, scale in starts), key=lambda each: each[0]
+    )
+    damping = DAMPING[0]
+    for _ in range(STEPS):
+        A, y = stack(total(_linearised(sides, values, scale)), weights)
+        at = np.concatenate([values, scale])
+        tried = at + _damped_step(A, y - A @ at, damping)
+        new = _cost(sides, tried[: sides.count], tried[sides.count :], weights)
+        if not new < cost:
+            damping *= 10.0
+            if damping > DAMPING[1]:
+                break
+            continue
+        converged = cost - new <= CONVERGED * new
+        cost, values, scale = new, tried[: sides.count], tried[sides.count :]
+        damping = max(damping / 10.0, KNOWN)
+        if converged:
+            break
+    squares = _squares(sides, values, scale)
+    residual = np.sqrt(squares[1] / np.maximum(sides.rows[1], 1))
+    return TorqueScales(scale, values, cost, squares.sum(axis=0), residual)
+
+
+def scale_deviations(
+    information: Information, own: NDArray[np.bool_], agreement: Agreement, scales: TorqueScales
+) -> Array:
+    """Standard deviations of the scales, shape (n,); infinite where a scale is not determined.
+
+    Args:
+        information: Factors of all recordings, block by block.
+        own: Mask of the parameters that may differ between recordings, shape (b,).
+        agreement: Comparison of the recording.
+        scales: Its scales.
+    """
+    here = (information.recording == agreement.recording).astype(np.int64)
+    blocks = separate_by_recording(replace(information, recording=here), own)
+    wide = _linearised(blocks, scales.values, scales.scale)
+    A, _ = stack(total(wide), agreement.weights)
+    unit, length = unit_columns(A)
+    _, size, Vt = np.linalg.svd(unit, full_matrices=False)
+    kept = size > KNOWN * size[0]
+    half = Vt[kept].T / size[kept]
+    inverse = half @ half.T / np.outer(length, length)
+    undetermined = np.sum(Vt[~kept][:, blocks.count :] ** 2, axis=0) > KNOWN
+    rows = information.rows.sum(axis=0)
+    noise = agreement.weights**2 * scales.squares / np.maximum(rows, 1)
+    variance = CORRELATED * np.maximum(noise, 1.0) * np.diag(inverse)[blocks.count :]
+    at = np.concatenate([scales.values, scales.scale])
+    if kept.all() and (groups := _groups(wide, at, agreement.weights, inverse)) is not None:
+        scatter = jackknife(wide, groups, np.zeros(groups.max() + 1, np.int64), at, agreement.weights, inverse)
+        variance = np.maximum(variance, np.diag(scatter)[blocks.count :])
+    return np.where(undetermined, np.inf, np.sqrt(variance))
+
+
+def _groups(wide: Information, values: Array, weights: Array, inverse: Array) -> Groups | None:
+    """Groups of blocks, merged while neighbours are correlated and the recording keeps enough groups.
+
+    A recording in one group would leave its scales undetermined without this group.
+    """
+    own = wide.recording == 1
+    per_group, groups = 1, group_blocks(wide)
+    while np.unique(groups[own]).size // 2 >= MIN_MERGED_BLOCKS:
+        if correlation(wide, groups, values, weights, inverse) <= MAX_NEIGHBOUR_CORRELATION:
+            break
+        per_group *= 2
+        groups = group_blocks(wide, per_group)
+    return groups if np.unique(groups[own]).size >= FEWEST_BLOCKS else None
+
+
+def _compare(rest: Information, part: Information, number: int, own: NDArray[np.bool_], weights: Array) -> Agreement:
+    """Common fit of a recording and the others, and separate fits."""
+    sides = separate_by_recording(_side_by_side(rest, part), own)
+    values = _solve(sides, weights)
+    common = held_out_squares(select(sides, np.array([1])), values)
+    squares, spent = _alone(part, weights)
+    separate = weights**2 @ (squares + _alone(rest, weights)[0])
+    rows = part.rows.sum(axis=0)
+    return Agreement(
+        number,
+        sides,
+        values,
+        weights,
+        np.sqrt(common / np.maximum(rows, 1)),
+        np.sqrt(squares / np.maximum(rows - spent, 1.0)),
+        np.sqrt(_squared_torque(part) / np.maximum(rows, 1)),
+        float(weights**2 @ held_out_squares(sides, values)),
+        float(separate),
+    )
+
+
+def _side_by_side(rest: Information, part: Information) -> Information:
+    """The others as block 0 and the recording as block 1."""
+    joints = tuple(
+        JointFactors(a.parameters, np.concatenate([a.R, b.R])) for a, b in zip(rest.joints, part.joints, strict=True)
+    )
+    rows = np.concatenate([rest.rows, part.rows])
+    return replace(rest, joints=joints, rows=rows, run=np.arange(2), recording=np.arange(2))
+
+
+def _weights(parts: list[Information]) -> Array:
+    """Weights of the joints from the residuals of separate fits of all recordings, shape (n,)."""
+    torque = np.sum([_squared_torque(part) for part in parts], axis=0)
+    rows = np.maximum(np.sum([part.rows.sum(axis=0) for part in parts], axis=0), 1)
+    first = 1.0 / np.sqrt(np.where(torque > 0.0, torque / rows, 1.0))
+    squares, free = np.zeros(parts[0].n), np.zeros(parts[0].n)
+    for part in parts:
+        of_part, spent = _alone(part, first)
+        squares += of_part
+        free += np.maximum(part.rows.sum(axis=0) - spent, 1.0)
+    noise = np.sqrt(np.maximum(squares / free, KNOWN * torque / rows))
+    return 1.0 / np.where(noise > 0.0, noise, 1.0)
+
+
+def _squared_torque(part: Information) -> Array:
+    """Sum of the squared torque of each joint, shape (n,) [(N·m)² or N²]."""
+    return np.array([np.sum(joint.R[:, :, -1] ** 2) for joint in part.joints])
+
+
+def _solve(information: Information, weights: Array) -> Array:
+    """Least squares of smallest norm, which also exists where the data do not determine all parameters."""
+    A, y = stack(total(information), weights)
+    unit, length = unit_columns(A)
+    return np.linalg.lstsq(unit, y, rcond=KNOWN)[0] / length
+
+
+def _damped_step(A: Array, residual: Array, damping: float) -> Array:
+    """Step of the parameters that fits a residual, with damping, shape (columns,)."""
+    unit, length = unit_columns(A)
+    rows = np.concatenate([unit, np.sqrt(damping) * np.eye(len(length))])
+    return np.linalg.lstsq(rows, np.concatenate([residual, np.zeros(len(length))]))[0] / length
+
+
+def _alone(part: Information, weights: Array) -> tuple[Array, Array]:
+    """Squared residuals of a fit and degrees of freedom that it spends, both of each joint, shape (n,)."""
+    squares = held_out_squares(part, _solve(part, weights))
+    A, _ = stack(total(part), weights)
+    U, size, _ = np.linalg.svd(unit_columns(A)[0], full_matrices=False)
+    leverage = np.sum(U[:, size > KNOWN * size[0]] ** 2, axis=1)
+    ends = np.cumsum([joint.R.shape[2] for joint in part.joints])[:-1]
+    return squares, np.array([float(of_joint.sum()) for of_joint in np.split(leverage, ends)])
+
+
+def _first_scales(sides: Information, agreement: Agreement, weights: Array) -> tuple[Array, Array]:
+    """Parameters of the others alone, as far as they are determined, and the scales that follow from them."""
+    alone = _solve(select(sides, np.array([0])), weights)
+    values = np.where(alone != 0.0, alone, agreement.values)
+    scale = np.ones(sides.n)
+    for j, joint in enumerate(sides.joints):
+        predicted = joint.R[1, :, :-1] @ values[joint.parameters]
+        size = float(predicted @ predicted)
+        scale[j] = predicted @ joint.R[1, :, -1] / size if size > 0.0 else 1.0
+    return values, scale
+
+
+def _scaled(sides: Information, scale: Array) -> Information:
+    """Both sides with given scales of the torques of the recording."""
+    joints: list[JointFactors] = []
+    for joint, factor in zip(sides.joints, scale, strict=True):
+        R = joint.R.copy()
+        R[1, :, :-1] *= factor
+        joints.append(JointFactors(joint.parameters, R))
+    return replace(sides, joints=tuple(joints))
+
+
+def _squares(sides: Information, values: Array, scale: Array) -> Array:
+    """Sum of the squared residuals of the others and of the recording with scaled torques, shape (2, n)."""
+    squares = np.empty((2, sides.n))
+    for j, joint in enumerate(sides.joints):
+        predicted = joint.R[:, :, :-1] @ values[joint.parameters]
+        predicted[1] *= scale[j]
+        squares[:, j] = np.sum((joint.R[:, :, -1] - predicted) ** 2, axis=1)
+    return squares
+
+
+def _cost(sides: Information, values: Array, scale: Array, weights: Array) -> float:
+    return float(weights**2 @ _squares(sides, values, scale).sum(axis=0))
+
+
+def _linearised(split: Information, values: Array, scale: Array) -> Information:
+    """Information about parameters and scales, linear about given ones; that of the recording has the number 1."""
+    names = (*split.names, *(ParameterName(f"scale_{j + 1}") for j in range(split.n)))
+    of_recording = split.recording == 1
+    joints: list[JointFactors] = []
+    for j, joint in enumerate(split.joints):
+        predicted = joint.R[:, :, :-1] @ values[joint.parameters] * of_recording[:, None]
+        factor = np.where(of_recording, scale[j], 1.0)[:, None, None]
+        side = joint.R[:, :, -1] + scale[j] * predicted
+        wide = np.concatenate([joint.R[:, :, :-1] * factor, predicted[:, :, None], side[:, :, None]], axis=2)
+        R = np.stack([factor_columns(np.ascontiguousarray(each.T))[0] for each in wide])
+        joints.append(JointFactors(np.append(joint.parameters, split.count + j), R))
+    return replace(split, names=names, joints=tuple(joints))
