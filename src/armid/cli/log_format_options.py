@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import csv
+import dataclasses
+import tomllib
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from armid.errors import ArmidError
+from armid.errors import ArmidError, did_you_mean
 
 if TYPE_CHECKING:
     from armid.measurement.log_format import LogFormat
@@ -37,6 +39,15 @@ Units = Annotated[
     str | None,
     typer.Option(
         metavar="rad|deg", help="Unit of angles; by default the unit in the names of the columns, or else rad."
+    ),
+]
+ReadingLines = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--reading",
+        metavar="KEY = VALUE",
+        help="Line of a study's table `recording` for these recordings, such as 'drive_gain = [2.1, 1.9]'; "
+        'a value "none" takes the run\'s away; repeatable.',
     ),
 ]
 
@@ -79,11 +90,49 @@ def _period(text: str | None) -> float | str | None:
 
 
 def changed_reading(
-    reading: LogFormat, rate: float | None, torque_sign: int | None, columns: list[str] | None
+    reading: LogFormat,
+    rate: float | None,
+    torque_sign: int | None,
+    columns: list[str] | None,
+    lines: list[str] | None = None,
 ) -> dict[str, Any]:
-    """Arguments of `LogFormat` that differ from those of a run; other columns stay those of the run."""
-    arguments = given(columns, rate, torque_sign)
-    return arguments | ({"columns": {**reading.columns, **arguments["columns"]}} if columns else {})
+    """Arguments of `LogFormat` that differ from those of a run; other columns stay those of the run.
+
+    Raises:
+        ArmidError: A line is not a key of a log format with its value.
+    """
+    arguments = {**_keys_of_lines(lines or []), **given(columns, rate, torque_sign)}
+    if "columns" in arguments:
+        arguments["columns"] = {**reading.columns, **arguments["columns"]}
+    return arguments
+
+
+def _keys_of_lines(lines: list[str]) -> dict[str, Any]:
+    """Keys and values of `--reading`.
+
+    Raises:
+        ArmidError: A line is no TOML, or its key is none of a log format.
+    """
+    from armid.measurement.log_format import LogFormat
+
+    possible = [field.name for field in dataclasses.fields(LogFormat)]
+    keys: dict[str, Any] = {}
+    for line in lines:
+        try:
+            keys |= tomllib.loads(line)
+        except tomllib.TOMLDecodeError as error:
+            raise ArmidError(
+                f"--reading {line} is not a line of a study: {error}.",
+                remedy="write for instance --reading 'drive_gain = [2.1, 1.9]' or --reading 'units = \"deg\"'.",
+            ) from error
+    if keys.get("drive_gain") == "none":
+        keys.setdefault("drive_gain_deviation", "none")
+    for key in keys:
+        if key not in possible:
+            raise ArmidError(
+                f"--reading has no key {key!r}.", possible=", ".join(possible), remedy=did_you_mean(key, possible)
+            )
+    return {key: None if value == "none" and key != "period" else value for key, value in keys.items()}
 
 
 def columns_given(given: list[str]) -> dict[str, str | list[str]]:

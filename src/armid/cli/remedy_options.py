@@ -28,14 +28,17 @@ def hint(remedy: str) -> str:
 
 
 def options_of_command() -> tuple[str, ...]:
-    """Keys of a study that are options of the running command; without log-format keys if a study is given."""
-    from armid.study.remedy_translation import OF_READING, OPTIONS
+    """Keys of a study that are options of the running command; without log-format keys if a study is given.
+
+    A command with `--reading` takes every key of a log format; it is then among the keys.
+    """
+    from armid.study.remedy_translation import OF_READING, OPTIONS, READING
 
     context = CONTEXT.get()
     if context is None:
         return ()
     known = set(chain.from_iterable(param.opts for param in context.command.params))
-    keys = tuple(key for key in OPTIONS if f"--{key.replace('_', '-')}" in known)
+    keys = tuple(key for key in (*OPTIONS, READING) if f"--{key.replace('_', '-')}" in known)
     if not _has_study(context):
         return keys
     return () if context.info_name == "doctor" else tuple(key for key in keys if key not in OF_READING)

@@ -105,7 +105,7 @@ def read_new_recordings(
         StudyError: A recording has trained the run or is given twice.
         RecordingError: A recording cannot be read or has other joints.
     """
-    how = replace(run.reading, exclude=(), start=None, **reading)
+    how = replace(run.reading, **{"exclude": (), "start": None, **reading})
     recordings: list[tuple[RecordingChoice, Recording]] = []
     findings: list[Finding] = []
     seen = dict.fromkeys(run.trained_on, run.folder)

@@ -95,7 +95,7 @@ def find_payload(
     Raises:
         ArmidError: The recordings do not fit the run, or do not determine the payload.
     """
-    known = _known(run, mass, com)
+    known = _known(run, mass, com, reading.get("drive_gain", run.reading.drive_gain))
     place = payload_link(run, link)
     new_recordings = load_new_recordings(run, paths, reading, gain_deviation=gain_deviation)
     own = new_recordings.changing & (not same_friction)
@@ -117,7 +117,7 @@ def find_payload(
     return Payload(new_recordings, place, load, misfit, given, gains, findings)
 
 
-def _known(run: Run, mass: float | None, com: tuple[float, float, float] | None) -> Array | None:
+def _known(run: Run, mass: float | None, com: tuple[float, float, float] | None, drive_gain: Any) -> Array | None:
     """Known parameters of the payload (10,), NaN where unknown; `None` if all are unknown."""
     if mass is None:
         if com is not None:
@@ -129,7 +129,7 @@ def _known(run: Run, mass: float | None, com: tuple[float, float, float] | None)
         raise StudyError(
             f"A known load must have a mass above 0 and a finite centre of mass; found {mass:g} kg, {com}."
         )
-    if run.reading.drive_gain is None:
+    if drive_gain is None:
         raise StudyError(
             f"Drive gains cannot be estimated, because the effort in {run.folder} is a torque and not a current.",
             possible="an estimate of the parameters of the load, without --mass",
@@ -178,7 +178,10 @@ def _payload_findings(
         found.append(Finding("gain-unseen", "warning", names, evidence, "record a motion that moves the joint."))
     if gains is not None:
         found += _gains_beyond(new_recordings, gains)
-    exact = new_recordings.run.reading.drive_gain is not None and not new_recordings.new.scale_deviation.any()
+    exact = (
+        new_recordings.recordings[0].choice.reading.drive_gain is not None
+        and not new_recordings.new.scale_deviation.any()
+    )
     if gains is None and exact:
         found.append(
             Finding(
@@ -262,7 +265,7 @@ def payload_record(payload: Payload) -> dict[str, Any]:
 
 def _gains_record(payload: Payload) -> list[dict[str, Any]]:
     """Given and estimated drive gain of each joint."""
-    gains, reading = payload.gains, payload.new_recordings.run.reading
+    gains, reading = payload.gains, payload.new_recordings.recordings[0].choice.reading
     assert gains is not None and reading.drive_gain is not None  # as `find_payload` made sure
     names = payload.new_recordings.run.robot.joint_names
     every = np.broadcast_to(np.asarray(reading.drive_gain, dtype=np.float64), (len(names),))

@@ -11,7 +11,7 @@ from typing import Any
 from armid.measurement.log_format import LogFormat
 from armid.remedy import NOTE, Assignment, Remedy
 from armid.study.config import EstimationChoice, ModelChoice, RobotChoice, Study
-from armid.toml_writing import to_toml
+from armid.toml_writing import to_toml, toml_line
 
 TABLES: Mapping[str, type] = {
     "robot": RobotChoice,
@@ -21,9 +21,15 @@ TABLES: Mapping[str, type] = {
 }
 """Classes of the tables of a study; keys that belong to none of them belong to `[processing]`."""
 
+TABLE_KEYS = tuple(field.name for field in dataclasses.fields(LogFormat))
+"""Keys of a `[[recording]]` table that describe the log format."""
+
 OF_READING = ("rate", "time_unit", "columns", "units", "period", "torque_sign")
 OPTIONS = (*OF_READING, "gravity", "terms", "cutoff", "edges", "slow", "standstill", "method")
 """Keys for which commands have options with the same names."""
+
+READING = "reading"
+"""Option that takes any line of a `[[recording]]` table, of commands that read new recordings like those of a run."""
 
 
 def tables_of(remedy: str) -> dict[str, dict[str, Any]]:
@@ -72,6 +78,9 @@ def _options(keys: Mapping[str, Any], options: Collection[str]) -> str | None:
     texts: list[str] = []
     for key, value in keys.items():
         values = _values(key, value) if key in options else None
+        if values is None and READING in options and key in TABLE_KEYS:
+            texts.append(f"--{READING} {shlex.quote(toml_line(key, value))}")
+            continue
         if values is None:
             return None
         texts += [f"--{key.replace('_', '-')} {each}" for each in values]
@@ -90,6 +99,8 @@ def at_the_prompt(remedy: str, options: Collection[str]) -> str:
     if remedy.keys:
         option = as_option(remedy, options)
         lines = f"in a study:{chr(10) if len(remedy.parts) > 1 else ' '}{remedy}"
+        if option is not None and READING in options:  # such a command takes no study
+            return f"{option}; {remedy.note}" if remedy.note else option
         return lines if option is None else f"{option}; {lines}"
     return "".join(part if isinstance(part, str) else _with_option(part, options) for part in remedy.parts)
 
@@ -97,7 +108,9 @@ def at_the_prompt(remedy: str, options: Collection[str]) -> str:
 def _with_option(setting: Assignment, options: Collection[str]) -> str:
     """Setting within a sentence, after the option of the command if there is one."""
     option = _options(setting.keys, options)
-    return setting.text if option is None else f"{option} (in a study: {setting.text})"
+    if option is None or READING in options:
+        return option or setting.text
+    return f"{option} (in a study: {setting.text})"
 
 
 def _values(key: str, value: Any) -> list[str] | None:

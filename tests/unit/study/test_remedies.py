@@ -297,6 +297,21 @@ def test_at_the_prompt_options_of_the_command_go_before_keys_of_a_study(remedy: 
     assert at_the_prompt(Remedy.read(remedy), ("slow", "standstill")) == said
 
 
+@pytest.mark.parametrize(
+    ("remedy", "said"),
+    [
+        ("delay = 0.1", "--reading 'delay = 0.1'"),
+        ('units = "deg"', "--reading 'units = \"deg\"'"),
+        ("rate = 50.0", "--rate 50"),
+        ("drive_gain = [2.0, 3.0]  # the maker's", "--reading 'drive_gain = [2.0, 3.0]'; the maker's"),
+        ("Give drive_gain = 1 and a deviation.", "Give --reading 'drive_gain = 1' and a deviation."),
+        ("cutoff = 5.0  # in [processing]", "in a study: cutoff = 5.0  # in [processing]"),
+    ],
+)
+def test_a_command_that_reads_like_a_run_takes_any_line_of_a_recording(remedy: str, said: str):
+    assert at_the_prompt(Remedy.read(remedy), ("rate", "reading")) == said
+
+
 def test_torque_beyond_its_limit_is_no_saturation():
     """One drive in mN·m: leaving out what is beyond the limit would leave nearly nothing of that joint."""
     case = sound(4)

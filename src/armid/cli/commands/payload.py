@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from armid.cli.log_format_options import Columns, Rate, TorqueSign, changed_reading
+from armid.cli.log_format_options import Columns, Rate, ReadingLines, TorqueSign, changed_reading
 from armid.cli.options import Json, Out
 from armid.cli.value_completion import moving_links
 
@@ -55,6 +55,7 @@ def payload(
     rate: Rate = None,
     torque_sign: TorqueSign = None,
     columns: Columns = None,
+    reading_lines: ReadingLines = None,
     out: Out = None,
     json: Json = False,
 ) -> None:
@@ -77,7 +78,7 @@ def payload(
     found = find_payload(
         loaded,
         recordings,
-        changed_reading(loaded.reading, rate, torque_sign, columns),
+        changed_reading(loaded.reading, rate, torque_sign, columns, reading_lines),
         mass=mass,
         com=com,
         gain_deviation=gain_deviation,

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from armid.cli.log_format_options import Columns, Rate, TorqueSign, changed_reading
+from armid.cli.log_format_options import Columns, Rate, ReadingLines, TorqueSign, changed_reading
 from armid.cli.options import Json, Out, run_folder
 from armid.errors import OutputError, StudyError
 
@@ -30,6 +30,7 @@ def recalibrate(
     rate: Rate = None,
     torque_sign: TorqueSign = None,
     columns: Columns = None,
+    reading_lines: ReadingLines = None,
     out: Out = None,
     json: Json = False,
 ) -> None:
@@ -57,7 +58,7 @@ def recalibrate(
             remedy="choose another folder with --out.",
         )
     refuse_folder(folder)
-    reading = changed_reading(earlier.reading, rate, torque_sign, columns)
+    reading = changed_reading(earlier.reading, rate, torque_sign, columns, reading_lines)
     recalibration = stage(earlier, recordings, reading, changed=let_change, held_out=validate or [])
     changes = changes_record(recalibration)
     save_run(recalibration.result, folder, further_records={CHANGES: changes})

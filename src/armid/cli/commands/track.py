@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from armid.cli.log_format_options import Columns, Rate, TorqueSign, changed_reading
+from armid.cli.log_format_options import Columns, Rate, ReadingLines, TorqueSign, changed_reading
 from armid.cli.options import Json, Out
 from armid.errors import StudyError
 
@@ -37,6 +37,7 @@ def track(
     rate: Rate = None,
     torque_sign: TorqueSign = None,
     columns: Columns = None,
+    reading_lines: ReadingLines = None,
     out: Out = None,
     json: Json = False,
 ) -> None:
@@ -63,7 +64,7 @@ def track(
     earlier = load_run(run)
     if out is not None:
         refuse(out, "track.json", "track")
-    reading = changed_reading(earlier.reading, rate, torque_sign, columns)
+    reading = changed_reading(earlier.reading, rate, torque_sign, columns, reading_lines)
     with progress() as tell:
         tracked = stage(earlier, recordings, reading, memory=memory, block=block, changed=changed, progress=tell)
     print_findings(tracked.findings)

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from armid.cli.log_format_options import Columns, Rate, TorqueSign, changed_reading
+from armid.cli.log_format_options import Columns, Rate, ReadingLines, TorqueSign, changed_reading
 from armid.cli.options import Json
 
 
@@ -18,6 +18,7 @@ def validate(
     rate: Rate = None,
     torque_sign: TorqueSign = None,
     columns: Columns = None,
+    reading_lines: ReadingLines = None,
     simulate: Annotated[
         bool,
         typer.Option(
@@ -50,7 +51,10 @@ def validate(
     from armid.study.storage.records import to_json, validation_record
 
     loaded = load_run(run)
-    reading, closed = changed_reading(loaded.reading, rate, torque_sign, columns), controller is not None
+    reading, closed = (
+        changed_reading(loaded.reading, rate, torque_sign, columns, reading_lines),
+        controller is not None,
+    )
     validation, findings = validate_run(loaded, recordings, reading)
     rolls_out = simulate or closed
     motion = roll_out(loaded, recordings, reading, window, tolerance, controller) if rolls_out else ()
