@@ -386,6 +386,22 @@ def test_noise_of_new_recordings_is_not_taken_for_a_change(armid: Armid, tmp_pat
     assert code == 0 and "noisier-recordings" not in err and "more-has-changed" in err
 
 
+def test_a_recalibrated_run_with_validation_is_reported_and_exported(armid: Armid, tmp_path: Path):
+    """The run has digests of all recordings of its study, so that each is found again."""
+    out = tmp_path / "new"
+    assert armid("recalibrate", "run", "warm.npz", "--validate", "later.npz", "--out", out)[0] == 0
+    assert [each.role for each in load_run(out).estimate.made_from if each.role in ("train", "validate")] == [
+        each["role"] for each in json.loads((out / "study.json").read_text())["recordings"]
+    ]
+    for command in (
+        ("report", out, "--out", tmp_path / "page.html"),
+        ("preview", out, "--out", tmp_path / "arm.html"),
+    ):
+        code, _, err = armid(*command)
+        assert code == 0, err
+    assert "Traceback" not in armid("export", out, "--to", "urdf", "--out", tmp_path / "new.urdf")[2]
+
+
 def test_a_changed_tool_is_noticed_and_recalibrated(armid: Armid, tmp_path: Path):
     code, out, err = armid("recalibrate", "run", "tool.npz", "--out", tmp_path / "friction")
     assert code == 0 and "more-has-changed" in err and "--tool" in err

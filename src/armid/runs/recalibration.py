@@ -97,6 +97,7 @@ def recalibrate(
     found = recalibrate_fit(
         new_recordings.earlier, run.estimate.fit, new_recordings.new, own, tool, new_recordings.samples
     )
+    unseen = process_each([_held_out(new_recordings, path) for path in held_out], run.processing, run.robot)
     again = any(each.role == "earlier run" for each in run.estimate.made_from)
     estimate = replace(
         run.estimate,
@@ -107,11 +108,11 @@ def recalibrate(
             InputDigest("robot", run.robot.sha256),
             InputDigest(EARLIER_RUN, sha256_of_file(Path(run.folder) / "estimate.npz")),
             *(InputDigest("train", each.recording.sha256) for each in new_recordings.recordings),
+            *(InputDigest("validate", each.recording.sha256) for each in unseen),
             InputDigest("options", digest(changed)),
         ),
         made_by=new_recordings.new.made_by,
     )
-    unseen = process_each([_held_out(new_recordings, path) for path in held_out], run.processing, run.robot)
     result = _result(new_recordings, estimate, found.information, unseen)
     before, _ = score_recordings(run.model, run.estimate, unseen or new_recordings.recordings)
     findings = (
