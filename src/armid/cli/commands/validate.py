@@ -51,13 +51,11 @@ def validate(
     from armid.study.storage.records import to_json, validation_record
 
     loaded = load_run(run)
-    reading, closed = (
-        changed_reading(loaded.reading, rate, torque_sign, columns, reading_lines),
-        controller is not None,
-    )
+    reading = changed_reading(loaded.reading, rate, torque_sign, columns, reading_lines)
+    closed = controller is not None
     validation, findings = validate_run(loaded, recordings, reading)
-    rolls_out = simulate or closed
-    motion = roll_out(loaded, recordings, reading, window, tolerance, controller) if rolls_out else ()
+    simulate |= closed
+    motion = roll_out(loaded, recordings, reading, window, tolerance, controller) if simulate else ()
     if motion:
         validation = judged_by_motion(validation, motion, closed=closed)
     if json:
