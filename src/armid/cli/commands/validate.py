@@ -29,10 +29,7 @@ def validate(
     tolerance: Annotated[float, typer.Option(help="Tolerated position error of a simulated joint, rad or m.")] = 0.01,
     controller: Annotated[
         Path | None,
-        typer.Option(
-            metavar="FILE",
-            help="JSON file with the gains of the controller for the simulation, for instance truth.json.",
-        ),
+        typer.Option(metavar="FILE", help="JSON file with the controller's gains for the simulation: truth.json."),
     ] = None,
     json: Json = False,
 ) -> None:
