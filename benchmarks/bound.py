@@ -18,8 +18,8 @@ import numpy as np
 from armid.checked_array import Array
 from armid.estimation.estimators import WeightedLeastSquares
 from armid.estimation.problem import EstimationProblem
-from armid.excitation.builtin_plans import builtin_plan
 from armid.excitation.fourier import Excitation
+from armid.excitation.thesis_plans import builtin_plan
 from armid.hashes import digest
 from armid.information.accumulate import accumulate_information
 from armid.information.information import Information, stack, total

@@ -29,6 +29,7 @@ import numpy as np
 
 from armid import identify
 from armid.checked_array import Array
+from armid.dataclass_files import load, save
 from armid.errors import ArmidError
 from armid.excitation.design.objective import CriterionGoal
 from armid.excitation.fourier import Excitation
@@ -42,7 +43,6 @@ from armid.model.dynamics_model import DynamicsModel
 from armid.model.terms import Coulomb, RigidBody, Viscous
 from armid.study.config import EstimationChoice, ModelChoice, RecordingChoice, RobotChoice, Study, load_choice
 from armid.study.plans.design import DesignConstraints, DesignGoal, SearchBudget, design_plan
-from armid.value_files import load, save
 
 TABLES = Path(__file__).parents[1] / "tests" / "tables"
 ARMS = ("iiwa14-r820", "panda", "ur10e", f"{TABLES}/scara.toml", f"{TABLES}/gantry.toml")

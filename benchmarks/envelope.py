@@ -21,13 +21,13 @@ import numpy as np
 
 from armid import kernel
 from armid.checked_array import Array
-from armid.excitation.builtin_plans import builtin_plan
 from armid.excitation.certification import certified, fine_grid
 from armid.excitation.design.multistart import search
 from armid.excitation.design.objective import CriterionGoal, information_along
 from armid.excitation.design.sqp import DescentProblem
 from armid.excitation.limits.joint_limits import limits_of, motion_channels
 from armid.excitation.rest_to_rest_basis import SeriesBasis
+from armid.excitation.thesis_plans import builtin_plan
 from armid.lab.inverse_dynamics_recording import thesis_truth
 from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics_model import DynamicsModel

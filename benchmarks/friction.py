@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 
 from armid.checked_array import Array
-from armid.estimation.saved_estimate import torque_parameters
+from armid.estimation.estimate_record import torque_parameters
 from armid.excitation.fourier import Excitation
 from armid.hashes import digest
 from armid.information.residuals import compare

@@ -31,11 +31,11 @@ from numpy.typing import NDArray
 from armid.checked_array import Array
 from armid.errors import ArmidError
 from armid.estimation.crossvalidation import folds, training_information
+from armid.estimation.estimate_record import torque_parameters
 from armid.estimation.estimators import Ridge, WeightedLeastSquares
 from armid.estimation.friction.selection import choose_friction
 from armid.estimation.friction_per_recording import offset_names, separate_by_recording
 from armid.estimation.problem import EstimationProblem, standard_of
-from armid.estimation.saved_estimate import torque_parameters
 from armid.information.accumulate import accumulate_information
 from armid.information.residuals import compare
 from armid.measurement.observations import Observations

@@ -27,9 +27,9 @@ import numpy as np
 from armid import kernel
 from armid.estimation.estimators import OrdinaryLeastSquares, PhysicallyConsistent
 from armid.estimation.problem import EstimationProblem, standard_of
-from armid.excitation.builtin_plans import builtin_plan
+from armid.excitation.thesis_plans import builtin_plan
 from armid.information.accumulate import accumulate_information
-from armid.information.column_source import column_source
+from armid.information.regressor_columns import column_source
 from armid.lab.inverse_dynamics_recording import thesis_truth
 from armid.measurement.low_pass_band import Band
 from armid.measurement.observations import Observations, ObservedRun

@@ -15,7 +15,7 @@ import numpy as np
 
 from armid.checked_array import Array
 from armid.estimation.recursive.recursive_estimate import ForgettingOptions, begin, fit, update
-from armid.excitation.builtin_plans import builtin_plan
+from armid.excitation.thesis_plans import builtin_plan
 from armid.information.accumulate import accumulate_information
 from armid.lab.inverse_dynamics_recording import thesis_truth
 from armid.measurement.low_pass_band import Band

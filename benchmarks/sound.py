@@ -35,8 +35,8 @@ from armid.lab.options import LabOptions
 from armid.lab.sensors import Sensing, SensorChannel
 from armid.lab.simulation import simulate
 from armid.lab.true_motion import inverse_dynamics
+from armid.measurement.convention_conversion import to_robot_convention
 from armid.measurement.log_format import LogFormat
-from armid.measurement.robot_convention import to_robot_convention
 from armid.robot import Robot, load_robot
 from armid.study.config import ModelChoice, RecordingChoice, build_model
 from armid.study.diagnosis import diagnose_recording, run_checks

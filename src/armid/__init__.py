@@ -10,18 +10,18 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from armid.errors import ArmidError
+    from armid.estimation.estimate_record import Estimate
     from armid.estimation.estimators import WeightedLeastSquares
     from armid.estimation.problem import EstimationProblem, build_problem
     from armid.estimation.run_estimator import estimate
-    from armid.estimation.saved_estimate import Estimate
     from armid.excitation.fourier import Excitation
     from armid.information.accumulate import accumulate_information
     from armid.information.information import Information
+    from armid.measurement.convention_conversion import read_recording
     from armid.measurement.log_format import LogFormat
     from armid.measurement.processing.options import ProcessingOptions
     from armid.measurement.processing.pipeline import process_recordings
     from armid.measurement.recording import Recording
-    from armid.measurement.robot_convention import read_recording
     from armid.model.base_parameters import BaseParameters, find_base_parameters
     from armid.model.dynamics_model import DynamicsModel
     from armid.model.motion import Motion
@@ -34,7 +34,7 @@ _HOMES = {
     "ArmidError": "errors",
     "BaseParameters": "model.base_parameters",
     "DynamicsModel": "model.dynamics_model",
-    "Estimate": "estimation.saved_estimate",
+    "Estimate": "estimation.estimate_record",
     "Excitation": "excitation.fourier",
     "Information": "information.information",
     "Motion": "model.motion",
@@ -54,7 +54,7 @@ _HOMES = {
     "load_run": "runs.run",
     "load_study": "study.config",
     "process_recordings": "measurement.processing.pipeline",
-    "read_recording": "measurement.robot_convention",
+    "read_recording": "measurement.convention_conversion",
     "save_run": "runs.run",
 }
 

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from armid.cli import main as cli
-from armid.excitation.builtin_plans import builtin_plan
 from armid.excitation.collision.distances import floor
 from armid.excitation.plan import Plan
+from armid.excitation.thesis_plans import builtin_plan
 from armid.report.page import write_report
 from armid.report.preview.clip import clip_of_plan
-from armid.report.preview.masses import MassLayer, layer_of_description
+from armid.report.preview.inertia_ellipsoids import MassLayer, layer_of_description
 from armid.report.preview.nearest_bodies import bodies_to_watch
 from armid.report.preview.page import Preview, write_preview
 from armid.robot import Robot, load_robot

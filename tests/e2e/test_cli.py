@@ -26,8 +26,8 @@ from armid.cli.folder_overview import next_step
 from armid.cli.parameter_tables import estimate_table, print_links
 from armid.errors import Finding
 from armid.estimation.catalogue import ESTIMATORS
-from armid.excitation.builtin_plans import builtin_plan
 from armid.excitation.fourier import save_plan
+from armid.excitation.thesis_plans import builtin_plan
 from armid.lab.inverse_dynamics_recording import Sensors, record, thesis_truth
 from armid.measurement.processing.options import THESIS
 from armid.model.dynamics_model import DynamicsModel
@@ -36,9 +36,9 @@ from armid.robot import load_robot
 from armid.runs.run import load_run
 from armid.runs.validation_and_prediction import motion_of, predict
 from armid.study.storage.records import BASE_PARAMETER_KEYS, ESTIMATE_KEYS
-from armid.validation.prediction import Score
-from armid.validation.prediction import validate as judge
 from armid.validation.prediction_interval import torque_band
+from armid.validation.torque_errors import Score
+from armid.validation.torque_errors import validate as judge
 from labs import STUDY, small_plan, small_recording, write_arm, write_recording, write_recordings, write_study
 
 HANGING = ("--gravity", "0", "0", "9.81")

@@ -1,7 +1,7 @@
 """Every command and snippet of the guides is executed, in a folder where the files they name lie ready.
 
 The arm is a small one and the recordings are short, so that what a page says is tried and not how long it takes.
-Pages whose commands design, simulate or retell at full size take minutes and are marked as long.
+Pages whose commands design, simulate or reproduce at full size take minutes and are marked as long.
 """
 
 from __future__ import annotations

@@ -11,7 +11,7 @@ import pytest
 from typer.testing import CliRunner
 
 from armid.cli.main import app
-from armid.information import accumulate, regressor_rows
+from armid.information import accumulate, filtered_rows
 from armid.runs import run as runs
 from armid.study.recordings import processed
 from labs import write_recordings, write_study
@@ -57,7 +57,7 @@ def test_each_recording_is_processed_once_and_its_regressor_made_as_often_as_it_
         raise AssertionError("the run that was just written is read")
 
     monkeypatch.setattr(processed, "process_recording", counted(processed.process_recording))
-    for module in (accumulate, regressor_rows):
+    for module in (accumulate, filtered_rows):
         monkeypatch.setattr(module, "filtered_columns", passing(module.filtered_columns))
     monkeypatch.setattr(runs, "load_run", unread)
     done = CliRunner().invoke(app, ["identify", str(study), "--out", str(tmp_path / "run")])

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from armid.dataclass_files import save
 from armid.robot import load_robot
-from armid.value_files import save
 from labs import write_arm
 
 STEPS = ("start pose", "search", "limits", "bodies", "files", "preview")

@@ -21,7 +21,7 @@ from armid.cli.main import main
 from armid.study.storage.records import to_json
 from armid.thesis.page import MARKER, PAGE, render_thesis, thesis_sections, write_thesis
 from armid.thesis.published import published
-from armid.thesis.retell import Thesis, retell, thesis_record
+from armid.thesis.reproduction import Thesis, reproduce, thesis_record
 from armid.thesis.setting import QUICK, Extent
 from reports import Page
 
@@ -51,7 +51,7 @@ def which(request: pytest.FixtureRequest) -> str:
 @pytest.fixture(scope="module")
 def thesis(which: str) -> Thesis:
     told: list[float] = []
-    done = retell(EXTENTS[which], progress=lambda chapter, share: told.append(share))
+    done = reproduce(EXTENTS[which], progress=lambda chapter, share: told.append(share))
     assert (np.diff(told) > -1e-12).all() and told[0] == 0.0 and told[-1] == pytest.approx(1.0)
     return done
 
@@ -389,7 +389,7 @@ def test_the_folder(
         asked.append(extent)
         return thesis
 
-    monkeypatch.setattr("armid.thesis.retell.retell", at_hand)
+    monkeypatch.setattr("armid.thesis.reproduction.reproduce", at_hand)
     folder = tmp_path / "study"
     with pytest.raises(SystemExit) as ended:
         main(["thesis", "--quick", "--seeds", "3", "--out", str(folder), "--json"])
@@ -415,7 +415,7 @@ def test_ctrl_c_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     def interrupted(*_: object, **__: object) -> Thesis:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("armid.thesis.retell.steps", interrupted)
+    monkeypatch.setattr("armid.thesis.reproduction.steps", interrupted)
     with pytest.raises(SystemExit) as ended:
         main(["thesis", "--quick", "--out", str(tmp_path / "study")])
     assert ended.value.code == 130 and list(tmp_path.iterdir()) == []

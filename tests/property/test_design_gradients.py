@@ -7,7 +7,13 @@ import pytest
 
 from armid.excitation.design.criteria import CRITERIA
 from armid.excitation.design.objective import CriterionGoal, Objective
-from armid.excitation.limits.constraints import AmplitudeLimit, CoefficientLimit, RangeLimit, States, soft_maximum
+from armid.excitation.limits.constraint_channels import (
+    AmplitudeLimit,
+    CoefficientLimit,
+    RangeLimit,
+    States,
+    soft_maximum,
+)
 from armid.excitation.limits.torque_limits import Torque, TorqueModel
 from armid.excitation.limits.workspace import Workspace
 from armid.excitation.rest_to_rest_basis import SeriesBasis

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from armid.checked_array import Array
+from armid.estimation.estimate_record import torque_parameters
 from armid.estimation.estimators import Ridge
 from armid.estimation.friction.selection import FrictionSelection, choose_friction
 from armid.estimation.problem import EstimationProblem, standard_of
-from armid.estimation.saved_estimate import torque_parameters
 from armid.information.accumulate import accumulate_information
 from armid.measurement.observations import Observations
 from armid.model.base_parameters import find_base_parameters

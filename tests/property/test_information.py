@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from armid.dataclass_files import load, save
 from armid.errors import ArmidError
 from armid.information import accumulate
 from armid.information.accumulate import accumulate_information
@@ -18,7 +19,6 @@ from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics_model import DynamicsModel
 from armid.model.motion import Motion
 from armid.model.terms import Coulomb, RigidBody, Viscous
-from armid.value_files import load, save
 from informed import EXACT, RATE, assert_products, assert_says, branching_arm, dense, recorded, solved
 from problems import one_run, raw
 

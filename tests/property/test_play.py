@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from armid import kernel
-from armid.model.expression import evaluate
 from armid.model.hysteresis_memory import Play
+from armid.model.symbolic_expression import evaluate
 from memories import dragged, known_from
 from problems import COMPILED, TWIN
 

@@ -7,7 +7,7 @@ import pytest
 
 from armid.kernel import reference
 from armid.kernel.tree import Tree
-from armid.model.identifiable_structure import echelon, parameter_units, structural_base
+from armid.model.structural_identifiability import echelon, parameter_units, structural_base
 from trees import random_states, random_tree, structured_tree
 
 RANK_GAP = (1e-7, 1e-11)

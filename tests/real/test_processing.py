@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from armid.measurement.processing.pipeline import ProcessingOptions, process_recording, resolve_options
-from armid.measurement.processing.resampling import jitter, stretches
+from armid.measurement.processing.uniform_runs import jitter, stretches
 from armid.measurement.recording import Recording
 
 pytestmark = pytest.mark.real

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from armid.errors import RecordingError
+from armid.measurement.convention_conversion import to_robot_convention
 from armid.measurement.log_format import LogFormat
 from armid.measurement.readers import load_recording
-from armid.measurement.robot_convention import to_robot_convention
 from armid.robot import load_robot
 
 pytestmark = pytest.mark.real

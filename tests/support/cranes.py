@@ -7,9 +7,9 @@ from functools import cache
 import numpy as np
 
 import armid
+from armid.estimation.estimate_record import Estimate
 from armid.estimation.estimators import PhysicallyConsistent, WeightedLeastSquares
 from armid.estimation.problem import EstimationProblem, build_problem
-from armid.estimation.saved_estimate import Estimate
 from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics_model import DynamicsModel
 from armid.model.terms import RigidBody, Viscous

@@ -7,7 +7,7 @@ import numpy as np
 from armid.checked_array import Array
 from armid.excitation.collision.distances import Clearance
 from armid.excitation.design.objective import CriterionGoal, Objective
-from armid.excitation.limits.constraints import States
+from armid.excitation.limits.constraint_channels import States
 from armid.excitation.rest_to_rest_basis import SeriesBasis
 from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics_model import DynamicsModel

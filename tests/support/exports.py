@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 
 from armid.checked_array import Array
+from armid.estimation.estimate_record import Estimate, InputDigest
 from armid.estimation.fit_result import Fit
 from armid.estimation.problem import bare_standard
-from armid.estimation.saved_estimate import Estimate, InputDigest
-from armid.estimation.standard_parameter_status import PriorUse, Proof, StandardFit
+from armid.estimation.standard_parameter_resolution import PriorUse, Proof, StandardFit
 from armid.maths.inertia import pseudo_inertia, vector_from_pseudo_inertia
 from armid.measurement.log_format import LogFormat
 from armid.measurement.processing.options import ProcessingOptions

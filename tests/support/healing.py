@@ -10,10 +10,10 @@ import numpy as np
 
 from armid.errors import ArmidError, Finding
 from armid.measurement.columns.lookup import assemble, select
+from armid.measurement.convention_conversion import to_robot_convention
 from armid.measurement.log_format import LogFormat
 from armid.measurement.processing.options import ProcessingOptions
 from armid.measurement.recording import Recording
-from armid.measurement.robot_convention import to_robot_convention
 from armid.study.config import ModelChoice, RecordingChoice, RobotChoice, Study, build_model
 from armid.study.diagnosis import diagnose_recording
 from armid.study.remedy_translation import applied, tables_of

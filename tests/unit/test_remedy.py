@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import pytest
 
+from armid.dataclass_files import load, save
 from armid.errors import Finding
-from armid.measurement.log_format_remedies import lines
+from armid.measurement.suggested_log_format import lines
 from armid.remedy import Remedy, setting
-from armid.value_files import load, save
 
 CASES = [
     (lines("Hz", rate=50.0), "rate = 50.0  # Hz"),

@@ -13,14 +13,14 @@ import pytest
 from armid import atomic_file
 from armid.atomic_file import replace_file
 from armid.checked_array import array
+from armid.dataclass_files import load, save
 from armid.errors import ArmidError, OutputError
-from armid.estimation.saved_estimate import InputDigest
+from armid.estimation.estimate_record import InputDigest
 from armid.hashes import digest, sha256_of_file
 from armid.information.information import FactorOrigin
 from armid.measurement.low_pass_band import Band
 from armid.measurement.observations import Observations, ObservedRun
 from armid.model.motion import Motion
-from armid.value_files import load, save
 
 # Arrays --------------------------------------------------------------------------------------------------------
 

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from armid import kernel
-from armid.excitation.builtin_plans import builtin_plan
 from armid.excitation.fourier import Excitation
+from armid.excitation.thesis_plans import builtin_plan
 from armid.lab.controller import Controller, Drive
 from armid.lab.friction import Friction
 from armid.lab.known_arms import EFFECTS, KnownArm, truth_of, with_effects

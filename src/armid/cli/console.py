@@ -20,13 +20,13 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from armid.checked_array import Array
-from armid.cli.remedy_options import hint
+from armid.cli.remedy_hints import hint
 from armid.errors import ArmidError, Finding
-from armid.notebook import names_apart
+from armid.notebook_display import names_apart
 from armid.remedy import Remedy
 from armid.study.compare_methods import MethodTable
 from armid.study.progress import Progress as ReportProgress
-from armid.validation.prediction import Score, Validation
+from armid.validation.torque_errors import Score, Validation
 
 WIDTH_IN_A_PIPE = 120
 """Width of output that does not go to a terminal, unless the variable `COLUMNS` gives one [characters]."""

@@ -6,7 +6,7 @@ from typing import Any
 
 from typer.core import TyperCommand
 
-from armid.cli.remedy_options import CONTEXT
+from armid.cli.remedy_hints import CONTEXT
 
 
 class Command(TyperCommand):

@@ -94,7 +94,7 @@ def print_next(
         replaced: True if an earlier run in this folder was replaced.
         inputs: The study, or the arm and its recordings, as given on the command line.
     """
-    from armid.cli.remedy_options import given_options
+    from armid.cli.remedy_hints import given_options
     from armid.report.heading import export_command
 
     run = shlex.quote(str(folder))

@@ -19,7 +19,7 @@ from armid.cli.folder_overview import next_step
 from armid.cli.help_format import Command
 from armid.cli.json_errors import BAD_INPUT, Group, write_error
 from armid.cli.motion.excite import INTERRUPTED
-from armid.cli.remedy_options import hint
+from armid.cli.remedy_hints import hint
 from armid.errors import ArmidError
 from armid.threads import keep_freed_memory, prefer_one_thread
 

@@ -10,14 +10,14 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from armid.estimation.estimate_record import Estimate
 from armid.estimation.fit_result import POORLY_IDENTIFIED
 from armid.estimation.friction.selection import FrictionSelection
 from armid.estimation.link_properties import QUANTITIES, LinkProperties, LinkTable
-from armid.estimation.saved_estimate import Estimate
-from armid.estimation.standard_parameter_status import StandardFit
+from armid.estimation.standard_parameter_resolution import StandardFit
 from armid.model.parameter_counts import by_joint, count_text
 from armid.model.term_descriptions import friction_of_joint
-from armid.notebook import interval_text
+from armid.notebook_display import interval_text
 from armid.robot.robot import Robot
 
 FEWEST_DECIMALS, MOST_DECIMALS = 3, 9

@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 from armid.codegen.graph import Scalar, call
 from armid.errors import ModelError
 from armid.model.dynamics_model import DynamicsModel
-from armid.model.expression import Expression, derivative, number, symbols
 from armid.model.hysteresis_memory import Coordinate, MemoryNode
+from armid.model.symbolic_expression import Expression, derivative, number, symbols
 from armid.model.terms import Law
 
 

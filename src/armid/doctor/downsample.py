@@ -16,9 +16,9 @@ from armid.measurement.low_pass_band import Band
 from armid.measurement.observations import ObservedRun
 from armid.measurement.processing.differentiation import differentiate
 from armid.measurement.processing.options import ProcessingOptions
-from armid.measurement.processing.resampling import Stretch, resample_uniform, stretches
 from armid.measurement.processing.row_mask import moving, run_of, separate_rows
 from armid.measurement.processing.standstill import position_noise, standing
+from armid.measurement.processing.uniform_runs import Stretch, resample_uniform, stretches
 from armid.measurement.recording import Recording
 from armid.model.motion import Motion
 

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from armid.checked_array import Array
 from armid.doctor.downsample import DownsampledLog
-from armid.information.column_source import ColumnSource
-from armid.information.regressor_rows import all_rows
+from armid.information.filtered_rows import all_rows
+from armid.information.regressor_columns import ColumnSource
 from armid.model.motion import Motion
 
 PASSES = 4

@@ -9,11 +9,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from armid.checked_array import Array, array
 from armid.errors import Finding
-from armid.estimation.standard_parameter_status import StandardFit
+from armid.estimation.standard_parameter_resolution import StandardFit
 from armid.information.information import Information
 from armid.maths.distributions import student_quantile
 from armid.model.parameter_name import ParameterName, parameter_names
-from armid.notebook import Displayed, Summary, interval_text, percent
+from armid.notebook_display import Displayed, Summary, interval_text, percent
 
 POORLY_IDENTIFIED = 20.0
 """Relative standard deviation above which a parameter counts as poorly identified [%]. By the usual rule, ten times

@@ -18,8 +18,8 @@ from armid.information.information import Information, JointFactors
 from armid.kernel import factor_columns
 from armid.model.base_parameters import BaseParameters
 from armid.model.dynamics_model import DynamicsModel
-from armid.model.expression import symbols
 from armid.model.parameter_name import ParameterName
+from armid.model.symbolic_expression import symbols
 from armid.model.terms import Offset
 
 

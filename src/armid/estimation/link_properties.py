@@ -16,11 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armid.checked_array import Array, array
-from armid.estimation.saved_estimate import Estimate
-from armid.estimation.standard_parameter_status import StandardFit
+from armid.estimation.estimate_record import Estimate
+from armid.estimation.standard_parameter_resolution import StandardFit
 from armid.maths.inertia import INERTIA_INDEX, about_com, about_com_slope
 from armid.model.dynamics_model import DynamicsModel
-from armid.notebook import Displayed, Summary, interval_text, plural
+from armid.notebook_display import Displayed, Summary, interval_text, plural
 
 QUANTITIES = ("mass", "com x", "com y", "com z", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
 """Quantities that describe a body: mass, centre of mass and inertia about it, with the axes of the link frame."""

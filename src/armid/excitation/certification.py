@@ -16,7 +16,7 @@ from armid.errors import ArmidError
 from armid.excitation.collision.distances import Clearance
 from armid.excitation.design.objective import Objective
 from armid.excitation.design.sqp import DescentProblem, about_start
-from armid.excitation.limits.constraints import ConstraintChannel, RangeLimit, States
+from armid.excitation.limits.constraint_channels import ConstraintChannel, RangeLimit, States
 from armid.excitation.limits.torque_limits import Torque
 from armid.excitation.limits.workspace import SCALE, Workspace
 

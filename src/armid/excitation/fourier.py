@@ -20,7 +20,7 @@ from armid.atomic_file import replace_file
 from armid.checked_array import Array, array
 from armid.errors import ArmidError
 from armid.model.motion import Motion
-from armid.notebook import Displayed, Summary
+from armid.notebook_display import Displayed, Summary
 
 SUMMARY_RATE = 40
 """Samples per period of the highest harmonic with which a summary is computed."""

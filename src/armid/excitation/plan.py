@@ -14,7 +14,7 @@ from armid.checked_array import Array, array
 from armid.errors import ArmidError
 from armid.excitation.fourier import Excitation, required_series
 from armid.model.motion import Motion
-from armid.notebook import Displayed, Summary
+from armid.notebook_display import Displayed, Summary
 
 PEAKS = (1.0, 1.875, 10.0 / 3.0**0.5, 60.0)
 """Largest position, velocity, acceleration and jerk of the polynomial for a move of one radian in one second."""

@@ -15,12 +15,12 @@ from armid.excitation.certification import Margin, fine_grid, margins
 from armid.excitation.collision.closest_approach import RATE, ClosestApproach, closest_approaches
 from armid.excitation.collision.collision_model import CollisionOptions
 from armid.excitation.collision.ignored_pairs import IgnoredPair
-from armid.excitation.collision.left_out_contacts import LeftOutContact, contacts_found, left_out_contacts
+from armid.excitation.collision.unchecked_contacts import LeftOutContact, contacts_found, left_out_contacts
 from armid.excitation.design.objective import CriterionGoal, Objective
 from armid.excitation.design.regressor_gradients import Columns
 from armid.excitation.design.sqp import DescentProblem
 from armid.model.parameter_name import ParameterName
-from armid.notebook import plural
+from armid.notebook_display import plural
 
 Verdict = Literal["pass", "fail", "weak", "not checked"]
 

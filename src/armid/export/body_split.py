@@ -15,7 +15,7 @@ import numpy as np
 
 from armid.checked_array import Array
 from armid.errors import Finding
-from armid.export.attached_inertias import SPECK, as_carried, moved
+from armid.export.fixed_body_inertias import SPECK, as_carried, moved
 from armid.export.types import Body
 from armid.maths.rotations import homogeneous
 from armid.robot.robot import InertialParameters, Robot

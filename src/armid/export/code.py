@@ -15,14 +15,14 @@ from armid.checked_array import Array
 from armid.codegen.functions import make_programs
 from armid.codegen.generation import generate
 from armid.errors import OutputError
-from armid.estimation.saved_estimate import torque_parameters
+from armid.estimation.estimate_record import torque_parameters
 from armid.export.sidecar import refuse_overwriting
 from armid.hashes import digest
 from armid.model.base_parameters import BaseParameters
 from armid.model.dynamics_model import DynamicsModel
 from armid.model.motion import Motion
 from armid.runs.run import Run
-from armid.validation.prediction import Check
+from armid.validation.torque_errors import Check
 
 AGREEMENT = 1e-10
 """Largest allowed relative difference from the model; sums in another order differ by about 1e-15."""

@@ -13,7 +13,7 @@ import numpy as np
 from armid.checked_array import Array
 from armid.errors import RobotError
 from armid.export.types import Content, Witness
-from armid.robot.pinocchio_model import build, pinocchio
+from armid.robot.pinocchio_conversion import build, pinocchio
 
 SOURCE = "the written file"
 

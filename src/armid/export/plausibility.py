@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from armid.checked_array import Array
 from armid.errors import Finding, OutputError
 from armid.estimation.problem import standard_of
-from armid.export.attached_inertias import is_possible, is_thin
+from armid.export.fixed_body_inertias import is_possible, is_thin
 from armid.export.types import Body, Content
 from armid.remedy import Remedy, setting
 from armid.robot.missing_inertia import placeholder_masses

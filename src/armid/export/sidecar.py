@@ -9,7 +9,7 @@ from typing import Any
 
 from armid.checked_array import Array
 from armid.errors import OutputError
-from armid.estimation.saved_estimate import Estimate, collapse
+from armid.estimation.estimate_record import Estimate, collapse
 from armid.export.types import Content
 from armid.model.base_formulas import base_formulas
 from armid.runs.run import Run

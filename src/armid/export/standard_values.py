@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 from armid.checked_array import Array
 from armid.errors import EstimationError, Finding, OutputError
 from armid.estimation.consistency.cones import consistency_cones
+from armid.estimation.estimate_record import collapse, torque_parameters
 from armid.estimation.prior import LENGTH, size_of_bodies, smallest_radius
 from armid.estimation.problem import StandardParameters, standard_of
-from armid.estimation.saved_estimate import collapse, torque_parameters
-from armid.export.attached_inertias import is_possible
+from armid.export.fixed_body_inertias import is_possible
 from armid.maths.conic_solver import Cone, solve_cones, upper_triangle
 from armid.maths.inertia import PSEUDO_INERTIA_OF, pseudo_inertia, vector_from_pseudo_inertia
 from armid.remedy import Remedy, setting

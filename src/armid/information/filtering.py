@@ -14,7 +14,7 @@ import numpy as np
 
 from armid import kernel
 from armid.checked_array import Array
-from armid.information.column_source import ColumnSource
+from armid.information.regressor_columns import ColumnSource
 from armid.maths.signals.zero_phase_filters import (
     coarsest_step,
     decimate,

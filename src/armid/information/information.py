@@ -19,8 +19,8 @@ from armid.checked_array import Array, array
 from armid.errors import ArmidError
 from armid.kernel import factor_columns
 from armid.model.parameter_name import ParameterName, parameter_names
-from armid.notebook import Displayed, Summary, plural
-from armid.text_value import TextValue
+from armid.notebook_display import Displayed, Summary, plural
+from armid.text_serialization import TextValue
 
 
 @dataclass(frozen=True, slots=True)

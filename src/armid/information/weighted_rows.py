@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 
 from armid import kernel
 from armid.checked_array import Array
-from armid.information.column_source import ColumnSource
+from armid.information.filtered_rows import rows
 from armid.information.hysteresis_states import with_hysteresis_states
 from armid.information.information import FactorOrigin, Information, JointFactors, merge
-from armid.information.regressor_rows import rows
+from armid.information.regressor_columns import ColumnSource
 from armid.measurement.observations import Observations, ObservedRun
 
 KEPT = 64_000_000
@@ -32,7 +32,7 @@ class Segment:
     Attributes:
         run: Index of the run.
         begin: Index of the first row.
-        x: Columns and torque of all joints, shape (columns, M), as `armid.information.regressor_rows.rows` returns
+        x: Columns and torque of all joints, shape (columns, M), as `armid.information.filtered_rows.rows` returns
             them.
         mask: Mask of the rows in use, shape (M, n).
         block: Block of each row, shape (M,).

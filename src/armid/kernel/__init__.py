@@ -6,7 +6,6 @@ environment variable `ARMID_KERNEL` chooses another build: `avx512`, `avx2`, `ba
 `in_use()` returns the name of the build in use.
 """
 
-from armid.kernel.column_layout import ColumnLayout, make_layout
 from armid.kernel.dispatch import (
     columns,
     coriolis_matrix,
@@ -24,6 +23,7 @@ from armid.kernel.dispatch import (
     unpack_factors,
 )
 from armid.kernel.information_gradient import columns_adjoint, information, information_adjoint
+from armid.kernel.joint_column_layout import ColumnLayout, make_layout
 from armid.kernel.tree import Tree
 
 __all__ = [

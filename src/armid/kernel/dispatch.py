@@ -15,8 +15,8 @@ from numpy.typing import ArrayLike, NDArray
 import armid.kernel._native as _native
 from armid.checked_array import Array
 from armid.errors import ArmidError
-from armid.kernel import reference, reference_factor, reference_memory
-from armid.kernel.column_layout import ColumnLayout
+from armid.kernel import reference, reference_factor, reference_play
+from armid.kernel.joint_column_layout import ColumnLayout
 from armid.kernel.tree import Tree
 
 TWIN = "numpy"
@@ -318,7 +318,7 @@ def play(
     width = np.ascontiguousarray(width, dtype=np.float64)
     chosen = chosen or in_use()
     if chosen == TWIN:
-        return reference_memory.play(x, column, width)
+        return reference_play.play(x, column, width)
     out, known = np.empty((len(x), len(column))), np.empty(len(column), dtype=np.int64)
     _native.play(chosen, x, column, width, out, known)
     return out, known

@@ -15,8 +15,8 @@ import armid.kernel._native as _native
 from armid.checked_array import Array
 from armid.errors import ArmidError
 from armid.kernel import reference_adjoint, reference_factor
-from armid.kernel.column_layout import ColumnLayout
 from armid.kernel.dispatch import TWIN, compiled_arm, in_use, states_of
+from armid.kernel.joint_column_layout import ColumnLayout
 from armid.kernel.tree import Tree
 
 WIDEST = 8

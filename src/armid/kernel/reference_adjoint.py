@@ -16,7 +16,7 @@ import numpy as np
 
 from armid.checked_array import Array
 from armid.kernel import reference_factor
-from armid.kernel.column_layout import ColumnLayout
+from armid.kernel.joint_column_layout import ColumnLayout
 from armid.kernel.tree import Tree
 
 TURNS = ((math.pi / 2.0, 0.5 - math.sqrt(0.5)), (math.pi / 4.0, 1.0))

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from armid.checked_array import Array
 from armid.kernel import reference
-from armid.kernel.column_layout import ColumnLayout
+from armid.kernel.joint_column_layout import ColumnLayout
 from armid.kernel.tree import Tree
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from armid.checked_array import Array, array
 from armid.errors import Finding, RecordingError
-from armid.notebook import Displayed, Summary, spans
+from armid.notebook_display import Displayed, Summary, spans
 
 
 def _all_valid() -> NDArray[np.bool_]:

@@ -14,7 +14,7 @@ import numpy as np
 from armid.checked_array import Array
 from armid.errors import Finding, RecordingError
 from armid.measurement.columns.column_name_parsing import unit_kind
-from armid.notebook import plural
+from armid.notebook_display import plural
 
 DELIMITERS = (",", ";", "\t")
 """Delimiters that a header may have; a header without any of them is delimited by spaces."""

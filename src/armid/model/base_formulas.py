@@ -13,7 +13,7 @@ import numpy as np
 
 from armid.checked_array import Array
 from armid.model.base_parameters import BaseParameters
-from armid.model.linear_combination import Style, linear_combination
+from armid.model.linear_combination_text import Style, linear_combination
 from armid.model.parameter_name import ParameterName
 
 RECORD_DIGITS = 14

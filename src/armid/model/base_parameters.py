@@ -1,8 +1,8 @@
 """Base parameters of a model: the combinations of standard parameters that the torque depends on.
 
-The parameters of rigid bodies are regrouped from the geometry of the tree (`identifiable_structure`). Dependences on
-the columns of other torque terms are found numerically, at random motion and hysteresis states. The result is checked
-at other random states.
+The parameters of rigid bodies are regrouped from the geometry of the tree (`structural_identifiability`). Dependences
+on the columns of other torque terms are found numerically, at random motion and hysteresis states. The result is
+checked at other random states.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ from numpy.typing import ArrayLike, NDArray
 from armid.checked_array import Array, array
 from armid.errors import ModelError
 from armid.model.dynamics_model import DynamicsModel
-from armid.model.expression import functions, symbols
-from armid.model.identifiable_structure import SPAN_TOLERANCE, echelon, parameter_units, structural_base
-from armid.model.linear_combination import linear_combination
+from armid.model.linear_combination_text import linear_combination
 from armid.model.motion import Motion
 from armid.model.parameter_name import ParameterName, parameter_names
+from armid.model.structural_identifiability import SPAN_TOLERANCE, echelon, parameter_units, structural_base
+from armid.model.symbolic_expression import functions, symbols
 from armid.model.terms.term import Term
-from armid.notebook import Displayed, Summary
+from armid.notebook_display import Displayed, Summary
 from armid.robot.robot import Robot
 from armid.threads import one_blas_thread
 

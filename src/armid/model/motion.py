@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from armid.checked_array import Array, array
 from armid.errors import ArmidError
-from armid.notebook import Displayed, Summary, spans
+from armid.notebook_display import Displayed, Summary, spans
 
 
 @dataclass(frozen=True, eq=False, slots=True, repr=False)

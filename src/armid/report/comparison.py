@@ -9,7 +9,7 @@ import numpy as np
 
 from armid.checked_array import Array
 from armid.errors import ArmidError
-from armid.estimation.saved_estimate import averaged
+from armid.estimation.estimate_record import averaged
 from armid.estimation.update.recalibration import ParameterChange, changed
 from armid.model.base_formulas import base_formulas
 from armid.model.parameter_name import ParameterName

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 
-from armid.estimation.saved_estimate import Estimate
+from armid.estimation.estimate_record import Estimate
 from armid.model.parameter_name import ParameterName
-from armid.notebook import names_apart
+from armid.notebook_display import names_apart
 from armid.report.data.number_format import short
 from armid.report.data.page_data import PageData
 from armid.report.plots.arm_picture import picture_of

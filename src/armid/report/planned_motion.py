@@ -16,7 +16,7 @@ from armid.model.dynamics_model import DynamicsModel
 from armid.model.motion import Motion
 from armid.report.data.joint_names import heading_of
 from armid.report.data.number_format import short
-from armid.report.plots.plot_data import Plot, PlotTrace, line
+from armid.report.plots.plot_specification import Plot, PlotTrace, line
 from armid.report.section import Section
 
 PLOT_RATE = 100.0

@@ -8,7 +8,7 @@ from typing import Any
 
 from armid.report.data.number_format import share, short
 from armid.report.data.page_data import PageData
-from armid.report.plots.plot_data import Plot, PlotRange
+from armid.report.plots.plot_specification import Plot, PlotRange
 from armid.report.tables import Table
 
 

@@ -15,7 +15,7 @@ from armid.errors import Finding, RobotError, did_you_mean
 from armid.kernel.tree import Tree
 from armid.maths import inertia as inertia_maths
 from armid.maths.rotations import axis_rotation, homogeneous
-from armid.notebook import Displayed, Summary, plural
+from armid.notebook_display import Displayed, Summary, plural
 from armid.robot.described_drive import DescribedDrive
 from armid.robot.shapes import Shape
 

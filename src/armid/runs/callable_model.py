@@ -17,10 +17,10 @@ from numpy.typing import ArrayLike
 
 from armid.checked_array import Array, array
 from armid.codegen.functions import make_programs
-from armid.codegen.kernel_program import make_tape
+from armid.codegen.operation_tape import make_tape
 from armid.codegen.program import Program
 from armid.errors import ArmidError
-from armid.estimation.saved_estimate import torque_parameters
+from armid.estimation.estimate_record import torque_parameters
 from armid.kernel import in_use
 from armid.kernel.dispatch import TWIN
 from armid.model.base_parameters import BaseParameters

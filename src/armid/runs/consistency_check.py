@@ -13,15 +13,15 @@ import numpy as np
 
 from armid.checked_array import Array
 from armid.errors import ArmidError, Finding, ModelError, did_you_mean
-from armid.estimation.saved_estimate import collapse
-from armid.estimation.standard_parameter_status import StandardFit
+from armid.estimation.estimate_record import collapse
+from armid.estimation.standard_parameter_resolution import StandardFit
 from armid.maths.inertia import com_inertia_to_vector, pseudo_inertia, vector_to_com_inertia
 from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics_model import DynamicsModel
 from armid.model.motion import Motion
 from armid.model.parameter_name import parameter_names
 from armid.model.terms import Coulomb, Offset, RigidBody, RotorInertia, Term, Viscous
-from armid.notebook import Displayed, Summary
+from armid.notebook_display import Displayed, Summary
 from armid.robot import Robot
 from armid.runs.run import Run
 from armid.validation.distance_to_consistency import Certificate, certify_values

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from armid.estimation.saved_estimate import torque_parameters
+from armid.estimation.estimate_record import torque_parameters
 from armid.excitation.limits.torque_limits import EstimatedTorque, TorqueModel
 from armid.kernel import Tree
 from armid.model.base_parameters import BaseParameters, find_base_parameters

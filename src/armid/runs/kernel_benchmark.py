@@ -22,10 +22,10 @@ from armid.checked_array import Array
 from armid.errors import ArmidError
 from armid.estimation.estimators import OrdinaryLeastSquares
 from armid.estimation.problem import build_problem
-from armid.excitation.builtin_plans import builtin_plan
 from armid.excitation.design.objective import CriterionGoal, Objective, along
 from armid.excitation.rest_to_rest_basis import SeriesBasis
-from armid.information.column_source import column_source
+from armid.excitation.thesis_plans import builtin_plan
+from armid.information.regressor_columns import column_source
 from armid.lab.inverse_dynamics_recording import thesis_truth
 from armid.measurement.low_pass_band import Band
 from armid.measurement.observations import Observations, ObservedRun

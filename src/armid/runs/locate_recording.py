@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from armid.errors import ArmidError
-from armid.measurement.bag_paths import sha256_of_recording
+from armid.measurement.bag_files import sha256_of_recording
 from armid.measurement.recording import Recording
 from armid.runs.run import Run
 from armid.study.config import RecordingChoice

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armid.checked_array import Array
+from armid.dataclass_files import load
 from armid.errors import Finding, RobotError, StudyError
 from armid.estimation.friction_per_recording import changing_parameters
 from armid.estimation.problem import EstimationProblem, build_problem
@@ -24,7 +25,6 @@ from armid.runs.run import Run
 from armid.study.config import RecordingChoice
 from armid.study.recordings.processed import ProcessedRecording, joined_observations, process_each
 from armid.study.recordings.reading import read_choice
-from armid.value_files import load
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from armid.checked_array import Array
 from armid.errors import Finding, StudyError
-from armid.estimation.update.earlier_and_new_problem import stack_problems
 from armid.estimation.update.payload import LOAD_NAMES, DriveGains, PayloadEstimate, estimate_gains, estimate_payload
 from armid.estimation.update.payload_misfit import PayloadMisfit
+from armid.estimation.update.stacked_problem import stack_problems
 from armid.model.terms.rigid_body import rigid_body_units
 from armid.runs.new_recordings import NewRecordings, load_new_recordings
 from armid.runs.payload_link import PayloadLink, fit_finding, payload_link

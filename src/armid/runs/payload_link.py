@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from armid.checked_array import Array
 from armid.errors import Finding, StudyError
-from armid.estimation.update.earlier_and_new_problem import stack_problems
 from armid.estimation.update.payload_misfit import PayloadMisfit, misfit_of
+from armid.estimation.update.stacked_problem import stack_problems
 from armid.estimation.whitened_system import whiten
 from armid.runs.new_recordings import NewRecordings, link_columns, load_columns
 from armid.runs.run import Run

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armid.errors import ArmidError, Finding, StudyError
-from armid.estimation.saved_estimate import Estimate, InputDigest
+from armid.estimation.estimate_record import Estimate, InputDigest
 from armid.estimation.update.recalibration import ParameterChange, recalibrate_fit
 from armid.estimation.whitened_system import minimum_norm_solution
 from armid.hashes import digest, sha256_of_file
@@ -28,7 +28,7 @@ from armid.study.recordings.processed import ProcessedRecording, process_each
 from armid.study.recordings.reading import read_choice
 from armid.study.score_recordings import score_recordings
 from armid.threads import one_blas_thread
-from armid.validation.prediction import Score, validate
+from armid.validation.torque_errors import Score, validate
 
 Changed = Literal["friction", "tool", "all"]
 """Parameters that may have changed: friction and offsets; friction, offsets and the last link; or all."""

@@ -11,15 +11,15 @@ from typing import Any
 import numpy as np
 
 from armid.errors import ArmidError, Finding, StudyError
-from armid.estimation.saved_estimate import torque_parameters
+from armid.estimation.estimate_record import torque_parameters
 from armid.measurement.processing.pipeline import process_recordings
 from armid.remedy import Remedy, setting
 from armid.runs.run import Run
 from armid.study.config import RecordingChoice
 from armid.study.recordings.reading import read_choice
-from armid.validation.prediction import Check, Validation
 from armid.validation.rollout import Feedback
 from armid.validation.rollout_score import MotionScore, score_motion
+from armid.validation.torque_errors import Check, Validation
 
 MOST_LOST = 0.5
 """Largest share of windows that may be lost; with more, there is no median error."""

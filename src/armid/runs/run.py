@@ -15,13 +15,14 @@ from pathlib import Path
 from typing import Any
 
 from armid.atomic_file import replace_file
+from armid.dataclass_files import load, save
 from armid.errors import ArmidError
+from armid.estimation.estimate_record import Estimate
 from armid.estimation.link_properties import LinkTable, link_record, link_table
-from armid.estimation.saved_estimate import Estimate
 from armid.measurement.log_format import LogFormat
 from armid.measurement.processing.options import ProcessingOptions
 from armid.model.dynamics_model import DynamicsModel
-from armid.notebook import Displayed, Summary
+from armid.notebook_display import Displayed, Summary
 from armid.robot import Robot
 from armid.study.config import ModelChoice, build_model
 from armid.study.identify import Result
@@ -35,7 +36,6 @@ from armid.study.storage.records import (
     to_json,
     validation_record,
 )
-from armid.value_files import load, save
 
 MARKER = "estimate.json"
 

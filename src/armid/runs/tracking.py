@@ -11,12 +11,13 @@ from typing import Any
 import numpy as np
 
 from armid.checked_array import Array
+from armid.dataclass_files import load
 from armid.errors import Finding, StudyError
+from armid.estimation.estimate_record import averaged
 from armid.estimation.friction_per_recording import changing_parameters
 from armid.estimation.recursive.recursive_estimate import JUMP, ForgettingOptions, RecursiveState, fit, resume, update
-from armid.estimation.saved_estimate import averaged
-from armid.estimation.update.earlier_and_new_problem import with_load_columns
 from armid.estimation.update.payload import LOAD_NAMES
+from armid.estimation.update.stacked_problem import with_load_columns
 from armid.information.accumulate import accumulate_information
 from armid.information.information import Information, select
 from armid.measurement.observations import Observations, ObservedRun
@@ -29,7 +30,6 @@ from armid.runs.recalibration import Changed
 from armid.runs.run import Run
 from armid.study.progress import Progress, no_progress
 from armid.threads import one_blas_thread
-from armid.value_files import load
 
 THRESHOLD = 3.0
 """Normalised innovation from which a change is reported. With ten independent rows, noise exceeds it once in 1e14

@@ -13,7 +13,7 @@ import numpy as np
 from armid.atomic_file import replace_file
 from armid.checked_array import Array
 from armid.errors import ArmidError, Finding, StudyError
-from armid.estimation.saved_estimate import torque_parameters
+from armid.estimation.estimate_record import torque_parameters
 from armid.information.hysteresis_states import with_hysteresis_states
 from armid.measurement.log_format import LogFormat
 from armid.measurement.processing.pipeline import process_recordings
@@ -27,8 +27,8 @@ from armid.study.plans.plan_files import motion_of_plan
 from armid.study.recordings.processed import process_each
 from armid.study.recordings.reading import read_choice
 from armid.study.score_recordings import score_recordings
-from armid.validation.prediction import Validation, validate
 from armid.validation.prediction_interval import torque_band
+from armid.validation.torque_errors import Validation, validate
 
 
 def validate_run(

@@ -20,9 +20,9 @@ from armid.checked_array import Array
 from armid.errors import ArmidError, EstimationError
 from armid.estimation.catalogue import ESTIMATORS, Estimator, EstimatorWithPrior, MultiStartEstimator
 from armid.estimation.crossvalidation import folds, held_out_squares, training_information
+from armid.estimation.estimate_record import collapse
 from armid.estimation.fit_result import Fit
 from armid.estimation.problem import EstimationProblem
-from armid.estimation.saved_estimate import collapse
 from armid.information.accumulate import accumulate_information
 from armid.information.information import Information, select, total
 from armid.measurement.observations import Observations

@@ -21,9 +21,9 @@ from armid.measurement.log_format import LogFormat
 from armid.measurement.processing.options import ProcessingOptions
 from armid.model.dynamics_model import DynamicsModel
 from armid.model.terms import DEFAULT_TERMS, TERMS, RotorInertia, Term
-from armid.notebook import Displayed, Summary
+from armid.notebook_display import Displayed, Summary
 from armid.robot import Robot, builtin_arms, load_robot
-from armid.study.input_summary import study_summary
+from armid.study.study_overview import study_summary
 
 T = TypeVar("T")
 

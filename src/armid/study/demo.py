@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from armid.checked_array import Array
-from armid.excitation.builtin_plans import builtin_plan
+from armid.excitation.thesis_plans import builtin_plan
 from armid.lab.inverse_dynamics_recording import Sensors, record, thesis_truth
 from armid.measurement.log_format import LogFormat
 from armid.measurement.processing.options import THESIS, ProcessingOptions

@@ -12,14 +12,14 @@ import numpy as np
 from armid.doctor import CHECKS, SEVERITIES, LogEvidence, checks_of, effects, examine, explanations_of
 from armid.doctor.check_definition import Scope
 from armid.doctor.checks.signals.motor_side import explain as explain_scale
-from armid.doctor.motor_positions import reconsidered
+from armid.doctor.position_unit import reconsidered
 from armid.errors import ArmidError, EstimationError, Finding, RecordingError
+from armid.measurement.convention_conversion import to_robot_convention, understood
 from armid.measurement.log_format import LogFormat
 from armid.measurement.processing.options import ProcessingOptions
 from armid.measurement.processing.pipeline import process_recording
 from armid.measurement.readers import load_recording
 from armid.measurement.recording import Recording
-from armid.measurement.robot_convention import to_robot_convention, understood
 from armid.model.dynamics_model import DynamicsModel
 from armid.remedy import Remedy
 from armid.robot import Robot

@@ -5,9 +5,9 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 
+from armid.estimation.estimate_record import Estimate, InputDigest, TermUse
 from armid.estimation.problem import EstimationProblem
 from armid.estimation.run_estimator import estimate
-from armid.estimation.saved_estimate import Estimate, InputDigest, TermUse
 from armid.hashes import digest
 from armid.model.base_parameters import BaseParameters
 from armid.model.dynamics_model import DynamicsModel

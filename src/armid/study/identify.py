@@ -7,13 +7,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from armid.errors import EstimationError
+from armid.estimation.estimate_record import Estimate
 from armid.estimation.friction.selection import FrictionSelection
-from armid.estimation.saved_estimate import Estimate
 from armid.information.information import Information
 from armid.measurement.log_format import LogFormat
 from armid.measurement.recording import Recording
 from armid.model.dynamics_model import DynamicsModel
-from armid.notebook import Displayed, Summary
+from armid.notebook_display import Displayed, Summary
 from armid.robot import Robot
 from armid.study import plausibility
 from armid.study.config import (
@@ -21,13 +21,13 @@ from armid.study.config import (
 )
 from armid.study.diagnosis import diagnosed_error
 from armid.study.estimate_study import estimate_study
-from armid.study.estimation_defaults import with_origin_of_weight
 from armid.study.prepare import Prepared, prepare, stated_problem
 from armid.study.progress import Progress, no_progress
 from armid.study.recordings.processed import of_role
 from armid.study.score_recordings import score_recordings
+from armid.study.selected_friction_options import with_origin_of_weight
 from armid.threads import one_blas_thread
-from armid.validation.prediction import (
+from armid.validation.torque_errors import (
     PredictedRecording,
     Score,
     Validation,

@@ -21,13 +21,13 @@ from armid.estimation.problem import EstimationProblem, StandardParameters
 from armid.estimation.uncertainty.covariance_choice_thresholds import FEWEST_BLOCKS, FEWEST_ROWS
 from armid.information.information import Information, stack, total
 from armid.maths.linalg import inverse_of, unit_columns
-from armid.measurement.log_format_remedies import lines
 from armid.measurement.observations import Observations
+from armid.measurement.suggested_log_format import lines
 from armid.model.dynamics_model import DynamicsModel
 from armid.remedy import Remedy, setting
 from armid.robot import Robot
 from armid.validation.gravity_sign import gravity_finding
-from armid.validation.prediction import Check, Validation
+from armid.validation.torque_errors import Check, Validation
 
 FAR = 20.0
 """Factor between the estimated mass of a link and its mass in the description from which it is reported."""

@@ -14,9 +14,9 @@ from armid.estimation.friction.selection import FrictionSelection, choose_fricti
 from armid.estimation.friction_per_recording import changing_parameters, offset_names, separate_by_recording
 from armid.estimation.problem import EstimationProblem, build_problem
 from armid.information.hysteresis_states import memory_findings
+from armid.measurement.convention_conversion import understood
 from armid.measurement.processing.pipeline import resolve_options
 from armid.measurement.recording import Recording
-from armid.measurement.robot_convention import understood
 from armid.model.base_parameters import BaseParameters, find_base_parameters
 from armid.model.dynamics_model import DynamicsModel
 from armid.study.config import (
@@ -26,13 +26,13 @@ from armid.study.config import (
     load_choice,
     resolve_model,
 )
-from armid.study.default_terms import add_rotor_inertia
+from armid.study.default_rotor_inertia import add_rotor_inertia
 from armid.study.diagnosis import findings_of_each, merged
-from armid.study.estimation_defaults import as_chosen, chosen_finding
 from armid.study.progress import Progress, no_progress
 from armid.study.recordings.agreement import disagreement_findings
 from armid.study.recordings.processed import ProcessedRecording, joined_observations, of_role, process_each
 from armid.study.recordings.reading import read_all, scale_deviation
+from armid.study.selected_friction_options import as_chosen, chosen_finding
 from armid.threads import one_blas_thread
 
 

@@ -6,12 +6,12 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from armid.errors import Finding
-from armid.estimation.saved_estimate import Estimate
+from armid.estimation.estimate_record import Estimate
 from armid.model.dynamics_model import DynamicsModel
 from armid.study.extrapolation import highest_speeds, speed_finding
 from armid.study.recordings.labels import labels
 from armid.study.recordings.processed import ProcessedRecording
-from armid.validation.prediction import PredictedRecording, Score, score
+from armid.validation.torque_errors import PredictedRecording, Score, score
 
 
 def score_recordings(

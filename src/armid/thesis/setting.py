@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from armid.checked_array import Array
-from armid.excitation.builtin_plans import builtin_plan
 from armid.excitation.fourier import Excitation
+from armid.excitation.thesis_plans import builtin_plan
 from armid.lab.inverse_dynamics_recording import thesis_truth
 from armid.model.base_parameters import BaseParameters, find_base_parameters
 from armid.model.dynamics_model import DynamicsModel

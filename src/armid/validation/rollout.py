@@ -24,8 +24,8 @@ from armid.checked_array import Array, array
 from armid.errors import ArmidError
 from armid.maths.stiction import solve_stiction
 from armid.model.dynamics_model import DynamicsModel
-from armid.model.expression import symbols
 from armid.model.motion import Motion
+from armid.model.symbolic_expression import symbols
 from armid.model.terms.term import smooths_sign
 
 LEAST_RATE = 1000.0

@@ -14,16 +14,16 @@ from armid.cli.commands.doctor import _report
 from armid.cli.console import print_error, print_findings, validation_table
 from armid.cli.parameter_tables import friction_selection_table, print_links
 from armid.errors import ArmidError, EstimationError, Finding
+from armid.estimation.estimate_record import Estimate
 from armid.estimation.friction.selection import FrictionSelection, SelectionEvidence
 from armid.estimation.link_properties import link_table
 from armid.estimation.prior import CHOSEN, GIVEN, weight_finding
-from armid.estimation.saved_estimate import Estimate
-from armid.estimation.standard_parameter_status import PriorUse
-from armid.measurement.log_format_remedies import lines
+from armid.estimation.standard_parameter_resolution import PriorUse
+from armid.measurement.suggested_log_format import lines
 from armid.model.terms import Hysteresis, Stribeck
 from armid.study.diagnosis import Diagnosis, diagnosed_error
-from armid.study.estimation_defaults import with_origin_of_weight
-from armid.validation.prediction import Score, Validation
+from armid.study.selected_friction_options import with_origin_of_weight
+from armid.validation.torque_errors import Score, Validation
 from cranes import CRANE, estimate, model, problem
 from labs import small_model
 

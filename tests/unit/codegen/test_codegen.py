@@ -20,8 +20,8 @@ from armid.codegen.thesis_functions import thesis_order, thesis_programs
 from armid.errors import ModelError, OutputError
 from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics_model import DynamicsModel
-from armid.model.expression import Expression, symbol
 from armid.model.motion import Motion
+from armid.model.symbolic_expression import Expression, symbol
 from armid.model.terms import Coulomb, LoadViscous, RigidBody, Viscous
 from armid.robot import load_robot
 from coded import CC, OCTAVE, STRICT, write_files

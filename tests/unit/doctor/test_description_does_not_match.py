@@ -8,7 +8,7 @@ import pytest
 
 from armid.doctor.check_input import LogEvidence
 from armid.doctor.checks.dynamics import description_does_not_match
-from armid.measurement.robot_convention import to_robot_convention
+from armid.measurement.convention_conversion import to_robot_convention
 from armid.robot import load_robot
 from armid.robot.robot import InertialParameters
 from sick import Case, sound

@@ -17,7 +17,7 @@ from armid.doctor.checks.dynamics.excitation_weak import poorly_determined
 from armid.doctor.checks.dynamics.gravity_direction import explain as explain_gravity
 from armid.doctor.checks.dynamics.position_offset import offsets_of
 from armid.doctor.checks.signals import velocity_mismatch
-from armid.doctor.interpreted_log import LogState
+from armid.doctor.log_state import LogState
 from armid.doctor.quick_fit import solve
 from armid.doctor.remedy_trial import heldout_error
 from armid.errors import Finding
@@ -27,8 +27,8 @@ from armid.lab.options import Arm, LabOptions
 from armid.lab.sensors import Sensing, SensorChannel
 from armid.lab.simulation import simulate
 from armid.maths.signals.resampling import resample
+from armid.measurement.convention_conversion import to_robot_convention
 from armid.measurement.log_format import LogFormat
-from armid.measurement.robot_convention import to_robot_convention
 from armid.robot import load_robot
 from armid.study.diagnosis import diagnose_recording
 from armid.study.remedy_translation import tables_of

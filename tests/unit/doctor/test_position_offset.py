@@ -14,9 +14,9 @@ from armid.lab.known_arms import truth_of
 from armid.lab.options import Arm, LabOptions
 from armid.lab.sensors import Sensing, SensorChannel
 from armid.lab.simulation import simulate
+from armid.measurement.convention_conversion import to_robot_convention
 from armid.measurement.log_format import LogFormat
 from armid.measurement.recording import Recording
-from armid.measurement.robot_convention import to_robot_convention
 from armid.robot import load_robot
 from armid.study.diagnosis import diagnose_recording
 

@@ -11,7 +11,7 @@ import pytest
 from armid.doctor.check_input import LogEvidence
 from armid.doctor.checks.dynamics import torque_gain
 from armid.errors import Finding
-from armid.measurement.robot_convention import to_robot_convention
+from armid.measurement.convention_conversion import to_robot_convention
 from armid.study.diagnosis import diagnose_recording
 from healing import told_after
 from sick import Case, sound

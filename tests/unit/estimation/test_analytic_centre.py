@@ -14,7 +14,7 @@ from armid.estimation.estimators import PhysicallyConsistent, WeightedLeastSquar
 from armid.estimation.fit_result import Fit
 from armid.estimation.problem import EstimationProblem, standard_of
 from armid.estimation.run_estimator import estimate
-from armid.estimation.standard_parameter_status import map_to_standard
+from armid.estimation.standard_parameter_resolution import map_to_standard
 from armid.information.accumulate import accumulate_information
 from armid.measurement.low_pass_band import Band
 from armid.measurement.observations import Observations, ObservedRun

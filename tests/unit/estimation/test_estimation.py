@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 
 from armid.checked_array import Array
 from armid.errors import EstimationError
+from armid.estimation.estimate_record import Estimate, standard_parameters, torque_parameters
 from armid.estimation.estimators import OrdinaryLeastSquares, WeightedLeastSquares
 from armid.estimation.fit_result import POORLY_IDENTIFIED, Fit
 from armid.estimation.friction_per_recording import separate_by_recording
 from armid.estimation.least_squares import Solution
 from armid.estimation.problem import EstimationProblem
 from armid.estimation.run_estimator import estimate
-from armid.estimation.saved_estimate import Estimate, standard_parameters, torque_parameters
 from armid.estimation.uncertainty.covariance import estimate_covariance
 from armid.estimation.uncertainty.covariance_choice_thresholds import FEWEST_BLOCKS
 from armid.information.accumulate import accumulate_information

@@ -10,10 +10,10 @@ import pinocchio as pin
 import pytest
 
 from armid.checked_array import Array
+from armid.dataclass_files import load, save
+from armid.estimation.estimate_record import Estimate
 from armid.estimation.link_properties import ENTERING, QUANTITIES, LinkTable, link_record, link_table
-from armid.estimation.saved_estimate import Estimate
 from armid.maths.inertia import about_com, about_com_slope
-from armid.value_files import load, save
 from cranes import CRANE, estimate, model, problem
 from labs import URDF
 from trees import random_inertial

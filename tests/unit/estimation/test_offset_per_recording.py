@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from armid.estimation.estimate_record import torque_parameters
 from armid.estimation.estimators import Ridge, WeightedLeastSquares
 from armid.estimation.friction.selection import choose_friction
 from armid.estimation.friction_per_recording import contrasted, offset_names, separate_by_recording
 from armid.estimation.problem import EstimationProblem, standard_of
-from armid.estimation.saved_estimate import torque_parameters
 from armid.information.accumulate import accumulate_information
 from armid.information.information import stack
 from armid.information.residuals import compare

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from armid.checked_array import Array
-from armid.estimation.update.earlier_and_new_problem import stack_problems
 from armid.estimation.update.payload_misfit import PayloadMisfit, misfit_of
+from armid.estimation.update.stacked_problem import stack_problems
 from armid.estimation.whitened_system import whiten
 from armid.maths.inertia import com_inertia_to_vector
 from carried import LOAD, Carrying, arm, carrying, changing, known

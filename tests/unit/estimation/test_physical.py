@@ -10,15 +10,16 @@ import numpy as np
 import pytest
 
 from armid.checked_array import Array
+from armid.dataclass_files import load, save
 from armid.errors import EstimationError
 from armid.estimation.consistency import consistent_fit
+from armid.estimation.estimate_record import Estimate, standard_parameters, torque_parameters
 from armid.estimation.estimators import LogCholesky, PhysicallyConsistent, ThesisNLP, WeightedLeastSquares
 from armid.estimation.fit_result import Fit
 from armid.estimation.friction_per_recording import separate_by_recording, standard_per_recording
 from armid.estimation.prior import SLIMMEST, THINNEST, make_prior, smallest_radius
 from armid.estimation.problem import EstimationProblem, standard_of
-from armid.estimation.saved_estimate import Estimate, standard_parameters, torque_parameters
-from armid.estimation.standard_parameter_status import IDENTIFIED, UNSEEN, StandardFit, shares, status_of
+from armid.estimation.standard_parameter_resolution import IDENTIFIED, UNSEEN, StandardFit, shares, status_of
 from armid.estimation.uncertainty.covariance import estimate_covariance
 from armid.estimation.whitened_system import whiten
 from armid.information.accumulate import accumulate_information
@@ -30,7 +31,6 @@ from armid.model.motion import Motion
 from armid.model.terms import Coulomb, RigidBody, RotorInertia, Viscous
 from armid.robot.missing_inertia import PLACEHOLDER, placeholder_masses
 from armid.robot.readers.urdf import read
-from armid.value_files import load, save
 from labs import URDF
 from problems import lively_motion, one_run, raw
 from trees import random_rotation

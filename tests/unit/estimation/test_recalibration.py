@@ -10,8 +10,8 @@ import pytest
 from armid.errors import EstimationError
 from armid.estimation.estimators import WeightedLeastSquares
 from armid.estimation.problem import EstimationProblem
-from armid.estimation.update.earlier_and_new_problem import stack_problems
 from armid.estimation.update.recalibration import recalibrate_fit
+from armid.estimation.update.stacked_problem import stack_problems
 from carried import LOAD, arm, carrying, changing, known, load_columns
 
 EXACT = 1e-7

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from armid import identify, load_study
-from armid.estimation.saved_estimate import Estimate
+from armid.estimation.estimate_record import Estimate
 from armid.lab.inverse_dynamics_recording import record
 from labs import SENSORS, small_model, small_plan, small_truth, write_arm, write_recording
 

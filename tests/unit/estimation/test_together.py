@@ -11,17 +11,17 @@ import pytest
 
 from armid import identify, load_study
 from armid.checked_array import Array
+from armid.dataclass_files import load, save
 from armid.estimation.fit_result import Fit
 from armid.estimation.uncertainty.jackknife import blend_with_textbook
-from armid.estimation.update.earlier_and_new_problem import stack_problems
 from armid.estimation.update.joint_solution import solve_stacked
+from armid.estimation.update.stacked_problem import stack_problems
 from armid.lab.inverse_dynamics_recording import record
 from armid.maths.inertia import com_inertia_to_vector
 from armid.runs.new_recordings import load_new_recordings
 from armid.runs.payload import find_payload, payload_record
 from armid.runs.recalibration import Changed, recalibrate
 from armid.runs.run import Run, load_run, save_run
-from armid.value_files import load, save
 from labs import FRICTION, SENSORS, small_model, small_plan, small_truth, write_arm, write_recording
 
 LOAD = com_inertia_to_vector(0.8, np.array([0.05, 0.02, 0.1]), np.diag([0.004, 0.005, 0.003]))

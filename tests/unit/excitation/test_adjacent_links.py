@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from armid.errors import ArmidError
-from armid.excitation.collision.adjacent_links import STEP, AdjacentLinks, adjacent_links
+from armid.excitation.collision.adjacent_link_collisions import STEP, AdjacentLinks, adjacent_links
 from armid.excitation.collision.ignored_pairs import IgnoredBodies, ignored_of_srdf
 from armid.excitation.collision.required_distances import LEAST
 from armid.excitation.design.objective import CriterionGoal

@@ -12,7 +12,7 @@ from armid.excitation.collision.required_distances import MEASURED
 from armid.excitation.collision.segment_distances import nearest_on_box
 from armid.excitation.design.objective import CriterionGoal
 from armid.excitation.design.sqp import DescentProblem, about_start, max_utilisation, shrink_to_feasible
-from armid.excitation.limits.constraints import States
+from armid.excitation.limits.constraint_channels import States
 from armid.excitation.limits.joint_limits import limits_of
 from armid.excitation.rest_to_rest_basis import SeriesBasis
 from armid.maths.rotations import homogeneous

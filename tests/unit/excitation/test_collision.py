@@ -17,7 +17,7 @@ from armid.excitation.collision.mesh_hulls import capsules_of
 from armid.excitation.collision.required_distances import LEFT_OUT
 from armid.excitation.design.objective import CriterionGoal, Objective
 from armid.excitation.design.sqp import DescentProblem, shrink_to_feasible
-from armid.excitation.limits.constraints import States
+from armid.excitation.limits.constraint_channels import States
 from armid.excitation.limits.joint_limits import limits_of
 from armid.excitation.limits.workspace import SCALE
 from armid.excitation.preflight import preflight

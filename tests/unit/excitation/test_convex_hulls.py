@@ -15,7 +15,7 @@ from armid.excitation.collision.distances import floor
 from armid.excitation.collision.hull_distances import Hulls, prism
 from armid.excitation.collision.mesh_hulls import hull_points
 from armid.excitation.design.objective import CriterionGoal, Objective
-from armid.excitation.limits.constraints import States
+from armid.excitation.limits.constraint_channels import States
 from armid.excitation.limits.joint_limits import limits_of
 from armid.excitation.rest_to_rest_basis import SeriesBasis
 from armid.model.base_parameters import find_base_parameters

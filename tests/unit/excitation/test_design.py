@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from armid.errors import ArmidError
-from armid.excitation.builtin_plans import builtin_plan
 from armid.excitation.design.interior_point import descend_inside
 from armid.excitation.design.multistart import random_start, search, single_threaded_pool
 from armid.excitation.design.objective import CriterionGoal, along, information_along, known_sizes
@@ -21,9 +20,10 @@ from armid.excitation.design.sqp import (
     shrink_to_feasible,
     utilisation,
 )
-from armid.excitation.limits.constraints import States
+from armid.excitation.limits.constraint_channels import States
 from armid.excitation.limits.joint_limits import Limits, limits_of, motion_channels, thesis_channels, torque_channel
 from armid.excitation.rest_to_rest_basis import SeriesBasis
+from armid.excitation.thesis_plans import builtin_plan
 from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics_model import DynamicsModel
 from armid.model.terms import Coulomb, RigidBody, Viscous

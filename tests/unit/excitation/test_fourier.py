@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from armid.errors import ArmidError
-from armid.excitation.builtin_plans import PLANS, builtin_plan
 from armid.excitation.fourier import Excitation, load_plan, required_series, save_plan
 from armid.excitation.plan import Plan
+from armid.excitation.thesis_plans import PLANS, builtin_plan
 
 STEP, SLOPE = 1e-5, 1e-8
 """Central differences of a function of the order of one with that step."""

@@ -12,7 +12,7 @@ from armid.excitation.collision.collision_model import kept_apart, make_collisio
 from armid.excitation.design.measured_pairs import POSITIONS, measured_pairs
 from armid.excitation.design.objective import CriterionGoal, Objective
 from armid.excitation.design.sqp import about_start
-from armid.excitation.limits.constraints import States
+from armid.excitation.limits.constraint_channels import States
 from armid.excitation.limits.joint_limits import limits_of
 from armid.excitation.rest_to_rest_basis import SeriesBasis
 from armid.model.base_parameters import find_base_parameters

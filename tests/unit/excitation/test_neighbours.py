@@ -13,8 +13,8 @@ import pytest
 from armid.errors import ArmidError
 from armid.excitation.collision.collision_model import make_collision_model
 from armid.excitation.collision.ignored_pairs import ignored_of_srdf, parse_ignored
-from armid.excitation.collision.left_out_contacts import EVERY, contacts_found, left_out_contacts
 from armid.excitation.collision.required_distances import LEFT_OUT
+from armid.excitation.collision.unchecked_contacts import EVERY, contacts_found, left_out_contacts
 from armid.excitation.design.objective import CriterionGoal
 from armid.excitation.limits.joint_limits import limits_of
 from armid.excitation.start_pose import TorqueHolds, choose_start

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from armid.errors import ArmidError
-from armid.excitation.builtin_plans import builtin_plan
 from armid.excitation.plan import Plan, seconds_for
 from armid.excitation.rest_to_rest_basis import SeriesBasis
+from armid.excitation.thesis_plans import builtin_plan
 
 START = np.array([0.3, -0.2, 1.0])
 ROUNDING = 1e-12

@@ -13,13 +13,13 @@ import pytest
 
 from armid import accumulate_information, find_base_parameters
 from armid.errors import OutputError
+from armid.estimation.estimate_record import InputDigest
 from armid.estimation.estimators import PhysicallyConsistent
 from armid.estimation.problem import EstimationProblem, standard_of
-from armid.estimation.saved_estimate import InputDigest
-from armid.excitation.builtin_plans import builtin_plan
+from armid.excitation.thesis_plans import builtin_plan
 from armid.export import standard_values, verification
-from armid.export.attached_inertias import is_possible
 from armid.export.body_split import share_out
+from armid.export.fixed_body_inertias import is_possible
 from armid.export.formats import urdf
 from armid.export.types import Body, Content, Witness, rpy_of, text_of, unique_names
 from armid.export.write import Exported, export_run

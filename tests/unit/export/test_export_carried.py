@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from armid.errors import Finding, OutputError
-from armid.export.attached_inertias import as_carried, is_possible, moved
+from armid.export.fixed_body_inertias import as_carried, is_possible, moved
 from armid.export.plausibility import far_bodies
 from armid.export.types import Body, Content
 from armid.export.write import export_run

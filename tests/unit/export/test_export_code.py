@@ -15,7 +15,7 @@ from armid.codegen.functions import make_programs
 from armid.codegen.generation import generate
 from armid.codegen.languages import python
 from armid.errors import OutputError
-from armid.estimation.saved_estimate import InputDigest
+from armid.estimation.estimate_record import InputDigest
 from armid.export import code
 from armid.export.code import code_record, export_code
 from armid.model.base_parameters import find_base_parameters

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from armid.errors import OutputError
-from armid.export.attached_inertias import is_possible
+from armid.export.fixed_body_inertias import is_possible
 from armid.export.standard_values import distance_to_description, values_to_write
 from armid.export.write import export_run
 from armid.robot import InertialParameters

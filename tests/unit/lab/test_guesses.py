@@ -8,7 +8,7 @@ import pytest
 
 from armid import load_robot
 from armid.errors import ArmidError, did_you_mean
-from armid.excitation.builtin_plans import builtin_plan
+from armid.excitation.thesis_plans import builtin_plan
 from armid.lab.controller import Controller
 from armid.lab.known_arms import truth_of, with_effects
 from armid.lab.options import parse_options

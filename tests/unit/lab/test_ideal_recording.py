@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from armid.errors import ArmidError
-from armid.excitation.builtin_plans import PLANS, builtin_plan
 from armid.excitation.fourier import Excitation, load_plan, save_plan
+from armid.excitation.thesis_plans import PLANS, builtin_plan
 from armid.lab.inverse_dynamics_recording import THESIS_FRICTION, Sensors, record, thesis_truth
 from armid.model.dynamics_model import DynamicsModel
 from armid.model.terms import Coulomb, Offset, RigidBody, Viscous

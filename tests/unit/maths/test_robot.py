@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from armid.dataclass_files import load, save
 from armid.errors import ArmidError, RobotError
 from armid.maths.rotations import homogeneous
 from armid.robot import (
@@ -22,7 +23,6 @@ from armid.robot import (
     frame_pose,
     load_robot,
 )
-from armid.value_files import load, save
 
 UNLIMITED = (-math.inf, math.inf)
 

@@ -7,7 +7,7 @@ import pytest
 import scipy.interpolate
 import scipy.signal
 
-from armid.maths.signals.spectrum import power_spectrum
+from armid.maths.signals.fourier_transform import power_spectrum
 from armid.maths.spline import spline, spline_slopes
 
 ROUNDING = 1e-11

@@ -8,7 +8,7 @@ import pytest
 from armid.errors import RecordingError
 from armid.measurement.processing.pipeline import ProcessingOptions, process_recording
 from armid.measurement.processing.repetitions import average, windows
-from armid.measurement.processing.resampling import Stretch, stretches
+from armid.measurement.processing.uniform_runs import Stretch, stretches
 from motions import PERIOD, clock, codes, motion, one, recording
 
 

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from armid.errors import RecordingError
+from armid.measurement.columns.column_guessing import ClockRequest, Guess, guess_columns
 from armid.measurement.columns.column_name_parsing import clock_of, column_unit, named
-from armid.measurement.columns.pattern_matching import ClockRequest, Guess, guess_columns
 from armid.measurement.columns.unread import effort_possible, pattern_of
+from armid.measurement.convention_conversion import to_robot_convention, understood
 from armid.measurement.log_format import LogFormat
 from armid.measurement.readers import load_recording
-from armid.measurement.robot_convention import to_robot_convention, understood
 from armid.robot.robot import Frame, Joint, Link, Robot
 from recordings import write_csv
 

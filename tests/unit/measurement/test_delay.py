@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from armid.errors import RecordingError
+from armid.measurement.convention_conversion import to_robot_convention
 from armid.measurement.log_format import LogFormat
 from armid.measurement.processing.delay import compensate_delay
 from armid.measurement.recording import Recording
-from armid.measurement.robot_convention import to_robot_convention
 from armid.study.config import ModelChoice, RecordingChoice, RobotChoice, Study
 from armid.study.identify import identify
 from healing import healed

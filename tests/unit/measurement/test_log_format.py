@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
+from armid.dataclass_files import load, save
 from armid.errors import RecordingError
 from armid.measurement.log_format import PRESETS, QUANTITIES, LogFormat
-from armid.value_files import load, save
 
 
 def test_the_keys_are_those_of_a_study():

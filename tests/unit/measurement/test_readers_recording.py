@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import scipy.io
 
+from armid.dataclass_files import save
 from armid.errors import MissingExtraError
 from armid.hashes import sha256_of_file
 from armid.measurement import readers
@@ -14,7 +15,6 @@ from armid.measurement.catalogue import READERS, recording_suffixes
 from armid.measurement.log_format import LogFormat
 from armid.measurement.readers import load_recording
 from armid.measurement.recording import Recording
-from armid.value_files import save
 from recordings import DDQ, DQ, TABLE, TAU, N, Q, T, assert_same, refused, text, write_csv, write_parquet, write_v73
 
 # The catalogue

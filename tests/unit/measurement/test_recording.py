@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
+from armid.dataclass_files import load, save
 from armid.errors import RecordingError
 from armid.measurement.recording import Recording
-from armid.value_files import load, save
 
 TIME = np.arange(12) / 100
 Q = np.column_stack([np.sin(TIME), np.cos(TIME)])

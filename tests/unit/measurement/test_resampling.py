@@ -8,8 +8,8 @@ import pytest
 from armid.errors import RecordingError
 from armid.measurement.log_format import LogFormat
 from armid.measurement.processing.pipeline import ProcessingOptions, process_recording
-from armid.measurement.processing.resampling import Stretch, is_even, jitter, uniform
 from armid.measurement.processing.row_checks import clean
+from armid.measurement.processing.uniform_runs import Stretch, is_even, jitter, uniform
 from armid.measurement.recording import Recording
 from motions import clock, codes, motion, one, recording
 

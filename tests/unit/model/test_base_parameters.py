@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from armid.dataclass_files import load, save
 from armid.errors import ModelError
 from armid.maths.rotations import rotation_x
 from armid.model import base_parameters as base_module
@@ -31,7 +32,6 @@ from armid.model.terms import (
     Stribeck,
     Viscous,
 )
-from armid.value_files import load, save
 from memories import with_any_past
 from trees import chain, iiwa_tree, random_inertial, random_states, random_tree, robot_of, structured_tree
 

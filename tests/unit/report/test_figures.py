@@ -12,7 +12,7 @@ import pytest
 from armid.errors import ArmidError
 from armid.excitation.limits.joint_limits import described_limits
 from armid.report.data.page_data import with_recordings
-from armid.report.plots.plot_data import Plot
+from armid.report.plots.plot_specification import Plot
 from armid.report.sections.friction import show_friction
 from armid.report.sections.residuals import show_residuals
 from armid.report.sections.torque import show_torque

@@ -11,18 +11,18 @@ import numpy as np
 import pytest
 
 from armid.errors import ArmidError
-from armid.excitation.builtin_plans import builtin_plan
 from armid.excitation.collision.coal import distances
 from armid.excitation.collision.collision_model import pairs_of_bodies
 from armid.excitation.fourier import save_plan
 from armid.excitation.limits.joint_limits import limits_of
 from armid.excitation.plan import Plan
 from armid.excitation.poses_and_sweeps import Moves
+from armid.excitation.thesis_plans import builtin_plan
 from armid.maths.inertia import com_inertia_to_vector
 from armid.measurement.recording import Recording
 from armid.report.preview.clip import FRAMES, MAX_FRAMES, Clip, clip_of_plan, clip_of_recording
+from armid.report.preview.inertia_ellipsoids import ellipsoid_of
 from armid.report.preview.make_preview import preview_of
-from armid.report.preview.masses import ellipsoid_of
 from armid.report.preview.mesh_simplification import mesh_record, simplified
 from armid.report.preview.nearest_bodies import bodies_to_watch, closest
 from armid.report.preview.page import Preview, render_preview

@@ -24,7 +24,7 @@ from armid.report.data.page_data import PageData, gather, stored
 from armid.report.heading import commands_of
 from armid.report.page import render
 from armid.report.plots.arm_picture import skeleton
-from armid.report.plots.plot_data import PlotRange
+from armid.report.plots.plot_specification import PlotRange
 from armid.report.preflight_page import nearest_of_links
 from armid.report.sections.link_properties import show_link_properties
 from armid.report.sections.parameters import show_parameters

@@ -20,7 +20,7 @@ from armid.report.data.number_format import decimals_of, fixed, percent, share, 
 from armid.report.data.recording_data import RecordingData, Spectrum, amplitude_density
 from armid.report.data.residual_dependence import classes, explained, residual_shares
 from armid.report.plots.encoding import compressed, packed, packed_plotly
-from armid.report.plots.plot_data import binned, crest, envelope, line, points, spread
+from armid.report.plots.plot_specification import binned, crest, envelope, line, points, spread
 from armid.report.plots.style import CLOUDS, LINES, colours, resolved, trace_style
 from armid.report.tables import Column, Table, TableCell, latex_text
 from armid.study.config import RecordingChoice

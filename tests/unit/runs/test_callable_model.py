@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from armid.codegen.functions import make_programs
-from armid.codegen.kernel_program import make_tape, record_tape
+from armid.codegen.operation_tape import make_tape, record_tape
 from armid.errors import ArmidError
 from armid.kernel import _native, in_use
 from armid.model.base_parameters import find_base_parameters

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from armid.checked_array import Array
+from armid.estimation.estimate_record import Estimate
 from armid.estimation.fit_result import Fit
-from armid.estimation.saved_estimate import Estimate
 from armid.excitation.certification import fine_grid, margins
 from armid.excitation.design.objective import CriterionGoal
 from armid.excitation.design.sqp import DescentProblem

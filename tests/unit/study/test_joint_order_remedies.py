@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from armid.errors import Finding
+from armid.measurement.convention_conversion import read_recording
 from armid.measurement.log_format import LogFormat
-from armid.measurement.robot_convention import read_recording
 from armid.robot import Robot
 from armid.study.config import ModelChoice, RecordingChoice, RobotChoice, Study, build_model
 from armid.study.diagnosis import diagnose, run_checks

@@ -13,7 +13,7 @@ from armid import DynamicsModel, accumulate_information, find_base_parameters, l
 from armid.checked_array import Array
 from armid.estimation.estimators import PhysicallyConsistent, WeightedLeastSquares
 from armid.estimation.problem import EstimationProblem, standard_of
-from armid.excitation.builtin_plans import builtin_plan
+from armid.excitation.thesis_plans import builtin_plan
 from armid.lab.inverse_dynamics_recording import thesis_truth
 from armid.model.motion import Motion
 from armid.model.terms import Coulomb, RigidBody, Viscous

@@ -14,7 +14,7 @@ from armid.checked_array import Array
 from armid.errors import Finding
 from armid.estimation.agreement_of_recordings import compare_recordings, scale_deviations, torque_scales
 from armid.estimation.friction_per_recording import changing_parameters
-from armid.excitation.builtin_plans import builtin_plan
+from armid.excitation.thesis_plans import builtin_plan
 from armid.information.information import Information
 from armid.lab.inverse_dynamics_recording import thesis_truth
 from armid.measurement.recording import Recording
@@ -24,7 +24,7 @@ from armid.study.config import ModelChoice, RecordingChoice, RobotChoice, Study
 from armid.study.identify import identify
 from armid.study.plausibility import contradicted
 from armid.study.recordings.agreement import CODE, disagreement_findings
-from armid.validation.prediction import Validation
+from armid.validation.torque_errors import Validation
 from problems import one_run, raw
 from sick import sound
 

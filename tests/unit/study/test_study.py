@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from armid.errors import ArmidError, ModelError, RecordingError, StudyError
+from armid.estimation.estimate_record import Estimate, standard_parameters
 from armid.estimation.estimators import PhysicallyConsistent, Ridge, WeightedLeastSquares
-from armid.estimation.saved_estimate import Estimate, standard_parameters
 from armid.measurement.processing.options import ProcessingOptions
 from armid.model.terms import DEFAULT_TERMS, TERMS, Coulomb, Stribeck, Viscous
 from armid.study.config import (
@@ -28,9 +28,9 @@ from armid.study.config import (
     parse_study,
     resolve_model,
 )
-from armid.study.estimation_defaults import with_selection_prior
 from armid.study.identify import Result, identify
 from armid.study.recordings.parts import cut_recording
+from armid.study.selected_friction_options import with_selection_prior
 from labs import (
     STUDY,
     small_model,

@@ -10,7 +10,7 @@ import pytest
 from armid.errors import MissingExtraError
 from armid.thesis.page.chapter import counted, subscripts
 from armid.thesis.published import Summand, formula, published, weight
-from armid.thesis.retell import retell
+from armid.thesis.reproduction import reproduce
 from armid.thesis.setting import QUICK, Extent, extent_of
 
 
@@ -42,8 +42,8 @@ def test_extents():
 
 
 def test_what_it_needs_is_asked_for_first(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr("armid.thesis.retell.find_spec", lambda name: None if name == "casadi" else name)
+    monkeypatch.setattr("armid.thesis.reproduction.find_spec", lambda name: None if name == "casadi" else name)
     told: list[str] = []
     with pytest.raises(MissingExtraError, match="casadi"):
-        retell(QUICK, progress=lambda chapter, share: told.append(chapter))
+        reproduce(QUICK, progress=lambda chapter, share: told.append(chapter))
     assert told == []

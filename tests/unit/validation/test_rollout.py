@@ -21,9 +21,9 @@ from armid.model.dynamics_model import DynamicsModel
 from armid.model.motion import Motion
 from armid.model.terms import Coulomb, Hysteresis, LoadCoulomb, RigidBody, RotorInertia, Stribeck, Viscous
 from armid.runs.rollout import judged_by_motion, load_feedback
-from armid.validation.prediction import Validation
 from armid.validation.rollout import Feedback, Windows, roll_out, sharpened
 from armid.validation.rollout_score import Losses, MotionScore, score_motion
+from armid.validation.torque_errors import Validation
 from labs import small_model, small_truth
 from plants import short_plan, small_arm
 

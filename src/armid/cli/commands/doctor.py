@@ -95,7 +95,7 @@ def _without_study(
     """Findings with remedies for use without a study: an option, or the text of the study that is needed."""
     from dataclasses import replace
 
-    from armid.cli.remedy_options import hint, options_of_command
+    from armid.cli.remedy_hints import hint, options_of_command
     from armid.study.remedy_translation import as_option, as_study, tables_of
 
     def without_study(remedy: str, path: str) -> str:

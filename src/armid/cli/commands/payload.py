@@ -197,6 +197,6 @@ def _parameters(record: dict[str, Any]) -> Table:
 
 def _interval(ends: Array, decimals: int = 4) -> str:
     """Both ends of an interval; a dash if there is none."""
-    from armid.notebook import interval_text
+    from armid.notebook_display import interval_text
 
     return interval_text(*map(float, ends), decimals=decimals)

@@ -41,7 +41,7 @@ def predict(
     import numpy as np
 
     from armid.cli.console import print_findings
-    from armid.notebook import plural
+    from armid.notebook_display import plural
     from armid.runs import validation_and_prediction
     from armid.runs.run import load_run
     from armid.study.extrapolation import speed_finding

@@ -83,7 +83,7 @@ def _report(recalibration: Recalibration, recordings: int) -> None:
     from armid.cli.console import output_console, print_verdict, validation_table
     from armid.cli.identification_result import intervals_line
     from armid.estimation.update.recalibration import changed
-    from armid.notebook import plural
+    from armid.notebook_display import plural
 
     console, result = output_console(), recalibration.result
     base = result.estimate.base

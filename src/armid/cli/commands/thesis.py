@@ -10,7 +10,7 @@ import typer
 from armid.cli.options import Json, Out, run_folder
 
 if TYPE_CHECKING:
-    from armid.thesis.retell import Thesis
+    from armid.thesis.reproduction import Thesis
 
 
 def thesis(
@@ -46,14 +46,14 @@ def thesis(
     from armid.study.storage.atomic_folder import refuse
     from armid.study.storage.records import to_json
     from armid.thesis.page import KIND, MARKER, PAGE, write_thesis
-    from armid.thesis.retell import retell, thesis_record
+    from armid.thesis.reproduction import reproduce, thesis_record
     from armid.thesis.setting import extent_of
 
     folder = run_folder(out, "thesis")
     refuse(folder, MARKER, KIND)
     require_extra()
     with progress(quiet=json) as tell:
-        done = retell(extent_of(quick=quick, seeds=seeds, starts=starts), progress=tell)
+        done = reproduce(extent_of(quick=quick, seeds=seeds, starts=starts), progress=tell)
     write_thesis(done, folder)
     if json:
         sys.stdout.write(to_json(thesis_record(done) | {"page": str(folder / PAGE)}) + "\n")

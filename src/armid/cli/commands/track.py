@@ -118,7 +118,7 @@ def _report(run: Run, tracked: TrackedRun, *, tool: bool) -> None:
 
 def _before(run: Run, tracked: TrackedRun, k: int) -> tuple[float, float]:
     """Value of a parameter in the run, and its change since, divided by the standard deviation of the change."""
-    from armid.estimation.saved_estimate import averaged
+    from armid.estimation.estimate_record import averaged
 
     fit = averaged(run.estimate.base.names, run.estimate.fit)
     value, variance = (float(fit.values[k]), float(fit.covariance[k, k])) if k < len(fit.values) else (0.0, 0.0)

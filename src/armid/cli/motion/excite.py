@@ -165,7 +165,7 @@ def _search_context(options: dict[str, Any]) -> Generator[tuple[Executor | None,
     """
     from armid.cli.console import print_missing_meshes, progress
     from armid.excitation.design.multistart import single_threaded_pool
-    from armid.notebook import plural
+    from armid.notebook_display import plural
 
     workers = options["workers"] if options["experiment"] == "series" else 0
     budget = max(float(options["budget"]), 1e-3)

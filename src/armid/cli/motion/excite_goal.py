@@ -12,6 +12,7 @@ import numpy as np
 from armid.checked_array import Array
 from armid.cli.motion.motion_of_file import motion_of_file, series_of_file
 from armid.cli.motion.number_options import numbers
+from armid.dataclass_files import load
 from armid.errors import ArmidError
 from armid.excitation.design.objective import CriterionGoal, information_along, known_sizes
 from armid.excitation.limits.torque_limits import EstimatedTorque
@@ -21,7 +22,6 @@ from armid.model.dynamics_model import DynamicsModel
 from armid.robot.robot import Robot
 from armid.runs.estimated_torque import estimated_torque
 from armid.runs.run import MARKER, load_run
-from armid.value_files import load
 
 
 def goal_of(model: DynamicsModel, options: Mapping[str, Any]) -> CriterionGoal:

@@ -15,7 +15,7 @@ from armid.cli.options import Gravity, Json, Lock, Only, Package, TipLink, known
 if TYPE_CHECKING:
     from armid.errors import Finding
     from armid.measurement.log_format import LogFormat
-    from armid.report.preview.masses import MassLayer
+    from armid.report.preview.inertia_ellipsoids import MassLayer
     from armid.robot import Robot
     from armid.robot.shapes import Shape
     from armid.runs.run import Run

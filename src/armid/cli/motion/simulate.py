@@ -107,7 +107,7 @@ def _report(done: WrittenSimulation, *, json: bool) -> None:
     """Print the written files, the number of rows and the peak torques."""
     import numpy as np
 
-    from armid.notebook import plural
+    from armid.notebook_display import plural
     from armid.study.storage.records import to_json
 
     recording, truth = done.simulated.recording, done.simulated.truth

@@ -16,7 +16,7 @@ from armid.checked_array import Array
 from armid.errors import EstimationError
 from armid.estimation.prior import MASS, Prior, relative_precision, size_of_bodies
 from armid.estimation.problem import StandardParameters
-from armid.estimation.standard_parameter_status import PriorUse
+from armid.estimation.standard_parameter_resolution import PriorUse
 from armid.estimation.whitened_system import WhitenedSystem
 from armid.maths.barrier_function import LogDet, Smooth
 from armid.maths.barrier_method import minimise

@@ -20,13 +20,13 @@ from armid.errors import EstimationError, Finding, UnsolvedError, did_you_mean
 from armid.estimation.consistency.additional_constraints import Requirements
 from armid.estimation.consistency.cones import EPSILON
 from armid.estimation.consistency.consistent_fit import ConsistentProgram
+from armid.estimation.constrained_fit_result import PhysicalEstimate, fit_of
 from armid.estimation.crossvalidation import folds, held_out_squares, one_standard_error, split
 from armid.estimation.fit_result import Fit
-from armid.estimation.fit_with_prior import PhysicalEstimate, fit_of
 from armid.estimation.friction_per_recording import standard_per_recording
 from armid.estimation.prior import GIVEN, make_prior
 from armid.estimation.problem import EstimationProblem, StandardParameters
-from armid.estimation.standard_parameter_status import PriorTrial, PriorUse
+from armid.estimation.standard_parameter_resolution import PriorTrial, PriorUse
 from armid.estimation.whitened_system import WhitenedSystem, rows_of, whiten
 from armid.information.information import Information
 from armid.threads import one_blas_thread

@@ -19,12 +19,12 @@ from numpy.typing import NDArray
 
 from armid.checked_array import Array
 from armid.errors import EstimationError, Finding, MissingExtraError, did_you_mean
+from armid.estimation.constrained_fit_result import PhysicalEstimate, fit_of
 from armid.estimation.fit_result import Fit
-from armid.estimation.fit_with_prior import PhysicalEstimate, fit_of
 from armid.estimation.friction_per_recording import standard_per_recording
 from armid.estimation.prior import make_prior
 from armid.estimation.problem import EstimationProblem, StandardParameters
-from armid.estimation.standard_parameter_status import PriorUse
+from armid.estimation.standard_parameter_resolution import PriorUse
 from armid.estimation.whitened_system import WhitenedSystem, whiten
 from armid.threads import one_blas_thread
 

@@ -11,13 +11,13 @@ from __future__ import annotations
 from dataclasses import replace
 
 from armid.errors import ModelError
+from armid.estimation.estimate_record import torque_parameters
 from armid.estimation.estimators.ridge import Ridge
 from armid.estimation.problem import build_problem
-from armid.estimation.saved_estimate import torque_parameters
 from armid.measurement.observations import Observations
 from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics_model import DynamicsModel
-from armid.model.expression import symbols
+from armid.model.symbolic_expression import symbols
 
 
 def reads_load(model: DynamicsModel) -> bool:

@@ -17,6 +17,7 @@ import numpy as np
 from armid.checked_array import Array
 from armid.errors import EstimationError
 from armid.estimation.crossvalidation import can_cross_validate, folds, one_standard_error
+from armid.estimation.estimate_record import torque_parameters
 from armid.estimation.estimators.ridge import Ridge
 from armid.estimation.friction.candidates import (
     Candidate,
@@ -34,7 +35,6 @@ from armid.estimation.friction.shape_fit import refine_shapes
 from armid.estimation.friction_per_recording import contrasted, offset_names, separate_by_recording
 from armid.estimation.prior import make_prior, project_covariance
 from armid.estimation.problem import EstimationProblem, build_problem
-from armid.estimation.saved_estimate import torque_parameters
 from armid.estimation.whitened_system import WhitenedSystem, whiten
 from armid.information.accumulate import accumulate_information
 from armid.information.information import Information, restrict, total

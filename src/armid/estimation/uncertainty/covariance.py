@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 from armid.checked_array import Array
 from armid.estimation.fit_result import CovarianceReport, Fit
 from armid.estimation.problem import EstimationProblem
-from armid.estimation.standard_parameter_status import stated
+from armid.estimation.standard_parameter_resolution import stated
 from armid.estimation.uncertainty.covariance_choice_thresholds import (
     EXPECTED_SHIFT,
     FEWEST_BLOCKS,

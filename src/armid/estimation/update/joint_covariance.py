@@ -19,7 +19,7 @@ from armid.estimation.problem import EstimationProblem
 from armid.estimation.uncertainty.covariance import Uncertainty
 from armid.estimation.uncertainty.jackknife import blend_with_textbook
 from armid.estimation.uncertainty.reversal_sensitivity import shift_of_unknowns
-from armid.estimation.update.earlier_and_new_problem import EarlierErrors
+from armid.estimation.update.stacked_problem import EarlierErrors
 from armid.information.information import Information, stack
 from armid.maths.linalg import root_of, unit_columns
 from armid.maths.median import median

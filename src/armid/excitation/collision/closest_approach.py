@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armid.checked_array import Array
-from armid.excitation.collision.adjacent_links import AdjacentPair, spread_positions
+from armid.excitation.collision.adjacent_link_collisions import AdjacentPair, spread_positions
 from armid.excitation.collision.coal import distances, too_close, whole
 from armid.excitation.collision.collision_model import CollisionOptions
 from armid.excitation.collision.hull_distances import parts_of

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from armid.checked_array import Array
 from armid.errors import ArmidError
-from armid.excitation.collision.adjacent_links import NO_ADJACENT, AdjacentLinks, adjacent_links
+from armid.excitation.collision.adjacent_link_collisions import NO_ADJACENT, AdjacentLinks, adjacent_links
 from armid.excitation.collision.coal import distances, too_close
 from armid.excitation.collision.distances import Clearance, CollisionBodies
 from armid.excitation.collision.hull_distances import Hulls

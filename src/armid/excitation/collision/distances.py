@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from armid.checked_array import Array
 from armid.excitation.collision.hull_distances import Hulls
 from armid.excitation.collision.segment_distances import TINY, nearest_on_box, nearest_on_segments
-from armid.excitation.limits.constraints import States
+from armid.excitation.limits.constraint_channels import States
 from armid.excitation.limits.workspace import SCALE, carried_by, point_gradient
 from armid.kernel.tree import Tree
 from armid.maths.rotations import homogeneous

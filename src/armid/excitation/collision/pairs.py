@@ -16,7 +16,7 @@ from armid.robot.shapes import Shape
 def pairs_of_bodies(robot: Robot, shapes: Sequence[Shape]) -> tuple[CollisionBodies, NDArray[np.intp]]:
     """Capsules and solids with their pairs, and for each pair of bodies the indices into `shapes`.
 
-    Pairs of adjacent links are not among them (`armid.excitation.collision.adjacent_links`).
+    Pairs of adjacent links are not among them (`armid.excitation.collision.adjacent_link_collisions`).
     """
     chosen: list[tuple[int, int]] = []
     for a in range(len(shapes)):

@@ -20,7 +20,7 @@ import numpy as np
 
 from armid.checked_array import Array
 from armid.excitation.design.sqp import DescentProblem, Stage, about_start, max_utilisation, shrink_to_feasible
-from armid.excitation.limits.constraints import ConstraintChannel, States, soft_maximum
+from armid.excitation.limits.constraint_channels import ConstraintChannel, States, soft_maximum
 
 WEIGHTS = ((0.1, 60), (0.01, 60), (0.004, 50))
 """Weights μ of the barrier and the number of iterations with each."""

@@ -19,7 +19,7 @@ from armid.checked_array import Array
 from armid.excitation.collision.coal import too_close
 from armid.excitation.collision.collision_model import CollisionOptions
 from armid.excitation.collision.pairs import joints_on_path
-from armid.excitation.limits.constraints import States
+from armid.excitation.limits.constraint_channels import States
 from armid.excitation.limits.joint_limits import Limits
 from armid.robot.collision_body_names import BodyPair
 from armid.robot.kinematics import forward_kinematics

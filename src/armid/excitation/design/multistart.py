@@ -39,7 +39,7 @@ from armid.excitation.design.sqp import (
     shrink_to_feasible,
     utilisation,
 )
-from armid.excitation.limits.constraints import States
+from armid.excitation.limits.constraint_channels import States
 from armid.excitation.limits.workspace import Workspace
 from armid.threads import ONE_THREAD
 

@@ -11,7 +11,7 @@ import numpy as np
 from armid import kernel
 from armid.checked_array import Array
 from armid.excitation.design.term_columns import TermRows
-from armid.information.column_source import ColumnSource
+from armid.information.regressor_columns import ColumnSource
 
 
 class Columns:

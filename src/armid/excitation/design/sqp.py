@@ -20,7 +20,7 @@ from scipy.optimize import minimize
 from armid.checked_array import Array
 from armid.excitation.collision.distances import Clearance
 from armid.excitation.design.objective import CriterionGoal, Objective
-from armid.excitation.limits.constraints import ConstraintChannel, States, soft_maximum
+from armid.excitation.limits.constraint_channels import ConstraintChannel, States, soft_maximum
 from armid.excitation.rest_to_rest_basis import SeriesBasis
 
 CHECKED = 80.0

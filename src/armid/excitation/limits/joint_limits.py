@@ -11,7 +11,12 @@ from numpy.typing import NDArray
 
 from armid.checked_array import Array, array
 from armid.errors import ArmidError, Finding, did_you_mean
-from armid.excitation.limits.constraints import AmplitudeLimit, CoefficientLimit, ConstraintChannel, RangeLimit
+from armid.excitation.limits.constraint_channels import (
+    AmplitudeLimit,
+    CoefficientLimit,
+    ConstraintChannel,
+    RangeLimit,
+)
 from armid.excitation.limits.torque_limits import Torque, TorqueModel
 from armid.excitation.rest_to_rest_basis import SeriesBasis
 from armid.model.motion import Motion

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from armid.checked_array import Array
-from armid.excitation.limits.constraints import States
+from armid.excitation.limits.constraint_channels import States
 from armid.kernel.tree import Tree
 
 SCALE = 0.1

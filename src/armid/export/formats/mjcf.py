@@ -36,7 +36,7 @@ from armid.export.types import (
 )
 from armid.export.xml_edit import Document, XmlNode, element_text
 from armid.robot.mjcf.plain_document import IGNORED_COMPILER, Plain, flatten, plain_mjcf
-from armid.robot.pinocchio_model import build, pinocchio
+from armid.robot.pinocchio_conversion import build, pinocchio
 from armid.robot.readers import mjcf as reader
 from armid.robot.robot import InertialParameters, Robot
 from armid.robot.xml import parse_xml

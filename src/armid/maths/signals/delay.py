@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from armid.checked_array import Array
-from armid.maths.signals.spectrum import frequencies, inverse, spectrum
+from armid.maths.signals.fourier_transform import frequencies, inverse, spectrum
 
 NEWTON_STEPS = 20
 """Largest number of Newton steps; three are usual, because a correlation is nearly a parabola at its maximum."""

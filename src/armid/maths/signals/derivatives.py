@@ -6,7 +6,7 @@ import numpy as np
 
 from armid.checked_array import Array
 from armid.errors import ArmidError
-from armid.maths.signals.spectrum import frequencies, inverse, spectrum
+from armid.maths.signals.fourier_transform import frequencies, inverse, spectrum
 
 
 def central_difference(x: Array, rate: float, order: int = 1, *, periodic: bool = False) -> Array:

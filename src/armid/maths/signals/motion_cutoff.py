@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from armid.checked_array import Array
-from armid.maths.signals.spectrum import frequencies, spectrum
+from armid.maths.signals.fourier_transform import frequencies, spectrum
 
 MOTION_ENERGY = 0.99
 """Share of the energy of the velocity that defines the band of the motion."""

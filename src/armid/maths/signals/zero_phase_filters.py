@@ -18,7 +18,7 @@ import numpy as np
 
 from armid.checked_array import Array
 from armid.errors import ArmidError
-from armid.maths.signals.spectrum import fast_length, frequencies, inverse, spectrum
+from armid.maths.signals.fourier_transform import fast_length, frequencies, inverse, spectrum
 
 BLOCK = 40_000
 """Number of values that are filtered at a time: the intermediate arrays then fit into the cache of a core."""

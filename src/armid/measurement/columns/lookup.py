@@ -15,13 +15,13 @@ from numpy.typing import NDArray
 from armid.checked_array import Array
 from armid.errors import Finding, RecordingError
 from armid.measurement.columns.clocks import Values, evenly_growing, unit_of_step
+from armid.measurement.columns.column_guessing import ClockRequest, Guess, guess_columns
 from armid.measurement.columns.joint_name_comparison import other_arm, refuse_other_joints
-from armid.measurement.columns.pattern_matching import ClockRequest, Guess, guess_columns
 from armid.measurement.columns.units import factors, hold_current, overruled, stated_units, unit_fields
 from armid.measurement.columns.unread import ambiguous_columns, effort_possible, no_such_column, positions_missing
 from armid.measurement.log_format import PRESETS, QUANTITIES, LogFormat
-from armid.measurement.log_format_remedies import lines, naming
 from armid.measurement.recording import Recording
+from armid.measurement.suggested_log_format import lines, naming
 from armid.remedy import Remedy, setting
 from armid.robot.robot import Robot
 

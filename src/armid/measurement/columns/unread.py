@@ -9,10 +9,10 @@ from pathlib import Path
 
 from armid.errors import Finding, RecordingError
 from armid.measurement.columns.clocks import ClockRequest, unit_of_step
+from armid.measurement.columns.column_guessing import shortened
 from armid.measurement.columns.column_name_parsing import split_unit, words
-from armid.measurement.columns.pattern_matching import shortened
 from armid.measurement.log_format import PRESETS, LogFormat
-from armid.measurement.log_format_remedies import naming
+from armid.measurement.suggested_log_format import naming
 from armid.remedy import Remedy, setting
 from armid.robot.robot import Robot
 

@@ -7,8 +7,8 @@ import numpy as np
 from armid.errors import Finding
 from armid.maths.median import median
 from armid.measurement.columns.clocks import unit_of_step
-from armid.measurement.log_format_remedies import lines
 from armid.measurement.recording import Recording, kept_rows, recording_error
+from armid.measurement.suggested_log_format import lines
 from armid.remedy import Remedy, setting
 
 RATE_TOLERANCE = 0.1

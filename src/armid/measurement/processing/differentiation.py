@@ -11,7 +11,7 @@ from armid.maths.signals.zero_phase_filters import (
     zero_phase,
 )
 from armid.measurement.processing.options import ProcessingOptions
-from armid.measurement.processing.resampling import Stretch
+from armid.measurement.processing.uniform_runs import Stretch
 from armid.model.motion import Motion
 
 

@@ -19,9 +19,9 @@ from numpy.typing import NDArray
 from armid.checked_array import Array
 from armid.errors import Finding
 from armid.maths.median import median
-from armid.measurement.log_format_remedies import lines
-from armid.measurement.processing.resampling import Stretch
 from armid.measurement.processing.standstill import position_noise
+from armid.measurement.processing.uniform_runs import Stretch
+from armid.measurement.suggested_log_format import lines
 
 RATE = 100.0
 """Rate at which positions are compared [Hz]; at 5 Hz, linear interpolation has an error of 1 % of the amplitude."""

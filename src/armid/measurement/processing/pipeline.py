@@ -21,7 +21,9 @@ from armid.measurement.processing.differentiation import differentiate
 from armid.measurement.processing.options import ProcessingOptions
 from armid.measurement.processing.period import period_of
 from armid.measurement.processing.repetitions import average, check_closed, whole_periods, windows
-from armid.measurement.processing.resampling import (
+from armid.measurement.processing.row_mask import edge_margin, moving, run_of, separate_rows
+from armid.measurement.processing.standstill import position_noise, standstill_findings, sticks_and_rests
+from armid.measurement.processing.uniform_runs import (
     Stretch,
     gather,
     is_brief,
@@ -30,9 +32,7 @@ from armid.measurement.processing.resampling import (
     resample_uniform,
     stretches,
 )
-from armid.measurement.processing.row_mask import edge_margin, moving, run_of, separate_rows
-from armid.measurement.processing.short_runs import brief_run, no_run_left, unusable_run
-from armid.measurement.processing.standstill import position_noise, standstill_findings, sticks_and_rests
+from armid.measurement.processing.unusable_runs import brief_run, no_run_left, unusable_run
 from armid.measurement.recording import Recording
 from armid.model.motion import Motion
 from armid.remedy import Remedy, setting

@@ -9,7 +9,7 @@ import numpy as np
 from armid.checked_array import Array
 from armid.errors import Finding, RecordingError
 from armid.maths.signals.delay import periodic_delay, periodic_shift
-from armid.measurement.processing.resampling import Stretch
+from armid.measurement.processing.uniform_runs import Stretch
 from armid.remedy import Remedy, setting
 
 SHORT = 1.0

@@ -13,7 +13,7 @@ from armid.maths.signals.zero_phase_filters import edge_samples, low_pass
 from armid.measurement.observations import ObservedRun
 from armid.measurement.processing.differentiation import motion_filter
 from armid.measurement.processing.options import ProcessingOptions
-from armid.measurement.processing.resampling import Stretch
+from armid.measurement.processing.uniform_runs import Stretch
 from armid.model.motion import Motion
 
 TRIM = 0.5

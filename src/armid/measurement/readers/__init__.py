@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from armid.errors import RecordingError
-from armid.measurement.bag_paths import sha256_of_recording
+from armid.measurement.bag_files import sha256_of_recording
 from armid.measurement.catalogue import READERS, RecordingFormat, recording_suffixes
 from armid.measurement.log_format import LogFormat
 from armid.measurement.recording import Recording

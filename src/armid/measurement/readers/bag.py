@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from armid.errors import Finding, MissingExtraError, RecordingError, did_you_mean
-from armid.measurement.bag_paths import opened
+from armid.measurement.bag_files import opened
 from armid.measurement.joint_states import FIELDS, JointStates, Publisher, collect, joined, names_of
 from armid.measurement.log_format import LogFormat
 from armid.measurement.recording import Recording

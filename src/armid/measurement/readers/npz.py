@@ -1,4 +1,4 @@
-"""Reader of NumPy archives, also of `armid.value_files.save`: one matrix per quantity, or one vector per channel."""
+"""Reader of NumPy archives, also of those that armid saves: one matrix per quantity, or one vector per channel."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from pathlib import Path
 import numpy as np
 
 from armid.checked_array import Array
+from armid.dataclass_files import load
 from armid.errors import RecordingError
 from armid.measurement.columns.lookup import assemble, numeric, select
 from armid.measurement.log_format import LogFormat
 from armid.measurement.recording import Recording
 from armid.robot.robot import Robot
-from armid.value_files import load
 
 NAMES = ("joint_names", "names")
 """Names of variables that may contain the names of the channels."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from armid.model.expression import number
+from armid.model.symbolic_expression import number
 from armid.model.terms.term import Law, single_joint_laws
 from armid.robot.robot import Robot
 

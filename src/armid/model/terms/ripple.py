@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from armid.errors import ModelError
-from armid.model.expression import Expression, cosine, sine, symbol
+from armid.model.symbolic_expression import Expression, cosine, sine, symbol
 from armid.model.terms.checks import require_positive, require_rising
 from armid.model.terms.selection_candidates import AutomaticChoice, CandidateFamily, one_by_one
 from armid.model.terms.term import Law, listed, single_joint_laws

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from armid.model.expression import symbol
+from armid.model.symbolic_expression import symbol
 from armid.model.terms.term import Law, single_joint_laws
 from armid.robot.robot import Robot
 

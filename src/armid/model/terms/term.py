@@ -13,8 +13,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import ClassVar, Protocol, runtime_checkable
 
-from armid.model.expression import Expression
 from armid.model.hysteresis_memory import Coordinate, Play
+from armid.model.symbolic_expression import Expression
 from armid.robot.robot import Joint, Robot
 
 

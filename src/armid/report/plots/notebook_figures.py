@@ -29,7 +29,7 @@ from armid.model.terms import RigidBody
 from armid.report.data.joint_names import heading_of, residual_title
 from armid.report.data.page_data import PageData, with_recordings
 from armid.report.planned_motion import motion_section
-from armid.report.plots.plot_data import Plot
+from armid.report.plots.plot_specification import Plot
 from armid.report.plots.style import Theme, axes_of, colours, levels_of, resolved, trace_style
 from armid.report.rendering import require_extra
 from armid.report.section import Section

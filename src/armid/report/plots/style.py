@@ -13,7 +13,7 @@ from typing import Any, Literal, get_args
 from armid.checked_array import Array
 from armid.errors import ArmidError, did_you_mean
 from armid.report.plots.encoding import packed
-from armid.report.plots.plot_data import Plot, PlotTrace
+from armid.report.plots.plot_specification import Plot, PlotTrace
 from armid.report.rendering import text_of
 
 Theme = Literal["light", "dark"]

@@ -12,7 +12,7 @@ from armid.errors import ArmidError
 from armid.excitation.collision.collision_model import CollisionOptions
 from armid.measurement.log_format import LogFormat
 from armid.report.preview.clip import Clip, clip_of_motion, clip_of_plan, clip_of_recording, still
-from armid.report.preview.masses import MassLayer, layer_of_description
+from armid.report.preview.inertia_ellipsoids import MassLayer, layer_of_description
 from armid.report.preview.nearest_bodies import bodies_to_watch
 from armid.report.preview.page import Preview
 from armid.robot.collision_from_visual import missing_bodies

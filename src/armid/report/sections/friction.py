@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from armid.checked_array import Array
-from armid.estimation.saved_estimate import averaged, torque_parameters
-from armid.model.expression import symbols
+from armid.estimation.estimate_record import averaged, torque_parameters
 from armid.model.motion import Motion
+from armid.model.symbolic_expression import symbols
 from armid.report.data.friction_at_reversals import Reversals, find_reversals
 from armid.report.data.friction_law_text import law_tables
 from armid.report.data.joint_names import heading_of, label_of
@@ -17,7 +17,7 @@ from armid.report.data.number_format import decimals_of, fixed, short
 from armid.report.data.page_data import PageData, velocity_unit
 from armid.report.data.recording_data import RecordingData, concatenated, friction_columns
 from armid.report.data.residual_dependence import LARGE_SHARE, residual_shares
-from armid.report.plots.plot_data import Axes, Plot, PlotTrace, binned, every, line, points
+from armid.report.plots.plot_specification import Axes, Plot, PlotTrace, binned, every, line, points
 from armid.report.section import Section, effort_unit
 from armid.report.tables import Column, Table, TableCell
 

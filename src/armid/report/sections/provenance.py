@@ -6,7 +6,7 @@ import platform
 from collections.abc import Sequence
 from importlib.metadata import version
 
-from armid.estimation.saved_estimate import InputDigest
+from armid.estimation.estimate_record import InputDigest
 from armid.information.information import FactorOrigin
 from armid.report.data.findings import remedy_words
 from armid.report.data.page_data import PageData

@@ -11,7 +11,17 @@ from armid.report.data.joint_names import heading_of, label_of
 from armid.report.data.number_format import fixed, short
 from armid.report.data.page_data import PageData, velocity_unit
 from armid.report.data.recording_data import RecordingData, concatenated
-from armid.report.plots.plot_data import MAX_POINTS, Axes, Plot, PlotRange, PlotTrace, binned, crest, line, points
+from armid.report.plots.plot_specification import (
+    MAX_POINTS,
+    Axes,
+    Plot,
+    PlotRange,
+    PlotTrace,
+    binned,
+    crest,
+    line,
+    points,
+)
 from armid.report.section import Section, clipped_caption, effort_unit
 from armid.report.tables import Column, Table, TableCell
 

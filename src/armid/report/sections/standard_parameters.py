@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from armid.estimation.standard_parameter_status import StandardFit
+from armid.estimation.standard_parameter_resolution import StandardFit
 from armid.report.data.joint_names import groups_of
 from armid.report.data.number_format import decimals_of, fixed, share, short
 from armid.report.data.page_data import PageData

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from armid.notebook import names_apart
+from armid.notebook_display import names_apart
 from armid.report.data.joint_names import heading_of, label_of, residual_title
 from armid.report.data.number_format import fixed, share, short
 from armid.report.data.page_data import PageData
 from armid.report.data.recording_data import RecordingData
 from armid.report.data.trust import POOR_COVERAGE
-from armid.report.plots.plot_data import Axes, Plot, PlotRange, line, spread
+from armid.report.plots.plot_specification import Axes, Plot, PlotRange, line, spread
 from armid.report.section import Section, clipped_caption, effort_unit
 from armid.report.tables import Column, Table, TableCell
 

@@ -23,7 +23,7 @@ from armid.robot.mjcf.joints import check_equalities, joints_of
 from armid.robot.mjcf.mesh_assets import MeshAssets, mesh_assets
 from armid.robot.mjcf.mesh_files import UncomputableError
 from armid.robot.mjcf.settings import POSE, Settings, settings_of
-from armid.robot.pinocchio_model import DescribedLimits, limits_of
+from armid.robot.pinocchio_conversion import DescribedLimits, limits_of
 from armid.robot.robot import EARTH_GRAVITY
 from armid.robot.xml import floating, identity_only, numbers, parse_xml
 

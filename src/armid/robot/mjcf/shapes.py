@@ -20,7 +20,7 @@ from armid.errors import ArmidError, Finding
 from armid.robot.collision_body_names import BodyName
 from armid.robot.mjcf.plain_document import Plain
 from armid.robot.mjcf.poses import placement_of
-from armid.robot.pinocchio_model import pinocchio
+from armid.robot.pinocchio_conversion import pinocchio
 from armid.robot.shapes import (
     Kind,
     Shape,

@@ -20,7 +20,7 @@ from armid.robot.joint_selection import JointOutline
 from armid.robot.mjcf.joints import joint_names, outline_of
 from armid.robot.mjcf.plain_document import Uncomputed, flatten, plain_mjcf
 from armid.robot.mjcf.shapes import WORLD, add_sites, carriers_of, shapes_of_mjcf
-from armid.robot.pinocchio_model import build, pinocchio, robot_from_model
+from armid.robot.pinocchio_conversion import build, pinocchio, robot_from_model
 from armid.robot.robot import Robot
 from armid.robot.xml import check_locked, parse_xml, root_tag
 

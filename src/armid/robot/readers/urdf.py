@@ -17,7 +17,7 @@ from armid.errors import Finding, RobotError
 from armid.robot.collision_from_visual import with_bodies
 from armid.robot.described_drive import DescribedDrive, drive_of
 from armid.robot.joint_selection import Follows, JointOutline, SelectedJoint
-from armid.robot.pinocchio_model import DescribedLimits, build, limits_of, pinocchio, robot_from_model
+from armid.robot.pinocchio_conversion import DescribedLimits, build, limits_of, pinocchio, robot_from_model
 from armid.robot.robot import Robot
 from armid.robot.urdf_shapes import shapes_of_urdf
 from armid.robot.xml import check_locked, floating, identity_only, numbers, parse_xml, root_tag

@@ -14,7 +14,7 @@ from armid.errors import ArmidError, Finding, did_you_mean
 from armid.excitation.design.measured_pairs import measured_pairs
 from armid.excitation.design.multistart import Progress, Search, search, single_threaded_pool
 from armid.excitation.design.sqp import DescentProblem
-from armid.excitation.limits.constraints import ConstraintChannel
+from armid.excitation.limits.constraint_channels import ConstraintChannel
 from armid.excitation.limits.joint_limits import (
     Limits,
     limits_wider_than_described,

@@ -16,7 +16,7 @@ from armid.excitation.limits.joint_limits import (
 from armid.excitation.limits.torque_limits import Torque
 from armid.excitation.plan import Plan
 from armid.excitation.preflight import Expectation, Preflight, worst
-from armid.notebook import Displayed, Summary
+from armid.notebook_display import Displayed, Summary
 from armid.robot.robot import Robot
 
 SPREAD = 200.0

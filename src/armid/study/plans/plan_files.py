@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 
 from armid.errors import ArmidError
-from armid.excitation.builtin_plans import PLANS, builtin_plan
 from armid.excitation.formats import FORMATS
 from armid.excitation.fourier import PLAN_FILE, Excitation, load_plan
 from armid.excitation.limits.joint_limits import Limits
 from armid.excitation.plan import Plan
 from armid.excitation.poses_and_sweeps import Moves
+from armid.excitation.thesis_plans import PLANS, builtin_plan
 from armid.model.motion import Motion
 from armid.robot.robot import Robot
 from armid.robot.shapes import Shape

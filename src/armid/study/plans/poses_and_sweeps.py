@@ -13,7 +13,7 @@ from armid.excitation.certification import UNITS, Margin
 from armid.excitation.collision.closest_approach import ClosestApproach, closest_approaches
 from armid.excitation.collision.collision_model import CollisionOptions
 from armid.excitation.collision.ignored_pairs import IgnoredPair
-from armid.excitation.collision.left_out_contacts import LeftOutContact, left_out_contacts
+from armid.excitation.collision.unchecked_contacts import LeftOutContact, left_out_contacts
 from armid.excitation.design.objective import CriterionGoal
 from armid.excitation.limits.joint_limits import Limits, limits_wider_than_described, soft_limits_used
 from armid.excitation.limits.torque_limits import Torque

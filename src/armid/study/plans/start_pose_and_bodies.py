@@ -9,7 +9,7 @@ import numpy as np
 
 from armid.checked_array import Array
 from armid.errors import ArmidError, Finding
-from armid.excitation.collision.adjacent_links import adjacent_ranges
+from armid.excitation.collision.adjacent_link_collisions import adjacent_ranges
 from armid.excitation.collision.collision_model import (
     CollisionModel,
     CollisionOptions,
@@ -21,7 +21,7 @@ from armid.excitation.collision.ignored_pairs import IgnoredPair, pairs_by_reaso
 from armid.excitation.collision.required_distances import ALWAYS
 from armid.excitation.limits.joint_limits import Limits
 from armid.excitation.start_pose import Holds, Start, any_pose, choose_start, find_start, free_range, usual_pose
-from armid.notebook import plural
+from armid.notebook_display import plural
 from armid.robot.robot import Robot
 from armid.robot.shapes import Shape
 from armid.study.plans.goals import DesignConstraints

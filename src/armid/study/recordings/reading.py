@@ -9,9 +9,9 @@ import numpy as np
 
 from armid.checked_array import Array
 from armid.errors import Finding
+from armid.measurement.convention_conversion import to_robot_convention
 from armid.measurement.readers import load_recording
 from armid.measurement.recording import Recording
-from armid.measurement.robot_convention import to_robot_convention
 from armid.robot import Robot
 from armid.study.config import RecordingChoice, Study
 from armid.study.progress import Progress

@@ -15,13 +15,13 @@ import numpy as np
 
 from armid.checked_array import Array
 from armid.errors import Finding
+from armid.estimation.estimate_record import Estimate, standard_parameters
 from armid.estimation.friction.selection import FrictionSelection, SelectionEvidence
-from armid.estimation.saved_estimate import Estimate, standard_parameters
-from armid.estimation.standard_parameter_status import StandardFit
+from armid.estimation.standard_parameter_resolution import StandardFit
 from armid.measurement.log_format import LogFormat
 from armid.model.base_formulas import base_formulas, groupings
 from armid.study.config import Study
-from armid.validation.prediction import Validation
+from armid.validation.torque_errors import Validation
 
 LIST_OF_NUMBERS = re.compile(r'\[\n([^][{}"]*?)\n *\]')
 """Pattern of a list of numbers that `json` writes on several lines. Texts never match, because their line ends are

@@ -13,7 +13,7 @@ from armid.thesis.page.conclusions import show_audit, show_errata, show_provenan
 from armid.thesis.page.estimation import show_parameters, show_steps, show_torque
 from armid.thesis.page.model import show_base, show_dynamics, show_kinematics
 from armid.thesis.page.motion import show_excitation
-from armid.thesis.retell import Thesis, thesis_record
+from armid.thesis.reproduction import Thesis, thesis_record
 
 __all__ = ["CHAPTERS", "KIND", "MARKER", "PAGE", "render_thesis", "thesis_sections", "write_thesis"]
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from armid.model.parameter_name import ParameterName
-from armid.report.plots.plot_data import Plot
+from armid.report.plots.plot_specification import Plot
 from armid.report.section import Section
 from armid.report.tables import Table, TableCell
 

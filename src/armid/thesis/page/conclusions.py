@@ -10,7 +10,7 @@ from armid.report.tables import Column, Table, TableCell
 from armid.thesis.errata import Erratum
 from armid.thesis.page.chapter import List, Numbers, Text, chapter, counted, named, number, subscripts
 from armid.thesis.published import published
-from armid.thesis.retell import Thesis
+from armid.thesis.reproduction import Thesis
 from armid.thesis.setting import Extent
 
 TELLING = ("MYR_2", "MYR_4", "MYR_5", "MYR_6", "XXR_2", "ZZR_2", "ZZR_1")

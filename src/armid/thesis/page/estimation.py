@@ -6,7 +6,7 @@ import numpy as np
 
 from armid.checked_array import Array
 from armid.report.data.number_format import fixed, short
-from armid.report.plots.plot_data import Axes, Plot, line
+from armid.report.plots.plot_specification import Axes, Plot, line
 from armid.report.section import Section
 from armid.report.tables import Column, Table, TableCell
 from armid.thesis.algorithm import NOISE
@@ -14,7 +14,7 @@ from armid.thesis.algorithm_corrections import Step
 from armid.thesis.chapter_4_results import Pictures, Table41
 from armid.thesis.page.chapter import Figures, Text, chapter, named, number
 from armid.thesis.published import published
-from armid.thesis.retell import Thesis
+from armid.thesis.reproduction import Thesis
 
 GROUPS = 3
 """Number of groups of columns that are side by side in Table 4.1."""

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from armid.report.data.number_format import fixed, short
-from armid.report.plots.plot_data import Plot, PlotTrace
+from armid.report.plots.plot_specification import Plot, PlotTrace
 from armid.report.section import Section
 from armid.report.tables import Column, Table, TableCell
 from armid.thesis.page.chapter import Figures, Text, chapter, named, number, subscripts
 from armid.thesis.published import published
 from armid.thesis.reduction import Dependence, Grouping, Identity
-from armid.thesis.retell import Thesis
+from armid.thesis.reproduction import Thesis
 
 FASTEST = 1.5
 """Largest velocity on the abscissa of Figure 3.2 [rad/s]."""

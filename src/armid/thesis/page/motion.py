@@ -6,13 +6,13 @@ import numpy as np
 
 from armid.excitation.fourier import Excitation
 from armid.report.data.number_format import fixed, short
-from armid.report.plots.plot_data import Plot, PlotTrace, line
+from armid.report.plots.plot_specification import Plot, PlotTrace, line
 from armid.report.section import Section
 from armid.report.tables import Column, Table, TableCell
 from armid.thesis.design_trials import DesignTrial
 from armid.thesis.page.chapter import Block, Figures, Text, chapter, counted, number, subscripts
 from armid.thesis.published import published
-from armid.thesis.retell import Thesis
+from armid.thesis.reproduction import Thesis
 
 SYMBOLS = 9
 """Number of symbols along the line of a joint."""

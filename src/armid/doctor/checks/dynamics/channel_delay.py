@@ -11,16 +11,16 @@ from armid.checked_array import Array
 from armid.doctor.check_definition import LogCheck
 from armid.doctor.check_input import WIDTH, Explanation, LogEvidence
 from armid.doctor.downsample import CUTOFFS, DownsampledLog, downsample
-from armid.doctor.interpreted_log import LogState
+from armid.doctor.log_state import LogState
 from armid.doctor.quick_fit import QuickRows, solve
 from armid.doctor.remedy_trial import try_remedy
 from armid.doctor.rows_away_from_reversals import away_from_reversals
 from armid.doctor.stuck_channels import without_stuck
 from armid.errors import Finding
-from armid.maths.signals.spectrum import frequencies, inverse, spectrum
+from armid.maths.signals.fourier_transform import frequencies, inverse, spectrum
 from armid.maths.spline import spline_slopes
-from armid.measurement.log_format_remedies import lines
 from armid.measurement.observations import ObservedRun
+from armid.measurement.suggested_log_format import lines
 from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics_model import DynamicsModel
 from armid.model.terms import Stribeck

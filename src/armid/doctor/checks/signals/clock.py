@@ -13,9 +13,9 @@ from armid.doctor.downsample import downsample
 from armid.doctor.remedy_trial import RemedyTrial, try_remedy
 from armid.errors import Finding
 from armid.maths.median import median
-from armid.measurement.log_format_remedies import lines, naming
-from armid.measurement.processing.resampling import Stretch, is_even, jitter, stretches
+from armid.measurement.processing.uniform_runs import Stretch, is_even, jitter, stretches
 from armid.measurement.recording import Recording
+from armid.measurement.suggested_log_format import lines, naming
 from armid.remedy import Remedy
 
 CUTOFF = 5.0

@@ -8,11 +8,11 @@ from numpy.typing import NDArray
 from armid.checked_array import Array
 from armid.doctor.check_definition import LogCheck
 from armid.doctor.check_input import Explanation, LogEvidence
-from armid.doctor.interpreted_log import LogState
+from armid.doctor.log_state import LogState
 from armid.errors import Finding
-from armid.measurement.limit_check import WIDEST
 from armid.measurement.log_format import LogFormat
-from armid.measurement.log_format_remedies import lines
+from armid.measurement.position_range_check import WIDEST
+from armid.measurement.suggested_log_format import lines
 
 CODE = "degrees"
 

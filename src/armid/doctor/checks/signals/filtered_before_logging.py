@@ -9,8 +9,8 @@ from armid.doctor.check_definition import LogCheck
 from armid.doctor.check_input import LogEvidence
 from armid.errors import Finding
 from armid.maths.median import median
-from armid.maths.signals.spectrum import power_spectrum
-from armid.measurement.processing.resampling import resample_uniform, stretches
+from armid.maths.signals.fourier_transform import power_spectrum
+from armid.measurement.processing.uniform_runs import resample_uniform, stretches
 
 SEGMENT = 512
 """Number of samples of a segment. It gives a resolution of 0.2 Hz at 100 Hz and enough segments for an average."""

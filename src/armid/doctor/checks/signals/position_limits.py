@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from armid.checked_array import Array
 from armid.doctor.check_definition import LogCheck
 from armid.doctor.check_input import LogEvidence
-from armid.doctor.motor_positions import of_motors, turns_too_far
+from armid.doctor.position_unit import of_motors, turns_too_far
 from armid.errors import Finding
 from armid.robot import Robot
 

@@ -11,7 +11,7 @@ from armid.checked_array import Array
 from armid.doctor.check_definition import LogCheck
 from armid.doctor.check_input import LogEvidence
 from armid.errors import Finding
-from armid.measurement.log_format_remedies import excluding, lines
+from armid.measurement.suggested_log_format import excluding, lines
 from armid.robot.robot import Joint
 
 FEWEST, SHARE = 10, 0.002

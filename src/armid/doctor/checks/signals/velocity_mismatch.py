@@ -13,9 +13,9 @@ from armid.errors import Finding
 from armid.maths.median import median
 from armid.maths.signals.derivatives import central_difference
 from armid.maths.signals.zero_phase_filters import edge_samples, low_pass, zero_phase
-from armid.measurement.log_format_remedies import naming
-from armid.measurement.processing.resampling import is_brief, resample_uniform, stretches
+from armid.measurement.processing.uniform_runs import is_brief, resample_uniform, stretches
 from armid.measurement.recording import Recording
+from armid.measurement.suggested_log_format import naming
 
 CUTOFF = 4.0
 """Cut-off of the low-pass filter that is applied to both before they are compared [Hz]."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from armid.model.expression import magnitude
+from armid.model.symbolic_expression import magnitude
 from armid.model.terms.checks import require_width
 from armid.model.terms.friction.coulomb import coulomb_law
 from armid.model.terms.selection_candidates import ASYMMETRY, AutomaticChoice, one_by_one

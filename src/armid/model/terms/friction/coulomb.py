@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from armid.errors import ModelError
-from armid.model.expression import Expression, sign, symbol, tanh
+from armid.model.symbolic_expression import Expression, sign, symbol, tanh
 from armid.model.terms.term import Law, single_joint_laws
 from armid.robot.robot import Robot
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from armid.model.expression import maximum, symbol
+from armid.model.symbolic_expression import maximum, symbol
 from armid.model.terms.checks import require_rising
 from armid.model.terms.selection_candidates import VELOCITY, AutomaticChoice, Candidate
 from armid.model.terms.term import Law, listed, single_joint_laws

@@ -11,7 +11,7 @@ from math import tanh as tanh_of
 from typing import ClassVar
 
 from armid.errors import ModelError
-from armid.model.expression import derivative, symbol, tanh
+from armid.model.symbolic_expression import derivative, symbol, tanh
 from armid.model.terms.checks import require_positive
 from armid.model.terms.selection_candidates import VELOCITY, AutomaticChoice, one_by_one
 from armid.model.terms.term import Law, single_joint_laws

@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from armid.model.expression import exponential, magnitude, symbol
+from armid.model.symbolic_expression import exponential, magnitude, symbol
 from armid.model.terms.checks import require_positive, require_width
 from armid.model.terms.friction.coulomb import coulomb_law
 from armid.model.terms.selection_candidates import VELOCITY, AutomaticChoice, one_by_one

@@ -57,7 +57,7 @@ class Thesis:
     seconds: float
 
 
-def retell(extent: Extent | None = None, *, progress: Tell | None = None) -> Thesis:
+def reproduce(extent: Extent | None = None, *, progress: Tell | None = None) -> Thesis:
     """Runs the study of the thesis.
 
     Args:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from armid.maths.rotations import rotation_x
-from armid.model.identifiable_structure import clean, echelon, parameter_units, structural_base
+from armid.model.structural_identifiability import clean, echelon, parameter_units, structural_base
 from trees import chain, iiwa_tree
 
 SYMBOLS = ("M", "MX", "MY", "MZ", "XX", "XY", "YY", "XZ", "YZ", "ZZ")

@@ -21,7 +21,7 @@ from armid.checked_array import Array, array
 from armid.maths.distributions import student_quantile
 from armid.maths.linalg import half_of, inverse_of, orthonormal
 from armid.model.parameter_name import ParameterName, parameter_names
-from armid.notebook import Displayed, Summary, interval_text
+from armid.notebook_display import Displayed, Summary, interval_text
 
 Status = Literal["identified", "prior-dominated", "not identifiable"]
 

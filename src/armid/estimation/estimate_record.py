@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 from armid.checked_array import Array
 from armid.errors import Finding
 from armid.estimation.fit_result import Fit
-from armid.estimation.standard_parameter_status import StandardFit, Status
+from armid.estimation.standard_parameter_resolution import StandardFit, Status
 from armid.information.information import FactorOrigin
 from armid.model.base_parameters import BaseParameters
 from armid.model.parameter_name import ParameterName
-from armid.notebook import Displayed, Summary, interval_text, percent, plural
-from armid.text_value import TextValue
+from armid.notebook_display import Displayed, Summary, interval_text, percent, plural
+from armid.text_serialization import TextValue
 
 
 @dataclass(frozen=True, slots=True)

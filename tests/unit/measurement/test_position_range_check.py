@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from armid.checked_array import Array
-from armid.measurement.limit_check import in_degrees
+from armid.measurement.position_range_check import in_degrees
 from armid.robot import Robot
 from sick import arm, sound
 

@@ -11,7 +11,7 @@ import pytest
 from armid import find_base_parameters, identify, load_robot, load_run, load_study, save_run
 from armid.excitation.design.objective import CriterionGoal
 from armid.excitation.plan import Plan
-from armid.notebook import (
+from armid.notebook_display import (
     MOST_ROWS,
     Displayed,
     Summary,

@@ -17,7 +17,7 @@ from armid.estimation.crossvalidation import held_out_squares
 from armid.estimation.fit_result import Fit
 from armid.estimation.prior import INFORMED, Prior, project_covariance, weight_finding
 from armid.estimation.problem import StandardParameters
-from armid.estimation.standard_parameter_status import (
+from armid.estimation.standard_parameter_resolution import (
     IDENTIFIED,
     PriorUse,
     Proof,

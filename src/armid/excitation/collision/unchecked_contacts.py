@@ -15,12 +15,12 @@ from numpy.typing import NDArray
 
 from armid.checked_array import Array
 from armid.errors import Finding
-from armid.excitation.collision.adjacent_links import spread_positions
+from armid.excitation.collision.adjacent_link_collisions import spread_positions
 from armid.excitation.collision.coal import too_close
 from armid.excitation.collision.collision_model import CollisionOptions
 from armid.excitation.collision.ignored_pairs import IgnoredPair
 from armid.excitation.collision.required_distances import ALWAYS, HALF
-from armid.notebook import plural
+from armid.notebook_display import plural
 from armid.robot.kinematics import forward_kinematics
 from armid.robot.robot import Robot
 

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 
 from armid.checked_array import Array, array
-from armid.estimation.saved_estimate import Estimate, torque_parameters
+from armid.estimation.estimate_record import Estimate, torque_parameters
 from armid.information.residuals import Comparison, compare
 from armid.measurement.observations import Observations
 from armid.model.dynamics_model import DynamicsModel
-from armid.notebook import Displayed, Summary, names_apart
+from armid.notebook_display import Displayed, Summary, names_apart
 from armid.validation.prediction_interval import band_of_rows
 
 CLOSE_TO_TRAINING = 3.0

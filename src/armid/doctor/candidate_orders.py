@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armid.checked_array import Array
-from armid.doctor.interpreted_log import LogState
-from armid.measurement.limit_check import FAR
+from armid.doctor.log_state import LogState
+from armid.measurement.position_range_check import FAR
 
 BEYOND = 0.1
 """Share of the range of a joint by which its positions may exceed the range, because limits of descriptions are

@@ -11,15 +11,15 @@ from numpy.typing import NDArray
 from armid.checked_array import Array
 from armid.errors import Finding, RecordingError
 from armid.maths.median import median
+from armid.measurement.columns.column_guessing import shortened
 from armid.measurement.columns.joint_assignment import in_joint_order
-from armid.measurement.columns.pattern_matching import shortened
-from armid.measurement.limit_check import check_limits
 from armid.measurement.log_format import LogFormat
-from armid.measurement.log_format_remedies import naming
+from armid.measurement.position_range_check import check_limits
 from armid.measurement.processing.delay import compensate_delay
 from armid.measurement.processing.row_checks import clean
 from armid.measurement.readers import load_recording
 from armid.measurement.recording import Recording, recording_error
+from armid.measurement.suggested_log_format import naming
 from armid.robot.robot import Robot
 
 WRAP_TOLERANCE = 0.5

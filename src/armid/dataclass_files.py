@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from armid.atomic_file import replace_file
 from armid.errors import ArmidError
-from armid.text_value import TextValue
+from armid.text_serialization import TextValue
 
 T = TypeVar("T")
 
@@ -53,7 +53,7 @@ def load(kind: type[T], path: Path | str) -> T:
     except (OSError, EOFError, ValueError, KeyError, TypeError, zipfile.BadZipFile) as error:
         raise ArmidError(
             f"{path} is not a value saved by armid ({error}).",
-            remedy="give a file that armid.value_files.save wrote.",
+            remedy="give a file that armid.dataclass_files.save wrote.",
         ) from error
     if header["type"] != kind.__name__:
         raise ArmidError(

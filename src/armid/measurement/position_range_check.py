@@ -9,8 +9,8 @@ from armid.checked_array import Array
 from armid.errors import Finding
 from armid.maths.median import median
 from armid.measurement.log_format import LogFormat
-from armid.measurement.log_format_remedies import lines
 from armid.measurement.recording import Recording, recording_error
+from armid.measurement.suggested_log_format import lines
 from armid.robot.robot import Robot
 
 FAR = 0.5

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from armid.doctor.channel_orders import exchanges, shifts, usual_orders
+from armid.doctor.candidate_orders import exchanges, shifts, usual_orders
 from armid.errors import Finding
 from armid.study.diagnosis import diagnose_recording
 from gantries import gantry

@@ -13,8 +13,8 @@ from armid import kernel
 from armid.checked_array import Array
 from armid.doctor.downsample import DownsampledLog
 from armid.doctor.quick_fit import QuickFit, QuickRows, make_rows, solve
-from armid.information.column_source import ColumnSource, column_source
 from armid.information.filtering import in_band
+from armid.information.regressor_columns import ColumnSource, column_source
 from armid.measurement.observations import ObservedRun
 from armid.model.base_parameters import BaseParameters
 from armid.model.dynamics_model import DynamicsModel

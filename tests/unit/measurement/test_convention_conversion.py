@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from armid.errors import RecordingError
+from armid.measurement.convention_conversion import to_robot_convention
 from armid.measurement.log_format import LogFormat
 from armid.measurement.recording import Recording
-from armid.measurement.robot_convention import to_robot_convention
 from armid.robot.robot import Frame, Joint, Link, Robot
 from armid.study.remedy_translation import OPTIONS, at_the_prompt
 

@@ -6,9 +6,9 @@ import dataclasses
 
 from armid.errors import Finding
 from armid.estimation.catalogue import ESTIMATORS
+from armid.estimation.estimate_record import Estimate
 from armid.estimation.friction.selection import FrictionSelection
 from armid.estimation.prior import CHOSEN, GIVEN, INFORMED, weight_finding
-from armid.estimation.saved_estimate import Estimate
 from armid.study.config import EstimationChoice
 
 

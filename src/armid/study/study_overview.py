@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from armid.notebook import Summary
+from armid.notebook_display import Summary
 
 
 def study_summary(study: Any) -> Summary:

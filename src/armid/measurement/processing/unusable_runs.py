@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from armid.errors import Finding, RecordingError
-from armid.measurement.processing.resampling import Stretch
+from armid.measurement.processing.uniform_runs import Stretch
 from armid.measurement.recording import Recording
 
 
