@@ -30,7 +30,7 @@ def interrupted_in(where: str, folder: Path, monkeypatch: pytest.MonkeyPatch) ->
     [
         "armid.study.plans.design.place_motion",
         "armid.excitation.design.multistart.descend",
-        "armid.study.plans.design.certified",
+        "armid.study.plans.design.certified_plan",
         "armid.study.plans.design_files.report_text",
     ],
 )
