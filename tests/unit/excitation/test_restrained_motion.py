@@ -18,17 +18,17 @@ MASS = '<inertial><mass value="1"/><inertia ixx=".1" iyy=".1" izz=".1" ixy="0" i
 
 @pytest.fixture(scope="module")
 def plans(tmp_path_factory):
-    """Plans of an arm between two posts that are 40 degrees apart, with posts and with posts that are ignored."""
+    """Plans of an arm between two walls that leave 40 degrees and nowhere else to start, with and without them."""
     rod = '<collision><origin xyz="0.3 0 0"/><geometry><box size="0.5 0.02 0.02"/></geometry></collision>'
-    post = '<collision><origin xyz="{} {} 0"/><geometry><box size="0.02 0.02 0.2"/></geometry></collision>'
+    wall = '<collision><origin xyz="0 {} 0"/><geometry><box size="1.2 0.8 2"/></geometry></collision>'
     joint = (
         '<joint name="{0}" type="revolute"><parent link="{1}"/><child link="{2}"/><origin xyz="{3} 0 0"/>'
         '<axis xyz="{4}"/><limit lower="-2" upper="2" velocity="2" effort="90"/></joint>'
     )
-    away = (0.5 * np.cos(0.35), 0.5 * np.sin(0.35))
-    path = tmp_path_factory.mktemp("posts") / "posts.urdf"
+    away = 0.4 + 0.5 * np.sin(0.35)
+    path = tmp_path_factory.mktemp("walls") / "walls.urdf"
     path.write_text(
-        f'<robot name="posts"><link name="base">{post.format(*away)}{post.format(away[0], -away[1])}</link>'
+        f'<robot name="walls"><link name="base">{wall.format(away)}{wall.format(-away)}</link>'
         f'<link name="between">{MASS}</link><link name="arm">{MASS}{rod}</link>'
         + joint.format("tilt", "base", "between", 0, "0 1 0")
         + joint.format("turn", "between", "arm", 0, "0 0 1")
