@@ -57,6 +57,24 @@ struct Weighing {
   const double* weight;           // of each joint's rows
 };
 
+// Products (k + 1, k + 1) of the columns of each joint and its torque, one joint behind another.
+struct JointProducts {
+  int joints, count;              // of parameters
+  const std::int32_t* offset;     // columns before those of each joint, n + 1
+  const std::int32_t* parameter;  // of each column, rising within a joint
+  const double* values;
+  const double* sign;  // factor of each joint's torque
+  const double* rows;  // number of rows of each joint
+};
+
+// Rules of the passes in which joints are weighted by their residuals.
+struct Reweighting {
+  int passes;
+  double settled;  // relative change of all residuals below which the passes end
+  double floor;    // smallest ratio of residual to torque
+  double ridge;    // added to the diagonal of the products of unit columns
+};
+
 // What a motion looks like to the kernel: row-major (N, n), terms (terms, N) with their own row stride.
 struct Samples {
   const double *q, *dq, *ddq;

@@ -389,6 +389,29 @@ void information_adjoint(const std::string& isa, const ArmData& data, In<std::in
   k.information_adjoint(data.arm, of.layout, of.in, of.N, of.weighing, from, to_q, to_dq, to_ddq, to_terms);
 }
 
+void reweighted(const std::string& isa, In<std::int32_t> offset, In<std::int32_t> parameter, In<double> products,
+                In<double> sign, In<double> rows, int passes, double settled, double floor, double ridge, Out<double> x,
+                Out<double> sigma) {
+  require(offset.size() >= 2 && offset.data()[0] == 0, "offset must begin with 0 and have n + 1 entries");
+  const int n = static_cast<int>(offset.size()) - 1, count = static_cast<int>(x.size());
+  std::size_t size = 0;
+  for (int j = 0; j < n; ++j) {
+    const std::int32_t begin = offset.data()[j], end = offset.data()[j + 1];
+    require(begin <= end && static_cast<std::size_t>(end) <= parameter.size(), "offset must rise to the columns");
+    for (std::int32_t c = begin; c < end; ++c) {
+      require((c == begin ? -1 : parameter.data()[c - 1]) < parameter.data()[c] && parameter.data()[c] < count,
+              "the parameters of a joint must rise and be there");
+    }
+    size += static_cast<std::size_t>(end - begin + 1) * (end - begin + 1);
+  }
+  require(products.size() == size, "products must be square, one a joint");
+  const auto joints = static_cast<std::size_t>(n);
+  require(sign.size() == joints && rows.size() == joints && sigma.size() == joints,
+          "sign, rows and sigma must have one entry a joint");
+  kernel(isa).reweighted({n, count, offset.data(), parameter.data(), products.data(), sign.data(), rows.data()},
+                         {passes, settled, floor, ridge}, x.data(), sigma.data());
+}
+
 armid::Tape make_tape(In<std::int32_t> sizes, In<double> constants, In<std::int32_t> runs, In<std::int32_t> operands,
                       In<std::int32_t> results) {
   require(runs.size() % 2 == 0 && operands.size() % 2 == 0, "runs and operands come in pairs");
@@ -445,4 +468,5 @@ NB_MODULE(_native, m) {
   m.def("columns_adjoint", &columns_adjoint);
   m.def("information", &information);
   m.def("information_adjoint", &information_adjoint);
+  m.def("reweighted", &reweighted);
 }

@@ -31,6 +31,8 @@ struct Kernel {
   void (*information)(const Arm&, const Layout&, const Samples&, std::ptrdiff_t N, const Weighing&, double* G);
   void (*information_adjoint)(const Arm&, const Layout&, const Samples&, std::ptrdiff_t N, const Weighing&,
                               const double* slopes, double* q, double* dq, double* ddq, double* terms);
+  // Parameters (count,) and the RMS residual of each joint (n,).
+  void (*reweighted)(const JointProducts&, const Reweighting&, double* x, double* sigma);
 };
 
 // Linked where the build makes them; the bindings ask only for those.

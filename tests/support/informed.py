@@ -8,16 +8,8 @@ import numpy as np
 
 from armid.checked_array import Array
 from armid.information.information import Information, stack, total
-from armid.maths.signals.zero_phase_filters import (
-    coarsest_step,
-    decimate,
-    decimation_filter,
-    decimation_step,
-    interpolate,
-    low_pass,
-    periodic_filter,
-    zero_phase,
-)
+from armid.maths.signals.decimation import coarsest_step, decimate, decimation_filter, decimation_step, interpolate
+from armid.maths.signals.zero_phase_filters import low_pass, periodic_filter, zero_phase
 from armid.measurement.low_pass_band import Band
 from armid.measurement.observations import ObservedRun
 from armid.model.base_parameters import BaseParameters, find_base_parameters
@@ -81,10 +73,13 @@ def filtered(arm: Arm, run: ObservedRun, band: Band) -> Array:
     x = decimate(dense(arm, run), decimation_filter(early), early, first, periodic=periodic)
     sharp = low_pass(band.family, band.order, band.cutoff, run.rate / early)
     whole = run.motion.samples % early == 0
+    lead, late = (run.offset - first) // early, max(1, run.step // early)
+    if factor == 1 and not periodic:
+        return zero_phase(sharp, x, first=lead, step=late)[: len(run.rows)]
     y = periodic_filter(sharp, x) if periodic and whole else zero_phase(sharp, x)
     if factor > 1:
         return np.moveaxis(interpolate(np.moveaxis(y, 0, -1), factor, periodic=periodic), -1, 0)[: len(run.rows)]
-    return y[(run.offset - first) // early :: run.step // early][: len(run.rows)]
+    return y[lead::late][: len(run.rows)]
 
 
 def solved(information: Information, weights: Array | None = None) -> Array:

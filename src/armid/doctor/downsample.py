@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from armid.checked_array import Array
 from armid.information.filtering import in_band
+from armid.maths.signals.decimation import decimate, decimation_filter
 from armid.maths.signals.motion_cutoff import automatic_cutoff
-from armid.maths.signals.zero_phase_filters import decimate, decimation_filter
 from armid.measurement.low_pass_band import Band
 from armid.measurement.observations import ObservedRun
 from armid.measurement.processing.differentiation import differentiate

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from armid import kernel
 from armid.checked_array import Array
 from armid.doctor.downsample import DownsampledLog
-from armid.doctor.quick_fit import QuickFit, QuickRows, make_rows, solve
+from armid.doctor.quick_fit import QuickFit, QuickRows, make_rows, solve, solve_joint
 from armid.information.filtering import in_band
 from armid.information.regressor_columns import ColumnSource, column_source
 from armid.measurement.observations import ObservedRun
@@ -97,7 +97,7 @@ class LogState:
     @cached_property
     def joint_fits(self) -> tuple[QuickFit, ...]:
         """Separate fit of each joint, with separate parameters."""
-        return tuple(solve(self._joint_rows(j)) for j in range(self.rows.n))
+        return tuple(solve_joint(self.fit, j, self._joint_rows(j)) for j in range(self.rows.n))
 
     @property
     def conflict(self) -> float:

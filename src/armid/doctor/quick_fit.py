@@ -8,11 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from armid import kernel
 from armid.checked_array import Array
 from armid.doctor.downsample import DownsampledLog
 from armid.information.filtered_rows import all_rows
@@ -86,6 +87,7 @@ class QuickFit:
         rows: The rows.
         tables: Columns, extra columns and torque of each joint, zero in rows that are not used.
         factor: Triangular factors of the columns of all joints, one below the other, shape (r, b + e).
+        side: Torque in the rows of the factor, shape (r,) [N·m or N].
         joint: Joint of each row of the factor, shape (r,).
     """
 
@@ -94,6 +96,7 @@ class QuickFit:
     rows: QuickRows
     tables: tuple[Array, ...]
     factor: Array
+    side: Array
     joint: NDArray[np.intp]
 
     @cached_property
@@ -187,9 +190,27 @@ def solve(rows: QuickRows, extra: Array | None = None) -> QuickFit:
         x = _least_squares(np.column_stack([A / scale, y]) * weight[:, None]) / scale
         remaining = np.bincount(joint, (y - A @ x) ** 2, minlength=rows.n)
         before, sigma = sigma, np.maximum(np.sqrt(remaining / counted), FLOOR * size)
-        if rows.n == 1 or (np.abs(sigma - before) < SETTLED * sigma).all():
+        if (np.abs(sigma - before) < SETTLED * sigma).all():
             break
-    return QuickFit(x, sigma, rows, tuple(tables), A, joint)
+    return QuickFit(x, sigma, rows, tuple(tables), A, y, joint)
+
+
+def solve_joint(fit: QuickFit, j: int, rows: QuickRows) -> QuickFit:
+    """Separate fit of a joint, from its triangular factor in the fit of all joints without extra columns.
+
+    Args:
+        fit: Fit of all joints.
+        j: Index of the joint.
+        rows: Rows of this joint alone, with separate parameters.
+    """
+    own = fit.joint == j
+    A, y = fit.factor[own][:, fit.rows.parameters[j]], fit.side[own]
+    scale = _lengths(A)
+    x = _least_squares(np.column_stack([A / scale, y])) / scale
+    counted = max(int(rows.mask.sum()), 1)
+    size = float(np.linalg.norm(y)) / np.sqrt(counted)
+    sigma = max(float(np.linalg.norm(y - A @ x)) / np.sqrt(counted), FLOOR * (size or 1.0))
+    return QuickFit(x, np.array([sigma]), rows, (fit.tables[j],), A, y, np.zeros(len(y), dtype=np.intp))
 
 
 def _lengths(A: Array) -> Array:
@@ -257,45 +278,17 @@ def solve_products(
         sign: Factor of each joint's torque, shape (n,).
         ridge: Number that is added to the diagonal of the products of unit columns.
     """
-    n, b = rows.n, rows.count
-    # Products of all parameters and torque, zero for parameters that a joint's torque does not depend on.
-    whole = np.zeros((n, b + 1, b + 1))
-    whole.reshape(-1)[_places(b, tuple(own.astype(np.int32, copy=False).tobytes() for own in rows.parameters))] = (
-        np.concatenate(pairs, axis=None)
+    return kernel.reweighted_least_squares(
+        pairs,
+        rows.parameters,
+        rows.count,
+        counted,
+        sign,
+        passes=PASSES,
+        settled=SETTLED,
+        floor=COARSE_FLOOR,
+        ridge=ridge,
     )
-    if sign is not None:
-        whole[:, b] *= sign[:, None]
-        whole[:, :, b] *= sign[:, None]
-    size = np.sqrt(whole[:, b, b] / counted)
-    size = np.where(size > 0.0, size, 1.0)
-    sigma, both = size, np.append(np.zeros(b), 1.0)  # negative parameters, then 1 for the torque
-    stacked = whole.reshape(n, -1)
-    for _ in range(PASSES):
-        H = (sigma**-2 @ stacked).reshape(b + 1, b + 1)
-        scale = np.sqrt(np.maximum(H.diagonal()[:b], np.finfo(float).tiny))
-        G = H[:b, :b] / np.multiply.outer(scale, scale)
-        G.flat[:: b + 1] += ridge
-        both[:b] = -np.linalg.solve(G, H[:b, b] / scale) / scale
-        power = (whole.reshape(-1, b + 1) @ both).reshape(n, b + 1) @ both
-        before, sigma = sigma, np.maximum(np.sqrt(np.maximum(power, 0.0) / counted), COARSE_FLOOR * size)
-        if (np.abs(sigma - before) < SETTLED * sigma).all():
-            break
-    return -both[:b], sigma
-
-
-@lru_cache(maxsize=32)
-def _places(count: int, parameters: tuple[bytes, ...]) -> NDArray[np.intp]:
-    """Indices of the entries of the products of all joints in the product matrix of all parameters and torque.
-
-    Args:
-        count: Number b of parameters.
-        parameters: Indices of the parameters of each joint, as bytes.
-    """
-    result: list[NDArray[np.intp]] = []
-    for j, own in enumerate(parameters):
-        places = np.append(np.frombuffer(own, dtype=np.int32).astype(np.intp), count)
-        result.append((((count + 1) * (j * (count + 1) + places))[:, None] + places).reshape(-1))
-    return np.concatenate(result)
 
 
 def _residual(table: Array, parameters: NDArray[np.int32], x: Array, count: int) -> Array:

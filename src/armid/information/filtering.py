@@ -15,17 +15,8 @@ import numpy as np
 from armid import kernel
 from armid.checked_array import Array
 from armid.information.regressor_columns import ColumnSource
-from armid.maths.signals.zero_phase_filters import (
-    coarsest_step,
-    decimate,
-    decimation_filter,
-    decimation_step,
-    interpolate,
-    low_pass,
-    periodic_filter,
-    settling_samples,
-    zero_phase,
-)
+from armid.maths.signals.decimation import coarsest_step, decimate, decimation_filter, decimation_step, interpolate
+from armid.maths.signals.zero_phase_filters import low_pass, periodic_filter, settling_samples, zero_phase
 from armid.measurement.low_pass_band import Band
 from armid.measurement.observations import ObservedRun
 
@@ -85,6 +76,10 @@ def filtered_columns(source: ColumnSource, run: ObservedRun, band: Band) -> Iter
         stop = min(start + segment, rows)
         a = max(0, lead + start * late // factor - overlap)
         b = min(columns.available, lead + (stop - 1) * late // factor + 1 + overlap)
+        if factor == 1:
+            x = zero_phase(filter, columns.between(a, b), axis=1, first=lead + start * late - a, step=late)
+            yield start, np.ascontiguousarray(x[:, : stop - start])
+            continue
         x = zero_phase(filter, columns.between(a, b), axis=1)
         for begin in range(start, stop, SEGMENT):
             yield begin, _rows(x, lead - a, late, factor, begin, min(begin + SEGMENT, stop), periodic=False)

@@ -24,6 +24,7 @@ from armid.kernel.dispatch import (
 )
 from armid.kernel.information_gradient import columns_adjoint, information, information_adjoint
 from armid.kernel.joint_column_layout import ColumnLayout, make_layout
+from armid.kernel.reweighted import reweighted_least_squares
 from armid.kernel.tree import Tree
 
 __all__ = [
@@ -46,5 +47,6 @@ __all__ = [
     "play",
     "potential_energy",
     "regressor",
+    "reweighted_least_squares",
     "unpack_factors",
 ]

@@ -116,3 +116,18 @@ def information_adjoint(
     terms_bar: _A,
     /,
 ) -> None: ...
+def reweighted(
+    isa: str,
+    offset: _A,
+    parameter: _A,
+    products: _A,
+    sign: _A,
+    rows: _A,
+    passes: int,
+    settled: float,
+    floor: float,
+    ridge: float,
+    x: _A,
+    sigma: _A,
+    /,
+) -> None: ...

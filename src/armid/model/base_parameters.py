@@ -123,7 +123,7 @@ class BaseParameters(Displayed):
     @property
     def removed(self) -> NDArray[np.intp]:
         """Indices of the standard parameters that are not kept, including those of zero columns."""
-        return np.setdiff1d(np.arange(len(self.standard_names)), self.kept)
+        return np.delete(np.arange(len(self.standard_names)), self.kept)
 
     def values_of(self, standard: ArrayLike) -> Array:
         """Values of the base parameters, shape (b,), for values of the standard parameters, shape (p,)."""
@@ -158,12 +158,12 @@ def find_base_parameters(model: DynamicsModel) -> BaseParameters:
 def _find(model: DynamicsModel) -> BaseParameters:
     """Base parameters of a model that is not remembered."""
     p, inertial = len(model.parameters), model.inertial_columns
-    terms = np.setdiff1d(np.arange(p), inertial)
+    terms = np.delete(np.arange(p), inertial)
     kept, regrouping = np.arange(p), np.eye(p)
     if len(inertial):
         rigid_kept, rigid = structural_base(model.tree)
         regrouping[np.ix_(inertial[rigid_kept], inertial)] = rigid
-        kept = np.union1d(inertial[rigid_kept], terms)
+        kept = np.sort(np.concatenate([inertial[rigid_kept], terms]))
         regrouping = regrouping[kept]
     if len(terms):
         columns = _columns(model, len(kept), seed=1)[:, kept]
@@ -208,7 +208,7 @@ def _dependence(columns: Array) -> tuple[NDArray[np.intp], Array]:
     """Indices (r,) of the first independent columns, and the matrix E (r, c) that gives all columns by these."""
     unit = columns / _norms(columns)
     kept, E = echelon(unit, SPAN_TOLERANCE)
-    for j in np.setdiff1d(np.arange(len(E.T)), kept):
+    for j in np.delete(np.arange(len(E.T)), kept):
         # Solving for the nonzero coefficients alone gives them to rounding accuracy.
         part = np.flatnonzero(np.abs(E[:, j]) > TERM_FLOOR)
         E[:, j] = 0.0

@@ -36,6 +36,9 @@ from gantries import gantry
 from healing import delay_error
 from sick import FAULTS, Case, sound
 
+SAME_FIT = 1e-6
+"""Two orders of orthogonal reductions of one table: ε times a condition number of at most 1e9."""
+
 SEEDS = (4, 11)  # a UR10e and an iiwa 14
 
 
@@ -380,6 +383,15 @@ def test_rows_that_are_left_out_judge_and_rows_that_are_fitted_do_not():
     )
     assert solve(more).cost < solve(rows).cost
     assert heldout_error(more) > heldout_error(rows)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_factor_of_all_joints_gives_the_separate_fit_of_each(seed: int):
+    state = state_of(sound(seed))
+    for fit in state.joint_fits:
+        alone = solve(fit.rows)
+        np.testing.assert_allclose(fit.sigma, alone.sigma, rtol=SAME_FIT)
+        np.testing.assert_allclose(fit.residual, alone.residual, atol=SAME_FIT * alone.sigma[0])
 
 
 PENDULUM = "".join(

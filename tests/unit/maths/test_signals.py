@@ -7,17 +7,14 @@ import pytest
 import scipy.signal
 
 from armid.errors import ArmidError
+from armid.maths.signals.decimation import decimate, decimation_filter, decimation_step, interpolate
 from armid.maths.signals.derivatives import central_difference, periodic_derivative
 from armid.maths.signals.zero_phase_filters import (
     butterworth,
-    decimate,
-    decimation_filter,
-    decimation_step,
     edge_samples,
     filtered_derivatives,
     fir,
     gain,
-    interpolate,
     low_pass,
     periodic_filter,
     settling_samples,

@@ -15,6 +15,7 @@ from collections.abc import Sequence
 from functools import lru_cache
 
 import numpy as np
+from numpy.typing import NDArray
 
 from armid.checked_array import Array
 from armid.errors import ArmidError
@@ -35,18 +36,6 @@ than this share."""
 FIR_ATTENUATION = 60.0
 """Stop-band attenuation of `fir` [dB]. It is a factor of 0.001, below the noise of joint torques; a larger
 attenuation would need a longer impulse response."""
-
-DECIMATION_ATTENUATION = 100.0
-"""Stop-band attenuation of the decimation filter [dB]. Aliases are attenuated by a factor of 1e-5, below 16-bit
-resolution."""
-
-DECIMATION_PASS_BAND = 0.5
-"""Upper end of the pass band of a decimation, divided by the new Nyquist frequency. In the pass band the gain is one,
-to 2e-5, and there are no aliases."""
-
-OVERSAMPLING = 8.0
-"""Smallest ratio of the intermediate sample rate to the cut-off. The decimation then has a gain of one up to twice
-the cut-off. At this frequency, a zero-phase Butterworth filter of order four has a gain of 0.4 %."""
 
 
 # Filters -------------------------------------------------------------------------------------------------------
@@ -90,7 +79,7 @@ def fir(periods: float, cutoff: float, rate: float) -> Array:
     """
     _check_cutoff(periods, cutoff, rate)
     half = max(1, round(0.5 * periods * rate / cutoff))
-    return _windowed_sinc(half, cutoff / rate, FIR_ATTENUATION)
+    return windowed_sinc(half, cutoff / rate, FIR_ATTENUATION)
 
 
 def low_pass(family: str, order: int, cutoff: float, rate: float) -> Array | None:
@@ -98,45 +87,6 @@ def low_pass(family: str, order: int, cutoff: float, rate: float) -> Array | Non
     if family == "none":
         return None
     return (butterworth if family == "butterworth" else fir)(order, cutoff, rate)
-
-
-def decimation_filter(
-    step: int, *, pass_band: float = DECIMATION_PASS_BAND, attenuation: float = DECIMATION_ATTENUATION
-) -> Array:
-    """Linear-phase low-pass filter for a decimation to every `step`-th sample; taps of shape (2h+1,).
-
-    The gain is one up to `pass_band` times the new Nyquist frequency, and frequencies that alias into this band are
-    attenuated. Aliases of the transition band fall only into the transition band, so it may be twice as wide as for a
-    filter that attenuates all frequencies above the new Nyquist frequency.
-
-    Args:
-        step: Number of samples from one kept sample to the next.
-        pass_band: Upper end of the pass band, divided by the new Nyquist frequency, in (0, 1).
-        attenuation: Attenuation of aliases [dB]. In the pass band, the gain differs from one by at most twice this
-            factor.
-    """
-    if not (step >= 1 and 0 < pass_band < 1):
-        raise ArmidError(
-            f"Decimation by {step} with a pass band of {pass_band} times the new Nyquist frequency is impossible.",
-            remedy="decimate by a smaller factor, or lower the cut-off.",
-        )
-    if step == 1:
-        return np.ones(1)
-    width = (1.0 - pass_band) / step  # from pass to stop band, cycles a sample
-    attenuation += 2.0  # Kaiser's formula for the length overestimates by up to 1.5 dB
-    half = int(np.ceil((attenuation - 7.95) / (14.36 * width) / 2))
-    return _windowed_sinc(half, 0.5 / step, attenuation)
-
-
-def decimation_step(rate: float, cutoff: float, step: int) -> int:
-    """Largest divisor of `step` by which a signal may be decimated before it is filtered with this cut-off [Hz]."""
-    allowed = [d for d in range(1, step + 1) if step % d == 0 and rate >= d * OVERSAMPLING * cutoff]
-    return max(allowed, default=1)
-
-
-def coarsest_step(rate: float, cutoff: float) -> int:
-    """Largest decimation step that keeps all frequencies of a signal that is filtered with `cutoff` [Hz]."""
-    return max(1, int(rate / (OVERSAMPLING * cutoff)))
 
 
 def gain(filter: Array, frequency: Array) -> Array:
@@ -182,7 +132,9 @@ def edge_samples(filter: Array, share: float = EDGE) -> int:
 # Application ---------------------------------------------------------------------------------------------------
 
 
-def zero_phase(filter: Array, x: Array, axis: int = 0, pad: int | None = None) -> Array:
+def zero_phase(
+    filter: Array, x: Array, axis: int = 0, pad: int | None = None, *, first: int = 0, step: int = 1
+) -> Array:
     """Filters one run of signals, whose ends are continued by odd reflection (with the same value and slope).
 
     Args:
@@ -190,16 +142,21 @@ def zero_phase(filter: Array, x: Array, axis: int = 0, pad: int | None = None) -
         x: Signals.
         axis: Index of the time axis.
         pad: Number of samples by which each end is continued; by default the settling time of the filter.
+        first: First sample that is returned.
+        step: Number of samples from one returned sample to the next. Only these are transformed back, which saves up
+            to half of the time.
 
     Returns:
-        Filtered signals in the shape of `x`. Straight lines are not changed, and the first and last samples are kept.
+        Filtered signals in the shape of `x`, or with a step of `x[first::step]` along the time axis. Straight lines
+        are not changed, and the first and last samples are kept.
     """
     x = _along(x, axis)
     if x.ndim != 2:
-        return _back(_reflected(filter, x, pad, (0,))[0], axis)
-    out, few = np.empty_like(x), max(1, BLOCK // max(1, x.shape[1]))
+        return _back(_reflected(filter, x, pad, (0,), first, step)[0], axis)
+    out = np.empty((len(x), len(range(first, x.shape[1], step))))
+    few = max(1, BLOCK // max(1, x.shape[1]))
     for begin in range(0, len(x), few):
-        out[begin : begin + few] = _reflected(filter, x[begin : begin + few], pad, (0,))[0]
+        out[begin : begin + few] = _reflected(filter, x[begin : begin + few], pad, (0,), first, step)[0]
     return _back(out, axis)
 
 
@@ -231,53 +188,6 @@ def filtered_derivatives(
     return value, first * rate, second * rate**2
 
 
-def decimate(x: Array, taps: Array, step: int, offset: int = 0, *, periodic: bool = False) -> Array:
-    """Filters a signal with symmetric taps and keeps the samples `offset`, `offset + step`, ….
-
-    Args:
-        x: Signals, shape (N, ...).
-        taps: Taps of `decimation_filter`.
-        step: Number of samples from one kept sample to the next.
-        offset: Index of the first kept sample.
-        periodic: If true, the signal is continued periodically, otherwise by odd reflection.
-
-    Returns:
-        Filtered samples, shape (ceil((N - offset) / step), ...).
-    """
-    half = len(taps) // 2
-    rows = len(range(offset, len(x), step))
-    if half == 0 or rows == 0:
-        return x[offset::step] * taps[half]
-    extended = _back(_extend(_along(x), half, half, periodic=periodic))
-    windows = np.lib.stride_tricks.sliding_window_view(extended, len(taps), axis=0)[offset::step]
-    return windows[:rows] @ taps
-
-
-def interpolate(x: Array, factor: int, *, periodic: bool = False) -> Array:
-    """Interpolates band-limited signals to `factor` times their sample rate, with the filter of the decimation.
-
-    Args:
-        x: Signals, time on the last axis, shape (..., N), without frequencies above half the Nyquist frequency.
-        factor: Number of new samples for each given sample.
-        periodic: If true, the signals are continued periodically, otherwise by odd reflection.
-
-    Returns:
-        Signals of shape (..., factor N). Every `factor`-th sample is a given sample, to the accuracy of the pass
-        band.
-    """
-    if factor == 1:
-        return x
-    taps = factor * decimation_filter(factor)
-    half = len(taps) // 2
-    reach = half // factor + 1
-    # Row j, column φ: weight of the sample j - reach away for the value φ / factor after a sample.
-    place = np.arange(factor)[None, :] - factor * np.arange(-reach, reach + 1)[:, None] + half
-    weights = np.where((place >= 0) & (place < len(taps)), taps[np.clip(place, 0, len(taps) - 1)], 0.0)
-    extended = _extend(x, reach, reach, periodic=periodic)
-    windows = np.lib.stride_tricks.sliding_window_view(extended, 2 * reach + 1, axis=-1)
-    return (windows @ weights).reshape(*x.shape[:-1], -1)
-
-
 def _along(x: Array, axis: int = 0) -> Array:
     """Signals with time moved to the last axis, contiguous, which is the fastest layout for a transform."""
     return np.ascontiguousarray(np.moveaxis(x, axis, -1))
@@ -288,28 +198,41 @@ def _back(x: Array, axis: int = 0) -> Array:
     return np.ascontiguousarray(np.moveaxis(x, -1, axis))
 
 
-def _reflected(filter: Array, x: Array, pad: int | None, orders: Sequence[int]) -> list[Array]:
-    """Derivatives of given orders of filtered signals (..., N) with reflected ends, for a sample time of 1."""
+def _reflected(
+    filter: Array, x: Array, pad: int | None, orders: Sequence[int], first: int = 0, step: int = 1
+) -> list[Array]:
+    """Derivatives of given orders of filtered signals (..., N) with reflected ends, for a sample time of 1.
+
+    Every `step`-th sample from `first` on is returned.
+    """
     samples = x.shape[-1]
+    kept = range(first, samples, step)
     if samples < 2:
-        return [x * (order == 0) for order in orders]
+        return [x[..., first::step] * (order == 0) for order in orders]
     slope = (x[..., -1:] - x[..., :1]) / (samples - 1)
     line = x[..., :1] + slope * np.arange(samples)
     pad = settling_samples(filter) if pad is None else pad
+    pad += -(pad + first) % step  # the first returned sample is then the sample `start` after the decimation
     if pad >= samples - 1:  # repeated reflection makes the signal periodic
-        pad, length = 0, 2 * (samples - 1)
+        pad, length, thinned = 0, 2 * (samples - 1), 1
     else:
-        length = fast_length(samples + 2 * pad)
-    extended = _extend(x - line, pad, length - samples - pad, periodic=False)
-    parts = [part[..., pad : pad + samples] for part in _circular(_grid_gain(filter, length), extended, orders)]
-    straight = (line, slope, 0.0)
+        length, thinned = step * fast_length(-(-(samples + 2 * pad) // step)), step
+    whole = extended(x - line, pad, length - samples - pad, periodic=False)
+    start = (pad + first) // thinned
+    picked = slice(start, start + (len(kept) - 1) * (step // thinned) + 1, step // thinned) if kept else slice(0)
+    parts = [part[..., picked] for part in _circular(_grid_gain(filter, length), whole, orders, thinned)]
+    straight = (line[..., first::step], slope, 0.0)
     return [part + straight[order] for part, order in zip(parts, orders, strict=True)]
 
 
-def _circular(response: Array, x: Array, orders: Sequence[int]) -> list[Array]:
-    """Derivatives of given orders of periodic signals (..., N), for a sample time of 1.
+def _circular(response: Array, x: Array, orders: Sequence[int], step: int = 1) -> list[Array]:
+    """Derivatives of given orders of periodic signals (..., N), for a sample time of 1; every `step`-th sample.
 
-    `response` is the gain of the filter at the frequencies of the real FFT.
+    Args:
+        response: Gain of the filter at the frequencies of the real FFT.
+        x: Signals.
+        orders: Orders of the derivatives.
+        step: Number of samples from one returned sample to the next, a divisor of N.
     """
     samples = x.shape[-1]
     transform = np.moveaxis(spectrum(np.moveaxis(x, -1, 0)), 0, -1)
@@ -317,8 +240,29 @@ def _circular(response: Array, x: Array, orders: Sequence[int]) -> list[Array]:
     result: list[Array] = []
     for order in orders:
         scaled = transform * (response * jw**order if order else response)
-        result.append(np.moveaxis(inverse(np.moveaxis(scaled, -1, 0), samples), 0, -1))
+        aliased = _aliased(scaled, samples, step)
+        result.append(np.moveaxis(inverse(np.moveaxis(aliased, -1, 0), samples // step), 0, -1))
     return result
+
+
+def _aliased(transform: NDArray[np.complex128], samples: int, step: int) -> NDArray[np.complex128]:
+    """Real FFT (..., N // step // 2 + 1) of every `step`-th sample, from the real FFT of N samples.
+
+    Frequencies that are equal modulo the new sample rate are added; those above the Nyquist frequency are the
+    conjugates of those below it.
+    """
+    if step == 1:
+        return transform
+    length = samples // step
+    count = length // 2 + 1
+    result = transform[..., :count].copy()
+    for low in range(length, samples, length):
+        if low + count - 1 <= samples // 2:
+            result += transform[..., low : low + count]
+        else:
+            high = samples - low
+            result += transform[..., high - count + 1 : high + 1][..., ::-1].conj()
+    return result / step
 
 
 def _grid_gain(filter: Array, length: int) -> Array:
@@ -337,7 +281,7 @@ def _gain_of(content: bytes, shape: tuple[int, ...], length: int) -> Array:
     return spectrum(wrapped).real
 
 
-def _extend(x: Array, before: int, after: int, *, periodic: bool) -> Array:
+def extended(x: Array, before: int, after: int, *, periodic: bool) -> Array:
     """Signals (..., N) continued at both ends: periodically, or by odd reflection (repeated for short signals)."""
     samples = x.shape[-1]
     widths = [(0, 0)] * (x.ndim - 1) + [(before, after)]
@@ -354,7 +298,7 @@ def _extend(x: Array, before: int, after: int, *, periodic: bool) -> Array:
     return whole
 
 
-def _windowed_sinc(half: int, cutoff: float, attenuation: float) -> Array:
+def windowed_sinc(half: int, cutoff: float, attenuation: float) -> Array:
     """Kaiser-windowed low-pass filter of 2·half+1 taps with sum one; cut-off in cycles per sample."""
     k = np.arange(-half, half + 1)
     beta = 0.1102 * (attenuation - 8.7)  # Kaiser's formula, valid above 50 dB

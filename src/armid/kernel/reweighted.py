@@ -1,0 +1,84 @@
+"""Kernel function for fits in which each joint is weighted by its residual [Holland1977]."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+import armid.kernel._native as _native
+from armid.checked_array import Array
+from armid.errors import ArmidError
+from armid.kernel import reference_reweighted
+from armid.kernel.dispatch import TWIN, in_use
+
+
+def reweighted_least_squares(
+    products: Sequence[Array],
+    parameters: Sequence[NDArray[np.int32]],
+    count: int,
+    rows: ArrayLike,
+    sign: ArrayLike | None = None,
+    *,
+    passes: int,
+    settled: float,
+    floor: float,
+    ridge: float,
+    chosen: str | None = None,
+) -> tuple[Array, Array]:
+    """Iteratively reweighted least squares of all joints with common parameters, from products of columns.
+
+    In each pass, the weight of a joint is one over the square of its RMS residual in the pass before; in the first
+    pass, of the RMS of its torque. The normal equations of columns of unit length are solved, so the relative error
+    of the parameters is ε times the square of the condition number of these columns.
+
+    Args:
+        products: For each joint, products of its k columns and its torque, which is last, shape (k + 1, k + 1).
+        parameters: For each joint, the parameters of its columns, rising, shape (k,).
+        count: Number b of parameters.
+        rows: Number of rows of each joint, shape (n,).
+        sign: Factor on the torque of each joint, shape (n,); 1 if not given.
+        passes: Largest number of passes.
+        settled: Relative change of all residuals in a pass below which the passes end.
+        floor: Smallest ratio of the RMS residual of a joint to the RMS of its torque.
+        ridge: Number that is added to the diagonal of the products of unit columns. Parameters that the torque does
+            not depend on are then zero.
+        chosen: Build of the kernel.
+
+    Returns:
+        Parameters (b,) and RMS residual of each joint (n,).
+
+    Raises:
+        ArmidError: A shape does not fit, or the parameters of a joint do not rise.
+    """
+    n = len(parameters)
+    rows = np.ascontiguousarray(rows, dtype=np.float64)
+    sign = np.ones(n) if sign is None else np.ascontiguousarray(sign, dtype=np.float64)
+    shapes = [(len(own) + 1, len(own) + 1) for own in parameters]
+    if [P.shape for P in products] != shapes or rows.shape != (n,) or sign.shape != (n,):
+        found = f"products {[P.shape for P in products]}, rows {rows.shape}, sign {sign.shape}"
+        raise ArmidError(f"Expected products {shapes}, rows ({n},) and sign ({n},); found {found}.")
+    chosen = chosen or in_use()
+    if chosen == TWIN:
+        return reference_reweighted.reweighted_least_squares(
+            products, parameters, count, rows, sign, passes=passes, settled=settled, floor=floor, ridge=ridge
+        )
+    offset, flat = _flat(tuple(np.asarray(own, dtype=np.int32).tobytes() for own in parameters))
+    x, sigma = np.empty(count), np.empty(n)
+    values = np.concatenate(products, axis=None, dtype=np.float64)
+    _native.reweighted(chosen, offset, flat, values, sign, rows, passes, settled, floor, ridge, x, sigma)
+    return x, sigma
+
+
+@lru_cache(maxsize=32)
+def _flat(parameters: tuple[bytes, ...]) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    """Number of columns before those of each joint, shape (n + 1,), and the parameters of all columns.
+
+    Args:
+        parameters: Parameters of the columns of each joint, as bytes of 32-bit integers.
+    """
+    each = [np.frombuffer(own, dtype=np.int32) for own in parameters]
+    offset = np.concatenate([[0], np.cumsum([len(own) for own in each])]).astype(np.int32)
+    return offset, np.concatenate(each)

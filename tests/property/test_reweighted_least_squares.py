@@ -1,0 +1,78 @@
+"""Every build of the kernel solves the reweighted least squares of the NumPy twin, a fixed point of the weights."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from armid import kernel
+from armid.errors import ArmidError
+from problems import COMPILED, TWIN
+
+RULES = {"passes": 4, "settled": 1e-3, "floor": 1e-6, "ridge": 1e-9}
+
+AGREEMENT = 1e-6
+"""Cholesky's method against Gaussian elimination: ε times the largest condition number that the ridge allows, 1e9."""
+
+SETTLED = 1e-9
+"""Weighted least squares of rows against normal equations with a ridge of 1e-9, relative to parameters of about 1."""
+
+
+def rows_of(rng, joints, count):
+    """Columns of each joint with its torque last, parameters of the columns, and true parameters."""
+    truth = rng.normal(size=count)
+    own = [
+        np.sort(rng.choice(count, rng.integers(1, count + 1), replace=False)).astype(np.int32) for _ in range(joints)
+    ]
+    noise = 10.0 ** rng.uniform(-3.0, 0.0, joints)
+    samples = rng.integers(3 * count, 6 * count, joints)
+    columns = [rng.normal(size=(len(p), m)) for p, m in zip(own, samples, strict=True)]
+    tables = [
+        np.vstack([x, truth[p] @ x + sigma * rng.normal(size=x.shape[1])])
+        for p, x, sigma in zip(own, columns, noise, strict=True)
+    ]
+    return tables, own, samples.astype(float)
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_every_build_solves_the_same_equations(seed):
+    rng = np.random.default_rng(seed)
+    joints, count = int(rng.integers(1, 9)), int(rng.integers(1, 75))
+    tables, own, samples = rows_of(rng, joints, count)
+    products = [table @ table.T for table in tables]
+    if seed % 3 == 0:  # a parameter without effect, and a joint without rows
+        products[0][0] = products[0][:, 0] = 0.0
+        products[-1] = np.zeros_like(products[-1])
+    sign = rng.choice([-1.0, 1.0, 0.5], joints)
+    x, sigma = kernel.reweighted_least_squares(products, own, count, samples, sign, chosen=TWIN, **RULES)
+    for build in COMPILED:
+        values, residuals = kernel.reweighted_least_squares(
+            products, own, count, samples, sign, chosen=build, **RULES
+        )
+        np.testing.assert_allclose(values, x, atol=AGREEMENT * max(1.0, np.abs(x).max()))
+        np.testing.assert_allclose(residuals, sigma, rtol=AGREEMENT)
+
+
+@pytest.mark.parametrize("build", [*COMPILED, TWIN])
+def test_settled_parameters_are_those_of_rows_weighted_by_their_residuals(build):
+    tables, own, samples = rows_of(np.random.default_rng(1), 5, 12)
+    products = [table @ table.T for table in tables]
+    rules = RULES | {"passes": 100, "settled": 1e-12, "ridge": 1e-14}
+    x, sigma = kernel.reweighted_least_squares(products, own, 12, samples, chosen=build, **rules)
+    A, y = [], []
+    for table, p, s, m in zip(tables, own, sigma, samples, strict=True):
+        wide = np.zeros((table.shape[1], 12))
+        wide[:, p] = table[:-1].T
+        A.append(wide / s)
+        y.append(table[-1] / s)
+        np.testing.assert_allclose(np.sqrt(np.sum((table[-1] - x[p] @ table[:-1]) ** 2) / m), s, rtol=SETTLED)
+    np.testing.assert_allclose(np.linalg.lstsq(np.vstack(A), np.concatenate(y))[0], x, atol=SETTLED)
+
+
+def test_products_of_another_shape_are_refused():
+    with pytest.raises(ArmidError, match="Expected products"):
+        kernel.reweighted_least_squares([np.eye(2)], [np.arange(3, dtype=np.int32)], 3, [5.0], **RULES)
+    with pytest.raises(ValueError, match="rise"):
+        kernel.reweighted_least_squares(
+            [np.eye(3)], [np.array([1, 0], dtype=np.int32)], 2, [5.0], chosen=COMPILED[0], **RULES
+        )
