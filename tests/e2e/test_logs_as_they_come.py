@@ -168,7 +168,7 @@ def test_what_the_page_on_bags_claims(tmp_path: Path, capsys: pytest.CaptureFixt
     assert code == 1 and codes["effort-missing"] == "error"
     bag = write_bag_folder(tmp_path / "other", [joint_state(t, ("a", "b", "c"), q, None, y) for t, q, y in rows])
     code, _, err = called(capsys, "doctor", arm, bag)
-    assert code == 2 and "a, b, c" in err and "joints = { file name = robot joint }" in err
+    assert code == 2 and "a, b, c" in err and "joints = { name in the recording = robot joint }" in err
 
 
 def test_options_hold_for_recordings_to_check_on_and_it_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]):

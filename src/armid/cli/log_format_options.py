@@ -20,8 +20,9 @@ Columns = Annotated[
     typer.Option(
         "--columns",
         metavar="QUANTITY=NAME",
-        help="Columns of time, q, dq, ddq or effort: a name, a pattern such as q=pos{}, or names separated by "
-        'commas; names that contain commas are put in double quotes: q="pos,1","pos,2"; repeatable.',
+        help="Columns of time, q, dq, ddq or effort: a name, a pattern such as q=pos{} with {} for the numbers "
+        "1, 2, …, or names separated by commas; names that contain commas are put in double quotes: "
+        'q="pos,1","pos,2"; repeatable.',
     ),
 ]
 Data = Annotated[

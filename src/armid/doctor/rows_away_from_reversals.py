@@ -44,7 +44,7 @@ def away_from_reversals(state: LogState) -> LogState:
 
 
 def judged_away_from_reversals(state: LogState) -> tuple[LogState, NDArray[np.bool_]]:
-    """The log on which models are compared, and the joints (n,) that have enough rows away from reversals.
+    """The recording on which models are compared, and the joints (n,) that have enough rows away from reversals.
 
     Stiction at reversals is missing in the models, so a wrong one may fit it better by chance; on light arms it is
     most of the residual. Joints without enough rows away from reversals keep all their rows.
@@ -57,11 +57,11 @@ def judged_away_from_reversals(state: LogState) -> tuple[LogState, NDArray[np.bo
 
 
 def is_significant(judged: LogState, gain: float) -> bool:
-    """True if a decrease of the mean log residual is more than unmodelled friction and noise cause.
+    """True if the residual decreases by more than unmodelled friction and noise can explain.
 
     Args:
-        judged: The log on which models are compared, with the model that has the larger residual.
-        gain: Decrease of the mean log residual by the other model.
+        judged: The recording on which models are compared, with the model that has the larger residual.
+        gain: Decrease of the mean over the joints of the logarithm of the RMS residual, by the other model.
     """
     return gain * float(np.sum(judged.rows.mask.sum(axis=0) / judged.fit.autocorrelation)) > SIGNIFICANT
 

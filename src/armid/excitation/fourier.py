@@ -109,7 +109,7 @@ def load_plan(path: Path | str) -> Excitation:
         path: The file `plan.json`, or a folder that `armid excite` has written.
 
     Raises:
-        ArmidError: The file is missing, is not JSON, or lacks a key. Plans of poses or sweeps lack keys, too.
+        ArmidError: The file is missing, is not JSON, or lacks a key, as plans of poses or sweeps do.
     """
     path = Path(path)
     path = path / PLAN_FILE if path.is_dir() else path

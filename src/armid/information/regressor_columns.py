@@ -36,7 +36,7 @@ class ColumnSource:
 
 
 def column_source(model: DynamicsModel, base: BaseParameters) -> ColumnSource:
-    """Creates the source of the columns of the base parameters of a model."""
+    """Collects what is needed to compute the regressor columns of a model's base parameters along any motion."""
     number = np.full(len(model.parameters), -1, dtype=np.int32)
     number[base.kept] = np.arange(base.count)
     joint = np.array([entry[0] for entry in model.entries], dtype=np.int32)

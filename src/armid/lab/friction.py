@@ -294,13 +294,13 @@ class FrictionState:
 
 
 def friction_along(friction: Friction, motion: Motion, load: Array) -> tuple[Array, Array | None]:
-    """Friction (N, n) along a motion at a constant rate, and the temperature rise (N, n) [K] or `None`.
+    """Friction (N, n) along a motion, and temperature rise (N, n) [K], `None` if friction does not depend on it.
 
-    The dry friction of a joint at rest is assumed to be zero here; only a closed-loop simulation can determine it.
+    The dry friction at samples with velocity zero is set to zero; only a closed-loop simulation can determine it.
 
     Args:
         friction: Friction of the simulated arm.
-        motion: Consecutive samples of a motion.
+        motion: Consecutive samples of a motion, evenly spaced or not.
         load: Torque that the gears transmit, shape (N, n) [N·m or N].
     """
     q, dq = motion.q, motion.dq

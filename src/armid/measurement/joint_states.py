@@ -131,8 +131,8 @@ def _chosen(filled: Sequence[Publisher], wanted: Sequence[str], path: Path, topi
         listed = "; ".join(f"{', '.join(each.names)} ({len(each.stamps)} messages)" for each in filled)
         raise RecordingError(
             f"{path}: {len(filled)} publishers on {topic} publish different joints: {listed}.",
-            remedy="name the joints of one publisher in joints = { file name = robot joint }, or read the bag "
-            "together with a robot.",
+            remedy="name the joints of one publisher in joints = { name in the recording = robot joint }, or read "
+            "the bag together with a robot.",
         )
     needed = set(wanted)
     ranked = sorted(filled, key=lambda each: (-len(needed & set(each.names)), -len(each.stamps)))
@@ -148,8 +148,8 @@ def _chosen(filled: Sequence[Publisher], wanted: Sequence[str], path: Path, topi
             f"{', '.join(name for name in wanted if name in needed)}.{compared}",
             possible=f"joints on this topic: {', '.join(names_of(filled))}",
             remedy=("" if chosen else "give the description of the recorded arm; or ")
-            + "rename the joints with joints = { file name = robot joint }, and lock the joints that were not "
-            "recorded.",
+            + "rename the joints with joints = { name in the recording = robot joint }, and lock the joints "
+            "that were not recorded.",
         )
     return chosen
 

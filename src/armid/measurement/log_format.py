@@ -329,7 +329,7 @@ def _joints(value: Any) -> dict[str, str]:
     listed = {str(i + 1): name for i, name in enumerate(value)} if isinstance(value, list | tuple) else value
     pairs: dict[Any, Any] = dict(listed) if isinstance(listed, Mapping) else {"": None}
     if not all(isinstance(name, str) for pair in pairs.items() for name in pair):
-        raise _wrong("joints", value, "a list of robot joints, or {file name = robot joint}")
+        raise _wrong("joints", value, "a list of robot joints, or {name in the recording = name of the robot joint}")
     taken = [name for name in pairs.values() if name]
     twice = sorted({name for name in taken if taken.count(name) > 1})
     if twice:

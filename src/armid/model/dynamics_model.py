@@ -120,7 +120,7 @@ class DynamicsModel(Displayed):
 
     @cached_property
     def tree(self) -> Tree:
-        """Geometry of the arm in the form of the kernel."""
+        """Geometry of the arm as the `Tree` that the functions of `armid.kernel` take."""
         return self.robot.tree
 
     @cached_property

@@ -283,7 +283,7 @@ class Robot(Displayed):
 
     @property
     def tree(self) -> Tree:
-        """Geometry of the arm in the form that the kernel needs."""
+        """Geometry of the arm as the `Tree` that the functions of `armid.kernel` take."""
         return Tree(
             parent=np.array([j.parent for j in self.joints]),
             prismatic=np.array([j.is_prismatic for j in self.joints]),

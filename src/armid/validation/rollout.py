@@ -54,7 +54,7 @@ class Feedback:
     """Linear feedback of the controller of the recording, τ = … + KP e + KD ė + KI ∫e, for each joint.
 
     The reference motion of the controller need not be known. On the recorded motion, the controller gave the recorded
-    torque. On another motion it gives the recorded torque plus the feedback of the difference e from the recorded
+    torque. On another motion it gives the recorded torque plus the feedback of e, the recorded motion minus the other
     motion.
 
     Attributes:

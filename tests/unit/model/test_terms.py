@@ -194,11 +194,11 @@ def test_one_term_with_other_shapes_on_other_joints(robot):
 @pytest.mark.parametrize(
     ("make", "problem"),
     [
-        (lambda: AsymmetricCoulomb(-0.1), "zero or positive"),
-        (lambda: LoadCoulomb(float("inf")), "zero or positive"),
+        (lambda: AsymmetricCoulomb(-0.1), "finite and not negative"),
+        (lambda: LoadCoulomb(float("inf")), "finite and not negative"),
         (lambda: Stribeck(velocity=0.0), "velocity must be positive"),
         (lambda: Stribeck(shape=0.5), "shape .* at least 1"),
-        (lambda: Stribeck(width="wide"), "zero or positive"),  # pyright: ignore[reportArgumentType]
+        (lambda: Stribeck(width="wide"), "finite and not negative"),  # pyright: ignore[reportArgumentType]
         (lambda: PowerViscous(exponent=-1.0), "exponent .* positive"),
         (lambda: PowerViscous(width=0.0), "width .* positive"),
         (lambda: Sigmoid(slope=0.0), "slope .* positive"),
@@ -212,11 +212,11 @@ def test_one_term_with_other_shapes_on_other_joints(robot):
         (lambda: Ripple((-1.0,)), "positive numbers"),
         (lambda: Ripple(motor_harmonics=(1.0,)), "gear ratio"),
         (lambda: Ripple(gear_ratio=0.0), "gear ratio .* positive"),
-        (lambda: Coulomb(width=-0.1), "zero or positive"),
-        (lambda: Coulomb(width=float("nan")), "zero or positive"),
+        (lambda: Coulomb(width=-0.1), "finite and not negative"),
+        (lambda: Coulomb(width=float("nan")), "finite and not negative"),
         (lambda: Coupling({"joint_1": 1.0}), "at least two joints"),
         (lambda: Coupling({"joint_1": 1.0, "joint_2": 0.0}), "at least two joints"),
-        (lambda: Coupling({"joint_1": 1.0, "joint_2": 1.0}, width=-1.0), "zero or positive"),
+        (lambda: Coupling({"joint_1": 1.0, "joint_2": 1.0}, width=-1.0), "finite and not negative"),
     ],
 )
 def test_shapes_without_a_meaning_are_refused(make, problem):

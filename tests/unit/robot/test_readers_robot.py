@@ -592,7 +592,7 @@ def test_a_mass_without_inertia_is_a_point_and_said_so():
         (ROW + 'theta = "pi/0"\n', "theta must be an angle"),
         (ROW.replace("1.0", "inf"), "joint 1: d must be a finite number; found inf"),
         (ROW.replace("1.0", "true"), "joint 1: d must be a finite number; found True"),
-        (ROW + "position = [1.0]\n", "position must be a list of 2"),
+        (ROW + "position = [1.0]\n", "position must be a list of 2 angles"),
         (ROW + "position = [1.0, -1.0]\n", "is not smaller than the upper limit"),
         (ROW + 'kind = "continuous"\nposition = [-1.0, 1.0]\n', "continuous but has position limits"),
         (ROW + "velocity = 0\n", "velocity must be positive"),

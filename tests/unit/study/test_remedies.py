@@ -290,7 +290,10 @@ def test_a_whole_study_keeps_the_caveat_of_a_remedy():
             'They do not count; standstill = "keep" counts them.',
             'They do not count; --standstill keep (in a study: standstill = "keep") counts them.',
         ),
-        ("rename with joints = { file name = robot joint }.", "rename with joints = { file name = robot joint }."),
+        (
+            "rename with joints = { name in the recording = robot joint }.",
+            "rename with joints = { name in the recording = robot joint }.",
+        ),
     ],
 )
 def test_at_the_prompt_options_of_the_command_go_before_keys_of_a_study(remedy: str, said: str):

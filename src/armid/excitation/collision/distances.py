@@ -288,11 +288,12 @@ class Clearance:
         return states.pullback_positions(by_q)
 
     def between(self, states: States, step: float) -> Array:
-        """Bound of the rise of the utilisation of each pair between points of a grid, shape (m,).
+        """Upper bound of the rise of the utilisation of each pair between neighbouring points of a grid, shape (m,).
 
-        Two bodies approach each other at most at the speed at which the joints between them move their points. The
-        time is at most half a step from the nearest point of the grid. For pairs that are far apart a rougher bound
-        is sufficient: it uses the size of the whole arm in the place of the distances of points from the joint axes.
+        The utilisation of a pair is 1 at the required distance, and 0 at a distance that is larger by `SCALE`. Two
+        bodies approach each other at most at the speed at which the joints between them move their points. The time
+        is at most half a step [s] from the nearest point of the grid. For pairs that are far apart a rougher bound is
+        used: the size of the whole arm instead of the distances of points from the joint axes.
         """
         distance, speed = self._distances(states), states.speed_bound
         begin, along = self.bodies.axes(states.poses)

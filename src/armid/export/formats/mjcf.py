@@ -2,7 +2,7 @@
 
 In a description only the attributes that change are replaced. The inertia tensor is written in the axes of the body,
 so it replaces the orientation and the principal moments of the `<inertial>`. Included files are inserted in the place
-of their includes, so that the result is one file.
+of their include elements, so that the result is one file.
 """
 
 from __future__ import annotations

@@ -89,8 +89,8 @@ def _targets(recording: Recording, log_format: LogFormat, robot: Robot) -> list[
             f"{recording.source} does not have the joints of {robot.name} ({'; '.join(parts)}).{compared}",
             possible=f"joints {', '.join(robot.joint_names)}; channels {', '.join(channels)}",
             remedy=("give the description of the recorded arm; or " if none else "")
-            + "assign the channels with joints = { file name = robot joint } (an empty name leaves a channel "
-            "out), and lock the joints that were not recorded.",
+            + "assign the channels with joints = { name in the recording = robot joint } (an empty name leaves a "
+            "channel out), and lock the joints that were not recorded.",
         )
     return targets
 

@@ -256,7 +256,7 @@ def _separate(
             "info",
             recording.source,
             f"{whole.samples} rows are treated as separate samples.",
-            "Nothing was filtered, and torque terms with memory cannot be used.",
+            "Nothing was filtered, and torque terms with memory (hysteresis) cannot be used.",
         )
     )
     motion = Motion(whole.time, whole.q, whole.dq, whole.ddq)

@@ -279,7 +279,8 @@ def _with_consecutive(recording: Recording, turn: Array) -> tuple[Recording, tup
         "rows-not-consecutive",
         "warning",
         "",
-        f"{evidence}, so the rows are treated as separate samples, without filter and terms with memory.",
+        f"{evidence}, so the rows are treated as separate samples: they are not filtered, and terms with memory "
+        "(hysteresis) cannot be used.",
         lines("they are separate samples", consecutive=False),
     )
     return _needing_derivatives(replace(recording, consecutive=False)), (finding,)

@@ -105,8 +105,8 @@ def _read_open(bag: Any, log_format: LogFormat, robot: Robot | None, path: Path)
         f"{path} has no topic that contains all joints of {robot.name if robot else 'the arm'} "
         f"({', '.join(wanted)}).",
         possible=listed,
-        remedy="rename the joints with joints = { file name = robot joint }, lock the joints that were not "
-        "recorded, or publish all joints on one topic.",
+        remedy="rename the joints with joints = { name in the recording = robot joint }, lock the joints that were "
+        "not recorded, or publish all joints on one topic.",
     )
 
 

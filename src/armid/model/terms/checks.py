@@ -8,13 +8,13 @@ from armid.errors import ModelError
 
 
 def require_width(what: str, width: float) -> None:
-    """Raises an error if a width is negative or not a number.
+    """Raises an error if a width is negative, infinite or not a number.
 
     Raises:
-        ModelError: The width is negative or not a number.
+        ModelError: The width is negative, infinite or not a number.
     """
     if not _is_number(width) or not 0.0 <= width < float("inf"):
-        raise ModelError(f"{what} must be zero or positive; found {width!r}.")
+        raise ModelError(f"{what} must be finite and not negative; found {width!r}.")
 
 
 def require_positive(what: str, value: float, least: float = 0.0) -> None:

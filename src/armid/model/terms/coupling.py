@@ -40,7 +40,8 @@ class Coupling:
             )
         if not 0.0 <= self.width < float("inf"):
             raise ModelError(
-                f"The width of the Coulomb friction of a coupling must be zero or positive; found {self.width}."
+                "The width of a coupling, the velocity over which the sign of its Coulomb friction changes, must be "
+                f"finite and not negative; found {self.width}."
             )
 
     def laws(self, robot: Robot) -> tuple[Law, ...]:

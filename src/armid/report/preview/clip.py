@@ -28,7 +28,7 @@ class Clip:
 
     Attributes:
         title: Short title.
-        time: Time since the begin of the clip, evenly spaced, shape (K,) [s].
+        time: Time since the beginning of the clip, evenly spaced, shape (K,) [s].
         q: Positions, shape (K, n) [rad or m].
         dq: Velocities, shape (K, n) [rad/s or m/s].
     """

@@ -373,7 +373,7 @@ class _Table:
             return default
         value = self.need(key)
         if not isinstance(value, list) or len(cast("list[Any]", value)) != length:
-            raise self.wrong(key, value, f"a list of {length}")
+            raise self.wrong(key, value, f"a list of {length} {'angles' if angle else 'numbers'}")
         one = self._angle if angle else self._number
         return tuple(one(key, item) for item in cast("list[Any]", value))
 

@@ -131,7 +131,7 @@ def design_moves(model: DynamicsModel, goal: MovesGoal, constraints: DesignConst
         )
     if constraints.workspace is not None:
         raise ArmidError(
-            f"A box for the tip can only be kept by a series, not by {goal.kind}.",
+            f"A box for the tip is possible only with the experiment `series` (Fourier series), not `{goal.kind}`.",
             remedy="leave --tip-box out, and give narrower position limits with --limit JOINT.position=LOW:HIGH.",
         )
     limits = constrained_limits(robot, constraints)

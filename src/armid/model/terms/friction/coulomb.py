@@ -37,7 +37,10 @@ class Coulomb:
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.width < float("inf"):
-            raise ModelError(f"The width of Coulomb friction must be zero or positive; found {self.width}.")
+            raise ModelError(
+                "The width of Coulomb friction, the velocity over which its sign changes, must be finite and not "
+                f"negative; found {self.width}."
+            )
 
     def laws(self, robot: Robot) -> tuple[Law, ...]:
         """Law FS · sgn(dq) of each joint."""
