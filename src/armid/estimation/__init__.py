@@ -1,1 +1,1 @@
-"""Estimates from information: methods, consistency, friction, uncertainty and updates."""
+"""Estimation of dynamic parameters: estimators, physical consistency, friction, uncertainty and updates."""

@@ -1,14 +1,15 @@
-"""Agreement of one recording with others of the same arm, from the factors of both.
+"""Agreement of one recording with the other recordings of the same arm, computed from their triangular factors.
 
-Links are the same in all recordings, friction and offsets may differ. So a recording and the others share the
-inertial parameters, and each side has friction of its own. The weighted sum of squared residuals of this fit is
-compared with that of separate fits, and with that of a fit with a scale s_j of the torque of each joint in the
-recording,
+Links are the same in all recordings, friction and offsets may differ. So the inertial parameters are common to the
+recording and the others, while each of these two sides has separate friction parameters. The weighted sum of squared
+residuals of this common fit is compared with that of separate fits, and with that of a fit in which the torque of
+each joint j in the recording has an unknown scale s_j,
 
     ρ_j = s_j R_j π + noise,
 
-which Levenberg-Marquardt steps find. A step is least squares over the columns [s_j R_j, R_j π], so the factors of the
-blocks with these columns give the covariance of the scales by the jackknife, valid for correlated residuals.
+where R_j and ρ_j are the factor and the right-hand side of the joint, and π the parameters. Levenberg-Marquardt steps
+determine the scales. Each step is a least-squares problem with the columns [s_j R_j, R_j π]. The factors of the
+blocks with these columns give the covariance of the scales by the jackknife, which is valid for correlated residuals.
 """
 
 from __future__ import annotations
@@ -42,11 +43,11 @@ CONVERGED = 1e-6
 """Relative decrease of the cost that ends the steps."""
 
 KNOWN = 1e-9
-"""Smallest singular value, relative to the largest, of columns of unit length that counts as determined; also the
-smallest noise, relative to the torque, in squares."""
+"""Smallest singular value of the matrix with columns of unit length, divided by the largest, at which its direction
+counts as determined. Also the smallest ratio of squared noise to squared torque."""
 
 CORRELATED = 4.0
-"""Least number of rows that count as one independent sample, as for payloads."""
+"""Smallest number of consecutive rows that count as one independent sample, as for payloads."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -55,14 +56,15 @@ class Agreement:
 
     Attributes:
         recording: Number of the recording.
-        sides: Information with friction for each side; block 0 is that of the others, block 1 of the recording.
+        sides: Information with separate friction parameters for the two sides; block 0 contains the other recordings,
+            block 1 this recording.
         values: Parameters of the common fit, shape (b,).
-        weights: Weight of the rows of each joint, one over its noise, shape (n,).
+        weights: Weight of the rows of each joint, one divided by the standard deviation of its noise, shape (n,).
         common: RMS residual of the recording in the common fit, shape (n,) [N·m or N].
         alone: RMS residual of the fit of the recording alone, shape (n,) [N·m or N].
         torque: RMS torque of the recording, shape (n,) [N·m or N].
         cost: Weighted sum of squared residuals of both sides in the common fit.
-        separate: The same with separate fits.
+        separate: Weighted sum of squared residuals of both sides if each side is fitted alone.
     """
 
     recording: int
@@ -77,26 +79,26 @@ class Agreement:
 
     @property
     def excess(self) -> float:
-        """Residual in the common fit divided by that of the recording alone, of all joints, weighted."""
+        """Weighted RMS residual of all joints in the common fit, divided by that of a fit of the recording alone."""
         alone = float(np.linalg.norm(self.weights * self.alone))
         return float(np.linalg.norm(self.weights * self.common)) / max(alone, np.finfo(float).tiny)
 
     @property
     def relative(self) -> float:
-        """Residual in the common fit divided by the torque of the recording, of all joints."""
+        """RMS residual of all joints in the common fit, divided by the RMS torque of the recording."""
         torque = float(np.linalg.norm(self.torque))
         return float(np.linalg.norm(self.common)) / max(torque, np.finfo(float).tiny)
 
     @property
     def expected(self) -> float:
-        """Decrease of the cost by separate fits that correlated noise explains, with five deviations added."""
+        """Largest `cost` - `separate` that correlated noise explains: its mean plus five standard deviations."""
         parameters = 2 * self.sides.count
         return CORRELATED * (parameters + 5.0 * np.sqrt(2.0 * parameters))
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class TorqueScales:
-    """Scales of the torque of a recording relative to the torque that the others imply.
+    """Ratio of each joint's torque in a recording to the torque that the model of the other recordings gives.
 
     Attributes:
         scale: Scale of each joint, shape (n,).
@@ -114,7 +116,7 @@ class TorqueScales:
 
 
 def compare_recordings(information: Information, own: NDArray[np.bool_]) -> tuple[Agreement, ...]:
-    """Compares every recording with the others; none if there is one recording.
+    """Compares every recording with the others; the result is empty if there is only one recording.
 
     Args:
         information: Factors of the recordings.
@@ -174,7 +176,7 @@ def scale_deviations(
         information: Factors of all recordings, block by block.
         own: Mask of the parameters that may differ between recordings, shape (b,).
         agreement: Comparison of the recording.
-        scales: Its scales.
+        scales: Torque scales of this recording.
     """
     here = (information.recording == agreement.recording).astype(np.int64)
     blocks = separate_by_recording(replace(information, recording=here), own)
@@ -197,9 +199,9 @@ def scale_deviations(
 
 
 def _groups(wide: Information, values: Array, weights: Array, inverse: Array) -> Groups | None:
-    """Groups of blocks, merged while neighbours are correlated and the recording keeps enough groups.
+    """Groups of neighbouring blocks, enlarged until they are uncorrelated or the recording would have too few groups.
 
-    A recording in one group would leave its scales undetermined without this group.
+    If all blocks of the recording were in one group, its scales would be undetermined when that group is left out.
     """
     own = wide.recording == 1
     per_group, groups = 1, group_blocks(wide)
@@ -261,7 +263,7 @@ def _squared_torque(part: Information) -> Array:
 
 
 def _solve(information: Information, weights: Array) -> Array:
-    """Least squares of smallest norm, which also exists where the data do not determine all parameters."""
+    """Least-squares solution of smallest norm, which also exists where the data do not determine all parameters."""
     A, y = stack(total(information), weights)
     unit, length = unit_columns(A)
     return np.linalg.lstsq(unit, y, rcond=KNOWN)[0] / length
@@ -275,7 +277,7 @@ def _damped_step(A: Array, residual: Array, damping: float) -> Array:
 
 
 def _alone(part: Information, weights: Array) -> tuple[Array, Array]:
-    """Squared residuals of a fit and degrees of freedom that it spends, both of each joint, shape (n,)."""
+    """Sum of squared residuals of a separate fit and sum of its leverages, both of each joint, shape (n,)."""
     squares = held_out_squares(part, _solve(part, weights))
     A, _ = stack(total(part), weights)
     U, size, _ = np.linalg.svd(unit_columns(A)[0], full_matrices=False)
@@ -285,7 +287,7 @@ def _alone(part: Information, weights: Array) -> tuple[Array, Array]:
 
 
 def _first_scales(sides: Information, agreement: Agreement, weights: Array) -> tuple[Array, Array]:
-    """Parameters of the others alone, as far as they are determined, and the scales that follow from them."""
+    """Parameters that the other recordings determine, zero for the rest, and the scales that follow from them."""
     alone = _solve(select(sides, np.array([0])), weights)
     values = np.where(alone != 0.0, alone, agreement.values)
     scale = np.ones(sides.n)
@@ -321,7 +323,7 @@ def _cost(sides: Information, values: Array, scale: Array, weights: Array) -> fl
 
 
 def _linearised(split: Information, values: Array, scale: Array) -> Information:
-    """Information about parameters and scales, linear about given ones; that of the recording has the number 1."""
+    """Information about parameters and scales, linearised at the given values; the recording has the number 1."""
     names = (*split.names, *(ParameterName(f"scale_{j + 1}") for j in range(split.n)))
     of_recording = split.recording == 1
     joints: list[JointFactors] = []

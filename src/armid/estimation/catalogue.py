@@ -1,4 +1,4 @@
-"""Catalogue `ESTIMATORS` of the methods of estimation: a new method is a new file and one line here."""
+"""Catalogue `ESTIMATORS` of the estimators: a new estimator is a new file and one line here."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ if TYPE_CHECKING:
 
 
 class Estimator(Protocol):
-    """Method of estimation: a frozen dataclass whose fields are the options of the method.
+    """Estimator: a frozen dataclass whose fields are its options.
 
     An option `weight` is the weight of a prior in independent samples. If friction is selected and the option is
     `auto`, the weight of the selection is used.
 
     Attributes:
-        name: Name of the method in a study.
-        quick: True if the method takes well under a second, so that it can be repeated without parts of the data.
+        name: Name of the estimator in a study, where its key is `method`.
+        quick: True if the estimator takes well under a second, so that it can be repeated without parts of the data.
     """
 
     name: ClassVar[str]
@@ -35,21 +35,21 @@ class EstimatorWithPrior(Protocol):
     """Estimator that finds the weight of a prior from the data."""
 
     def with_prior_of(self, problem: EstimationProblem, fit: Fit) -> Estimator:
-        """The method with its prior fixed to the prior of a fit.
+        """This estimator, with the weight of its prior fixed to the weight that a fit has used.
 
         Args:
             problem: Estimation problem with all data.
-            fit: Fit of the method to these data.
+            fit: Fit of this estimator to these data.
         """
         ...
 
 
 @runtime_checkable
 class MultiStartEstimator(Protocol):
-    """Estimator that searches from several starts."""
+    """Estimator that minimises a non-convex cost from several start values."""
 
     def with_one_start(self) -> Estimator:
-        """The method with a single start, for a comparison of methods."""
+        """This estimator with a single start, which saves time when estimators are compared."""
         ...
 
 
@@ -65,4 +65,4 @@ ESTIMATORS: Catalogue[type[Estimator]] = Catalogue(
         "thesis-nlp": "armid.estimation.estimators.thesis_nlp:ThesisNLP",
     }
 )
-"""Estimators by the name of their method."""
+"""Estimators by the name that a study gives with the key `method`."""

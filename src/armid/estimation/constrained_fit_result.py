@@ -36,17 +36,19 @@ from armid.maths.median import median
 from armid.remedy import Remedy, setting
 
 PRICE = 0.05
-"""Relative increase of the squared residual by consistency that is reported; noise causes far less than 0.01."""
+"""Relative increase of the squared residual by the consistency constraints from which it is reported. Noise causes
+far less than 0.01."""
 
 PUSHED = 2.0
-"""Distance between a held parameter and the value that fits the data best, in standard deviations, that is
-reported."""
+"""Distance between the estimate of a constrained parameter and the value that fits the data best, in standard
+deviations, from which it is reported."""
 
 AT_BOUND = 1e-3
 """Distance from a bound, in standard deviations, below which a parameter counts as at the bound."""
 
 NAMED = 0.01
-"""Component in an undetermined direction, for columns of unit length, from which a parameter is named."""
+"""Component of a parameter in an undetermined direction from which the finding names the parameter, in units in which
+the columns have unit length."""
 
 REMEDY = Remedy("use ", setting("method", "physical"), " for simulation or export.")
 
@@ -56,7 +58,7 @@ PHYSICAL = -1e-9
 
 @dataclass(frozen=True, eq=False, slots=True)
 class PhysicalEstimate:
-    """Estimate of standard parameters with a prior and constraints, from any method.
+    """Estimate of standard parameters with a prior and constraints, from any estimator.
 
     Attributes:
         standard: The standard parameters.
@@ -64,7 +66,7 @@ class PhysicalEstimate:
         prior: The prior for weight 1; if the estimate has none, the prior that fits any arm.
         use: Kind and weight of the prior in the estimate.
         values: The estimate, shape (p,).
-        gap: Duality gap of the method; NaN if the method has none.
+        gap: Duality gap of the solution; NaN if the estimator computes none.
         basis: Derivatives of the parameters (p,) by each unknown, shape (p, x); the identity if not given.
         requirements: Requirements of the study on the parameters.
     """
@@ -100,12 +102,12 @@ class PhysicalEstimate:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Held:
-    """Masks (p,) of parameters that are held away from the values that fit the data best.
+    """Masks (p,) of parameters that constraints or prior hold away from the values that fit the data best.
 
     Attributes:
-        at_zero: Held by the bound at zero.
-        at_limit: Held by a limit of the study.
-        inside: Held by prior and constraints between all bounds.
+        at_zero: Parameters at the bound zero.
+        at_limit: Parameters at a limit that the study gives.
+        inside: Parameters between all bounds, held by the prior or by the consistency of the body.
     """
 
     at_zero: NDArray[np.bool_]
@@ -114,7 +116,7 @@ class _Held:
 
 
 def fit_of(estimate: PhysicalEstimate, findings: Sequence[Finding] = ()) -> Fit:
-    """Fit of an estimate, with further findings of its method."""
+    """Makes the fit of an estimate, with covariance and findings; the findings of the estimator are added."""
     data, values, basis = estimate.weighted, estimate.values, estimate.basis
     eigenvalues = smallest_eigenvalues(estimate.standard, values)
     prior = _prior_precision(estimate)
@@ -165,7 +167,7 @@ def _prior_precision(estimate: PhysicalEstimate) -> Array:
 
 
 def _centre(estimate: PhysicalEstimate, lowest_eigenvalue: float) -> AnalyticCentre | None:
-    """Analytic centre; `None` if there is none, or if the estimate is outside of the cone."""
+    """Analytic centre; `None` if the search finds none, or if the estimate is outside the cone."""
     standard, values = estimate.standard, estimate.values
     if min(lowest_eigenvalue, float(values[standard.nonnegative].min(initial=0.0))) < PHYSICAL:
         return None
@@ -173,7 +175,7 @@ def _centre(estimate: PhysicalEstimate, lowest_eigenvalue: float) -> AnalyticCen
 
 
 def _base_precision(estimate: PhysicalEstimate, precision: Array) -> Array:
-    """Precision (b, b) of prior and cone in base parameters, from that of the unknowns (x, x)."""
+    """Precision (b, b) of the base parameters by prior and cone, from the precision (x, x) of the unknowns."""
     covariance = project_covariance(precision, estimate.standard.regrouping @ estimate.basis)
     if not estimate.is_reduced:
         return inverse_of(covariance)
@@ -193,7 +195,7 @@ def _bounded(standard: StandardParameters) -> Array:
 def _standard_fit(
     estimate: PhysicalEstimate, prior: Array, eigenvalues: Array, price: float, lift: StandardMap
 ) -> tuple[StandardFit, _Held]:
-    """Standard parameters with the share of the data in each, and masks of those that are held."""
+    """Standard parameters, the share of the data in each value, and masks of the parameters that are held."""
     standard, data, values, basis = estimate.standard, estimate.weighted, estimate.values, estimate.basis
     columns = data.rows @ standard.regrouping @ basis
     covariance, share = shares(columns.T @ columns, prior)
@@ -222,9 +224,9 @@ def _held(estimate: PhysicalEstimate, white: Array, given: NDArray[np.bool_], re
 
     Args:
         estimate: The estimate.
-        white: Deviations under white noise, shape (p,).
+        white: Standard deviations under white noise, shape (p,).
         given: Mask of the parameters that the study gives, shape (p,).
-        resolution: Share of the data, shape (p,).
+        resolution: Share of the data in each parameter's value, shape (p,).
     """
     standard, data, values = estimate.standard, estimate.weighted, estimate.values
     root = np.sqrt(data.correlation)

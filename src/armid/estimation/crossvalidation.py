@@ -1,15 +1,17 @@
-"""Error on rows that an estimate has not seen, from the factors of each block; no recording is read again.
+"""Cross-validation: error on rows that were left out of the fit, computed from the triangular factors of the blocks.
 
-Neighbouring rows err alike, so folds are stretches of neighbouring blocks: rows drawn at random would make every
-method look as good as its fit. With R_j and ρ_j a joint's factor and right-hand side over the fold left out,
+The errors of neighbouring rows are correlated. Therefore a fold consists of consecutive blocks; with rows drawn at
+random, the held-out error would be as small as the residual of the fit. The held-out error is
 
-    error = Σ_j w_j² |ρ_j - R_j π|² / Σ_j M_j,        π from the other folds, M_j rows of joint j.
+    error = Σ_j w_j² |ρ_j - R_j π|² / Σ_j M_j,        π from the other folds,
 
-Blocks beside the fold do not train either: they know of it through the filter and the pose. Where each recording has
-friction of its own, a fold has a part of every recording, so that no parameter is judged that no row has shown.
+with R_j and ρ_j the factor and the right-hand side of joint j in the fold that is left out, M_j its rows there and
+w_j its weight. Blocks next to the fold are left out of the fit, too, because filter and pose correlate them with the
+fold. Where each recording has separate friction parameters, a fold contains a part of every recording, so that the
+other folds determine all parameters.
 
-Where a motion repeats, the repetition left out is motion that the others have seen; the error then tells of noise and
-drift, not of other motion.
+Where a motion repeats, the other folds contain the same motion. The error then measures noise and drift, not the
+prediction of other motions.
 """
 
 from __future__ import annotations
@@ -24,17 +26,17 @@ from armid.errors import EstimationError
 from armid.information.information import Information, merge, select, total
 
 FOLDS = 5
-"""Folds where nothing else is said: each estimate sees four fifths of the data, the usual compromise between the
-bias of small training sets and folds that are too short to be unlike their neighbours [Hastie2009]."""
+"""Default number of folds: each estimate uses four fifths of the data. This is the usual compromise between the bias
+of small training sets and folds so short that they resemble their neighbours [Hastie2009]."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Fold:
-    """A stretch that is left out, and the rest.
+    """Consecutive blocks that are left out of a fit, and the blocks for the fit.
 
     Attributes:
-        training: All other blocks as one, those beside the stretch excluded.
-        held_out: The stretch as one block.
+        training: All other blocks, merged into one, without those next to the blocks that are left out.
+        held_out: The blocks that are left out, merged into one.
     """
 
     training: Information
@@ -42,18 +44,19 @@ class Fold:
 
 
 def folds(information: Information, count: int = FOLDS) -> NDArray[np.int64]:
-    """Fold of each block, shape (blocks,), counted from 0.
+    """Assigns each block to a fold; returns the number of the fold from 0, shape (blocks,).
 
-    A fold is a stretch of neighbouring blocks of one run. Longer runs are cut into more folds; runs far shorter than
-    a fold join the run after them, or before them at the end. Blocks without a row that counts go with their
-    neighbours. Where parameters have copies for each recording, `FV_1[2]`, a fold is one stretch of every recording.
+    A fold consists of consecutive blocks of one run. Longer runs are divided into more folds. A run far shorter than
+    a fold is joined with the next run, the last one with the run before it. Blocks without rows in use belong to the
+    fold of their neighbours. If parameters have copies for each recording (`FV_1[2]` is that of recording 2), a fold
+    consists of one part of every recording.
 
     Args:
         information: Blocks in their order.
-        count: Folds wanted; there are about as many, but no more than blocks, and at least one a long run.
+        count: Approximate number of folds. There are no more folds than blocks, and each long run has at least one.
 
     Raises:
-        EstimationError: A recording with parameters of its own is too short to leave a part of it out.
+        EstimationError: A recording with separate parameters is too short to leave a part of it out.
     """
     rows = information.rows.sum(axis=1).astype(np.float64)
     if count > 1 and any(name.recording for name in information.names):
@@ -69,7 +72,7 @@ def folds(information: Information, count: int = FOLDS) -> NDArray[np.int64]:
 
 
 def split(information: Information, fold: NDArray[np.int64]) -> tuple[Fold, ...]:
-    """The information with each fold in turn left out; none where a fold would leave nothing to train on.
+    """Leaves out each fold in turn; the result is empty if no data would remain for the fit without some fold.
 
     Args:
         information: All blocks.
@@ -93,7 +96,7 @@ def split(information: Information, fold: NDArray[np.int64]) -> tuple[Fold, ...]
 
 
 def training_information(information: Information, chosen: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Blocks beside the chosen ones in the same run, which know of them through the filter and the pose.
+    """Mask of the blocks next to the chosen ones in the same run; filter and pose correlate these blocks.
 
     Args:
         information: Blocks in their order.
@@ -116,21 +119,22 @@ def held_out_squares(held_out: Information, values: Array) -> Array:
 
 
 def held_out_error(held_out: Information, values: Array, weights: Array) -> float:
-    """Weighted mean square of the residuals: one where each joint errs by one over its weight.
+    """Weighted mean square of the residuals; it is 1 if the RMS residual of each joint is 1 / weight.
 
     Args:
         held_out: The fold.
         values: Parameters, shape (b,).
-        weights: One over each joint's noise, shape (n,).
+        weights: One divided by the standard deviation of each joint's noise, shape (n,).
     """
     rows = float(held_out.rows.sum())
     return float(weights**2 @ held_out_squares(held_out, values)) / max(rows, 1.0)
 
 
 def one_standard_error(errors: Array) -> int:
-    """The first candidate whose mean error exceeds the smallest by no more than that excess's own standard error.
+    """Index of the first candidate whose mean error is larger than the smallest by at most one standard error.
 
-    Folds differ in level far more than candidates differ on a fold, so excess is taken fold by fold.
+    The standard error is that of the difference of the two candidates, taken fold by fold: the level of the error
+    differs far more between folds than between candidates.
 
     Args:
         errors: Shape (candidates, folds), the simplest candidate first; infinite where one failed.
@@ -148,11 +152,11 @@ def one_standard_error(errors: Array) -> int:
 
 
 def can_cross_validate(information: Information, count: int = FOLDS) -> bool:
-    """Checks whether recordings with parameters of their own are long enough to leave a part of each out.
+    """Tests whether recordings with separate parameters are long enough to leave out a part of each.
 
     Args:
         information: Blocks in their order, separated by recording.
-        count: Folds wanted.
+        count: Number of folds.
     """
     try:
         folds(information, count)
@@ -162,7 +166,7 @@ def can_cross_validate(information: Information, count: int = FOLDS) -> bool:
 
 
 def _parts_of_each(information: Information, rows: Array, count: int) -> NDArray[np.int64]:
-    """Fold of each block: as many as every recording can be cut into and still train without any of them."""
+    """Fold of each block: `count` parts of each recording, or fewer if data for the fit would be missing."""
     recordings = [information.recording == each for each in np.unique(information.recording[rows > 0.0])]
     for parts in range(count, 1, -1):
         fold = np.zeros(information.blocks, dtype=np.int64)
@@ -178,7 +182,7 @@ def _parts_of_each(information: Information, rows: Array, count: int) -> NDArray
 
 
 def _trains(information: Information, recording: NDArray[np.bool_], fold: NDArray[np.int64], parts: int) -> bool:
-    """Checks whether a recording has a part in every fold, and rows of each joint left without it."""
+    """Tests whether a recording has a part in every fold, and without it still rows of each joint for the fit."""
     if len(np.unique(fold[recording])) < parts:
         return False
     seen = information.rows[recording].any(axis=0)
@@ -190,7 +194,7 @@ def _trains(information: Information, recording: NDArray[np.bool_], fold: NDArra
 
 
 def _long_runs(run: NDArray[np.int64], rows: Array, count: int) -> list[NDArray[np.intp]]:
-    """Blocks of each run, runs of less than half a fold together with a neighbour."""
+    """Blocks of each run; runs shorter than half a fold are joined with a neighbour."""
     enough = 0.5 * rows.sum() / count
     groups: list[NDArray[np.intp]] = []
     open_ = np.zeros(0, dtype=np.intp)
@@ -207,7 +211,7 @@ def _long_runs(run: NDArray[np.int64], rows: Array, count: int) -> list[NDArray[
 
 
 def _stretches(rows: Array, parts: int) -> NDArray[np.int64]:
-    """Number of the stretch of each block: `parts` of them with about the same rows, none without."""
+    """Part of each block, if blocks are divided into `parts` consecutive parts with about equal rows."""
     counted = np.flatnonzero(rows)
     if not len(counted):
         return np.zeros(len(rows), dtype=np.int64)

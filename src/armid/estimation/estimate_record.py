@@ -57,14 +57,14 @@ class InputDigest(TextValue):
 
     @classmethod
     def read(cls, text: str) -> InputDigest:
-        """Makes the digest from its text."""
+        """Reads a digest from its text, such as `robot 1f2e…`."""
         role, _, sha256 = text.rpartition(" ")
         return cls(role, sha256)
 
 
 @dataclass(frozen=True, eq=False, slots=True, repr=False)
 class Estimate(Displayed):
-    """Base parameters of an arm with intervals.
+    """Estimated base parameters of an arm with their intervals.
 
     Attributes:
         robot: Name of the arm.
@@ -74,7 +74,7 @@ class Estimate(Displayed):
         fit: Values, deviations, covariance and residuals.
         findings: Findings made during the identification.
         made_from: Digests of the inputs: robot description, recordings and options.
-        made_by: Kernel and method with which the information was computed.
+        made_by: Build of the compiled kernel, and method of factorisation, with which the information was computed.
         seconds: Time from recordings to result [s].
         speeds: Highest speed of each joint in the training rows, shape (n,) [rad/s or m/s]; `None` if it is not
             known.
@@ -119,7 +119,7 @@ def torque_parameters(base: BaseParameters, fit: Fit) -> Array:
     """Standard parameters (p,) with the torque of the estimate: base values on kept columns, zero elsewhere.
 
     The torque is the same (Y θ = Y_base π), but no real body has these parameters. If friction was estimated for each
-    recording, its mean is used. If the method estimates standard parameters, these are returned.
+    recording, its mean is used. If the estimator estimates standard parameters, these are returned.
     """
     if fit.standard is not None:
         return collapse(base.standard_names, fit.standard)
@@ -137,7 +137,7 @@ def collapse(names: Sequence[str], fit: Fit | StandardFit) -> Array:
 
 
 def averaged(names: tuple[ParameterName, ...], fit: Fit) -> Fit:
-    """The fit with parameters by name; the mean if a parameter has one value for each recording, as in `FV_1[2]`."""
+    """The fit of the named parameters; the mean if a parameter has one value for each recording, as in `FV_1[2]`."""
     copies = [name.of_all for name in fit.names]
     mean = np.array([[name == copy for copy in copies] for name in names], dtype=np.float64)
     mean /= mean.sum(axis=1, keepdims=True)
@@ -156,7 +156,7 @@ def standard_parameters(estimate: Estimate) -> list[dict[str, Any]]:
     """Records of all standard parameters, with a value if the data determine the parameter.
 
     The data determine a parameter if its column is kept and no other parameter is regrouped into it. A regrouped
-    parameter has no value, unless the method estimates standard parameters; its status then shows how far the data
+    parameter has no value, unless the estimator estimates standard parameters; its status then shows how far the data
     determine it.
     """
     if estimate.fit.standard is not None:
@@ -185,7 +185,7 @@ def standard_parameters(estimate: Estimate) -> list[dict[str, Any]]:
 
 
 def _estimated(fit: StandardFit) -> list[dict[str, Any]]:
-    """Records of a method that estimates standard parameters."""
+    """Records of the standard parameters of an estimator that estimates them."""
     return [
         {
             "name": name,

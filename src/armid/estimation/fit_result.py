@@ -33,7 +33,7 @@ class CovarianceReport:
             interval of a measured torque contains it in addition to the uncertainty of the parameters. Empty if only
             the residual is known.
         moved: Change of the estimate if rows next to reversals are left out, shape (b,); empty if not computed.
-        reach: Share of this change that counts as a standard deviation: the covariance contains reach² moved movedᵀ.
+        reach: Share of `moved` that counts as one standard deviation: the covariance contains reach² · moved movedᵀ.
     """
 
     why: str = "as the estimator gave it"
@@ -73,7 +73,7 @@ class Fit(Displayed):
         findings: Findings of the estimator.
         information: Factors from which the estimate was computed, if the estimator changed the given rows, for
             instance by individual weights; otherwise `None`.
-        standard: Standard parameters, if the method estimates them.
+        standard: Standard parameters, if the estimator estimates them.
         prior_correlation: Number of rows that count as one independent sample in the weight of the prior. The
             covariance of the prior is the inverse of its precision times this number.
     """
@@ -150,5 +150,5 @@ class Fit(Displayed):
 
 
 def _for_each(value: ArrayLike, count: int) -> ArrayLike:
-    """One number for each of `count` parameters."""
+    """Value of each of `count` parameters, if one number is given for all."""
     return np.full(count, value) if np.ndim(value) == 0 else value

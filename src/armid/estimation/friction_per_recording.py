@@ -1,8 +1,8 @@
-"""Shared inertial parameters with friction, or offsets alone, of its own for each recording.
+"""Information with common inertial parameters of all recordings, and separate friction or offsets for each recording.
 
-Friction changes with temperature and age, and sensors are zeroed anew; links stay. Each recording's rows then touch
-the shared parameters and its own copies of the others, named `FV_1[1]`, `FV_1[2]`, …; the factors are rearranged, the
-data are not read again.
+Friction changes with temperature and age, and sensors are zeroed again; the links stay the same. The rows of each
+recording then depend on the common parameters and on separate copies of the other parameters, named `FV_1[1]`,
+`FV_1[2]`, … by the number of the recording. Only the factors are rearranged; the data are not read again.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ def offset_names(model: DynamicsModel) -> tuple[str, ...]:
 
 
 def changing_parameters(model: DynamicsModel) -> NDArray[np.bool_]:
-    """Flags of standard parameters that may differ between recordings: friction and offsets, no inertia."""
+    """Mask (p,) of the standard parameters that may differ between recordings: friction and offsets, no inertia."""
     changing = np.zeros(len(model.parameters), dtype=np.bool_)
     for column, (_, law) in zip(model.law_columns, model.laws, strict=True):
         changing[column] = "ddq" not in symbols(law.expression)
@@ -37,14 +37,14 @@ def changing_parameters(model: DynamicsModel) -> NDArray[np.bool_]:
 
 
 def separate_by_recording(information: Information, own: NDArray[np.bool_]) -> Information:
-    """Give each recording its own copy of some parameters.
+    """Gives each recording a separate copy of some parameters.
 
     Args:
         information: Blocks of several recordings.
-        own: Which of the b parameters each recording has for itself, shape (b,).
+        own: Mask of the b parameters of which each recording gets a copy, shape (b,).
 
     Returns:
-        Information about the shared parameters followed by each recording's own.
+        Information about the common parameters, followed by the copies of each recording.
     """
     recordings = np.unique(information.recording)
     if len(recordings) < 2 or not own.any():
@@ -71,17 +71,18 @@ def separate_by_recording(information: Information, own: NDArray[np.bool_]) -> I
 
 
 def contrasted(information: Information, names: Collection[str]) -> Information:
-    """The same with further parameters: how far some lie in each recording from their mean over all.
+    """Adds parameters for the differences between recordings: the deviation of a parameter from its mean.
 
-    With values v_r in R recordings and their mean v = Σ v_r / R, the further ones are d_r = v_r - v for all but the
-    last recording, since they add to zero. What stood in the information keeps its place, and means v.
+    A parameter with the value v_r in recording r, of R recordings, has the mean v = Σ v_r / R. The added parameters
+    are d_r = v_r - v for all recordings except the last, because their sum is zero. The original parameter keeps its
+    position and now stands for v.
 
     Args:
         information: Blocks of several recordings.
-        names: Parameters that may differ.
+        names: Parameters that may differ between recordings.
 
     Returns:
-        Information with `FO_1~1`, `FO_1~2`, … last; the same where there is one recording.
+        Information with the added parameters `FO_1~1`, `FO_1~2`, … last; unchanged if there is only one recording.
     """
     recordings = np.unique(information.recording)
     more = len(recordings) - 1
@@ -107,15 +108,15 @@ def contrasted(information: Information, names: Collection[str]) -> Information:
 def standard_per_recording(
     standard: StandardParameters, base: BaseParameters | None, information: Information
 ) -> StandardParameters:
-    """The standard parameters behind information that was separated by recording.
+    """Standard parameters of information in which `separate_by_recording` has copied parameters.
 
-    A standard parameter has copies where it shows in copied base parameters only. One that also has a part in a
-    shared one, such as an offset that a constant gravity torque joins, stays shared.
+    A standard parameter gets copies if it is part of copied base parameters only. If it is also part of a common base
+    parameter, it stays common; an example is an offset that is regrouped with a constant gravity torque.
 
     Args:
-        standard: Behind the base parameters as they were.
-        base: These, for their names.
-        information: Separated or not.
+        standard: Standard parameters of the model, before the separation.
+        base: Base parameters of the model, for their names.
+        information: Information, separated or not.
     """
     if base is None or (information.count == len(base.names) and tuple(information.names) == tuple(base.names)):
         return standard
@@ -151,7 +152,7 @@ def _places(
     separate: NDArray[np.intp],
     copy: int,
 ) -> NDArray[np.int64]:
-    """New numbers of a joint's parameters for the recording number `copy`."""
+    """New indices of a joint's parameters in the rows of the recording with the index `copy`."""
     first = len(shared) + copy * len(separate)
     return np.where(
         own[parameters], first + np.searchsorted(separate, parameters), np.searchsorted(shared, parameters)
@@ -165,6 +166,6 @@ def _parameters(
     separate: NDArray[np.intp],
     copies: int,
 ) -> NDArray[np.int32]:
-    """New numbers that a joint's rows touch in any recording, rising."""
+    """New indices of all parameters on which a joint's rows depend in any recording, in ascending order."""
     places = [_places(parameters, own, shared, separate, copy) for copy in range(copies)]
     return np.unique(np.concatenate(places)).astype(np.int32)

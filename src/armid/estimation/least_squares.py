@@ -1,6 +1,8 @@
 """Weighted least squares on the factors: solution, deviations, residuals, rank.
 
 minimise Σ_j w_j² |ρ_j - R_j π|²,        cov = (Σ_j w_j² R_jᵀ R_j)⁻¹
+
+Here w_j is the weight of joint j, R_j its triangular factor, ρ_j the right-hand side and π the parameters.
 """
 
 from __future__ import annotations
@@ -17,7 +19,8 @@ from armid.information.information import Information, stack, total
 from armid.maths.linalg import condition, null_directions, scaled_condition, unit_columns
 
 NAMED = 0.01
-"""Share of the largest entry from which on a parameter is named as part of a direction, columns of unit length."""
+"""Entry of an undetermined direction, divided by its largest entry, from which the error names the parameter. The
+parameters are scaled to columns of unit length."""
 
 
 class Solution:
@@ -27,8 +30,10 @@ class Solution:
         values: Estimate, shape (b,).
         inverse: Inverse of the weighted normal equations, shape (b, b).
         squares: Sum of squared residuals of each joint, unweighted, shape (n,).
-        spent: Degrees of freedom that each joint's rows spent, summing to b, shape (n,).
-        whole: The information as one block.
+        spent: Sum of the leverages of each joint's rows, by which the fit reduces their degrees of freedom; the
+            values of
+            all joints add to b, shape (n,).
+        whole: The information, all blocks merged into one.
     """
 
     def __init__(self, whole: Information, weights: Array) -> None:
@@ -49,14 +54,14 @@ class Solution:
 
 
 def solve(information: Information, weights: Array) -> Solution:
-    """Solve, after making sure that the data see every parameter.
+    """Solves the least-squares problem if the data determine every parameter.
 
     Args:
         information: Any number of blocks.
         weights: Weight of each joint's rows, shape (n,).
 
     Raises:
-        EstimationError: Fewer rows than parameters, or directions that the data do not see; both named.
+        EstimationError: There are fewer rows than parameters, or the data do not determine some parameters.
     """
     whole = total(information)
     _require_rank(whole)
@@ -64,19 +69,19 @@ def solve(information: Information, weights: Array) -> Solution:
 
 
 def residual_deviation(solution: Solution, information: Information) -> Array:
-    """Standard deviation of each joint's residual, degrees of freedom paid, shape (n,)."""
+    """Standard deviation of each joint's residual, corrected for the degrees of freedom, shape (n,)."""
     rows = information.rows.sum(axis=0)
     free = np.maximum(rows - solution.spent, 1.0)
     return np.sqrt(solution.squares / free)
 
 
 def fit_of(solution: Solution, weights: Array, white: Array) -> Fit:
-    """The estimate with its deviations, residuals taken as white.
+    """Makes the fit of a solution, with the standard deviations for white residuals.
 
     Args:
         solution: Solution for these weights.
         weights: Weight of each joint's rows, shape (n,).
-        white: Covariance as if residuals were white, shape (b, b).
+        white: Covariance for white residuals, shape (b, b).
     """
     whole = solution.whole
     rows = whole.rows[0]
@@ -97,7 +102,7 @@ def fit_of(solution: Solution, weights: Array, white: Array) -> Fit:
 
 
 def _require_rank(whole: Information) -> None:
-    """Refuse data that leave directions of the parameters unseen, and name these."""
+    """Raises an error with the undetermined parameters if the data do not determine all of them."""
     A = stack(whole)[0]
     rows = int(whole.rows.sum())
     if rows < whole.count:
@@ -116,7 +121,7 @@ def _require_rank(whole: Information) -> None:
 
 
 def _named(directions: Array, names: Sequence[str]) -> list[str]:
-    """Unseen directions (k, b) in words: parameters that stand alone first, then sets that only show together."""
+    """Names undetermined directions (k, b): first single parameters, then sets that are determined only together."""
     touched = sorted(np.flatnonzero(row).tolist() for row in _reduced(directions))
     parts = [[names[k] for k in part] for part in touched]
     alone = [part[0] for part in parts if len(part) == 1]
@@ -125,7 +130,7 @@ def _named(directions: Array, names: Sequence[str]) -> list[str]:
 
 
 def _reduced(directions: Array) -> Array:
-    """Directions with the same span and few entries each: the echelon form that has the earliest parameters first."""
+    """Directions with the same span and few nonzero entries each: the row echelon form."""
     rows = directions.copy()
     done = 0
     for column in range(rows.shape[1]):

@@ -1,4 +1,4 @@
-"""Mass, centre of mass and inertia about it of each link: values of the description and estimated values.
+"""Mass, centre of mass and inertia about the centre of mass of each link: described and estimated values.
 
 An estimate contains first moments h and inertias I_o about the origins of the link frames, because torques are linear
 in them. From these follow the centre of mass c = h / M and the inertia about it, I_c = I_o - (|h|² 1 - h hᵀ) / M.
@@ -23,7 +23,8 @@ from armid.model.dynamics_model import DynamicsModel
 from armid.notebook_display import Displayed, Summary, interval_text, plural
 
 QUANTITIES = ("mass", "com x", "com y", "com z", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
-"""Quantities that describe a body: mass, centre of mass and inertia about it, with the axes of the link frame."""
+"""Quantities that describe a body: mass, centre of mass and inertia about the centre of mass, in the axes of the link
+frame."""
 
 UNITS = ("kg", *("m",) * 3, *("kg·m²",) * 6)
 """Units of `QUANTITIES`."""
@@ -129,7 +130,7 @@ def link_table(model: DynamicsModel, estimate: Estimate) -> LinkTable:
 
 
 def link_record(table: LinkTable) -> list[dict[str, Any]]:
-    """Records of the links for JSON: described and estimated mass, com and inertia about it, with intervals."""
+    """Records of the links for JSON: described and estimated values of `QUANTITIES`, with intervals."""
 
     def parts(values: Array) -> dict[str, Any]:
         return {"mass": values[0], "com": values[1:4], "inertia_about_com": values[4:]}

@@ -1,12 +1,16 @@
 """Priors of the standard parameters: their penalty functions, and the unit of their weight.
 
-`log-det`: for each link the divergence tr(J₀⁻¹J) - log det(J₀⁻¹J) - 4 from the description's pseudo-inertia J₀
-[Lee2020]. It does not depend on frames and units, grows beyond bounds where a body stops to be one, and is half the
-squared relative change for small changes. `euclidean`: half the squared change over the description's mean mass and
-its radius of gyration. `mass`: the size of the bodies, mass and second moments over a length squared, over ten
-kilograms. It moves what is known to a standard deviation of s kg by s / 10 of that deviation: nothing where data
-determine them, and down to the smallest bodies where they do not. In all three, parameters that are not inertial
-have mean zero and the deviation that would make the joint's whole torque.
+- `log-det`: for each link the divergence tr(J₀⁻¹J) - log det(J₀⁻¹J) - 4 of the pseudo-inertia J from that of the
+  description, J₀ [Lee2020]. It does not depend on frames and units, and tends to infinity at the boundary of the
+  physically consistent bodies. For small changes it is half the squared relative change.
+- `euclidean`: half the squared change of the parameters. Changes are divided by the mean mass of the links in the
+  description and, for moments, by powers of their radius of gyration.
+- `mass`: the size of all bodies (masses, and second moments / `LENGTH`²), divided by ten kilograms. It changes a
+  parameter with a standard deviation of s kg by s / 10 standard deviations: hardly if the data determine the
+  parameter, and to the smallest possible body if they do not.
+
+In all three, parameters that are not inertial have the mean zero. Their standard deviation is the value with which
+the parameter alone would give the whole torque of the joint.
 
 The unit of the weight is one independent sample: with weight 1 a change of 100 % costs as much as a residual of one
 standard deviation in one independent row of a joint. The weight applies to the links; friction and the like, of which
@@ -34,31 +38,32 @@ from armid.maths.inertia import (
 from armid.maths.linalg import half_of
 
 LENGTH = 0.3
-"""Length that makes masses, first moments and inertias of an arm comparable [m]: half of a link's."""
+"""Length that makes masses, first moments and inertias of an arm comparable [m]: half the length of a usual link."""
 
 THINNEST = 0.01
-"""Smallest radius of gyration about a plane through the centre of mass that a description is believed [m], on arms of
-usual size. Some give rods and points."""
+"""Smallest radius of gyration about a plane through the centre of mass that is accepted from a description [m], on
+arms of usual size. Some descriptions give rods and points."""
 
 SLIMMEST = 0.05
-"""The same over the size of the arm, the radius of gyration of its links about their joints, on small arms: bodies of
-a hobby arm with a size of 70 mm have radii of 5 mm."""
+"""Smallest accepted radius of gyration on small arms, divided by the size of the arm. The size is the radius of
+gyration of the links about their joints: bodies of a hobby arm with a size of 70 mm have radii of 5 mm."""
 
 FLAT = 1e-6
-"""Ratio of the smallest second moment of a body to its largest, or to the least that is believed, below which the
-body has no thickness: rounding."""
+"""Ratio of the smallest second moment of a body to its largest, or to the smallest that is accepted. Below this
+ratio, which is a rounding error, the body has no thickness."""
 
 MASS = 10.0
-"""Deviation of a mass of which nothing is known [kg]: a link of an arm of any size armid has met."""
+"""Standard deviation of an unknown mass [kg]; it covers the links of all arms with which armid was tested."""
 
 BODY = com_inertia_to_vector(5.0, np.zeros(3), 0.1 * np.eye(3))
-"""Some body inside the cone, from where a search starts."""
+"""Inertial parameters of a physically consistent body, from which a search starts."""
 
 ROOM = 0.1
-"""Start of values that cannot be negative, in standard deviations of their prior."""
+"""Start value of parameters that cannot be negative, in standard deviations of their prior."""
 
 HIGHEST = 0.1
-"""Lift of an eigenvalue that no slope holds, over the trace of a body inside the cone."""
+"""Largest lift of an eigenvalue from the boundary, divided by the trace of a body inside the cone; it is used if the
+slope of the cost is zero."""
 
 INFORMED = ("log-det", "euclidean")
 """Kinds of prior that hold the links near the description."""
@@ -81,13 +86,13 @@ def weight_finding(prior: str, weight: float, origin: str) -> Finding:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Prior:
-    """A prior for weight 1.
+    """Prior of the p standard parameters, for weight 1.
 
     Attributes:
-        mean: Shape (p,).
-        precision: Its second derivative at the mean, shape (p, p).
-        links: Inverses of the description's pseudo-inertias for log-det, shape (links, 4, 4); none otherwise.
-        findings: What had to be changed in the description.
+        mean: Values that the prior prefers, shape (p,).
+        precision: Second derivative of the penalty at the mean, shape (p, p).
+        links: Inverses of the description's pseudo-inertias for `log-det`, shape (links, 4, 4); otherwise (0, 4, 4).
+        findings: Findings about values of the description that were changed for the prior.
     """
 
     mean: Array
@@ -96,7 +101,7 @@ class Prior:
     findings: tuple[Finding, ...] = ()
 
     def curvature(self, standard: StandardParameters, values: Array, weight: float) -> Array:
-        """Second derivative at some values for a weight of the links' prior, shape (p, p)."""
+        """Second derivative of the penalty at given values, for a weight of the links' prior, shape (p, p)."""
         result = self.precision.copy()
         for own in standard.inertial:
             result[np.ix_(own, own)] *= weight
@@ -109,7 +114,7 @@ class Prior:
         return result
 
     def inside(self, standard: StandardParameters) -> Array:
-        """Values (p,) strictly inside the cone: the description's bodies or some, and a little friction."""
+        """Values (p,) strictly inside the cone: bodies of the description, or else `BODY`, and a little friction."""
         values = self.mean.copy()
         if not values[standard.inertial].any():
             values[standard.inertial] = BODY
@@ -120,17 +125,17 @@ class Prior:
     def lifted(
         self, standard: StandardParameters, values: Array, pull: Array, weight: float, *, bodies: bool = True
     ) -> Array:
-        """Values (p,) lifted off the border, about as far as a barrier's centre lies inside.
+        """Values (p,) moved from the boundary of the cone to the inside, about as far as the minimum with a barrier.
 
-        Where the slope of the cost holds an eigenvalue at zero, the centre has it at the barrier's weight over the
-        slope.
+        If the slope of the cost holds an eigenvalue at zero, its value at the minimum with a barrier is the weight of
+        the barrier divided by the slope.
 
         Args:
             standard: The standard parameters.
             values: The best values in the cone, shape (p,).
-            pull: Slope of the cost there, shape (p,).
-            weight: Of the barrier.
-            bodies: Whether bodies may lie on the border.
+            pull: Slope of the cost at these values, shape (p,).
+            weight: Weight of the barrier.
+            bodies: False if all bodies are already inside the cone, so that only the other parameters are moved.
         """
         result, inside = values.copy(), self.inside(standard)
         bounded = standard.nonnegative
@@ -147,7 +152,7 @@ class Prior:
         return result
 
     def log_det(self, standard: StandardParameters, origin: Array, basis: Array, weight: float) -> tuple[LogDet, ...]:
-        """Divergences of the links that unknowns move."""
+        """Log-det divergences of the links that depend on unknowns, for parameters origin + basis · x."""
         units = PSEUDO_INERTIA_OF.transpose(1, 2, 0)
         terms: list[LogDet] = []
         for own, inverse in zip(standard.inertial, self.links, strict=True):
@@ -160,7 +165,7 @@ class Prior:
 
 
 def make_prior(kind: str, standard: StandardParameters, weighted: WhitenedSystem) -> Prior:
-    """The prior of a kind: `log-det`, `euclidean`, or what is known of any arm (`mass`, `none`).
+    """Makes the prior of a kind: `log-det` or `euclidean` from the description, `mass` or `none` without it.
 
     Raises:
         EstimationError: The description gives no inertial parameters, or no mass for a link.
@@ -188,18 +193,18 @@ def make_prior(kind: str, standard: StandardParameters, weighted: WhitenedSystem
 
 
 def project_covariance(precision: Array, regrouping: Array) -> Array:
-    """Return what is believed of unknowns as it shows in base parameters: their covariance L P⁻¹ Lᵀ, shape (b, b).
+    """Covariance of the base parameters by the prior, L P⁻¹ Lᵀ, shape (b, b).
 
     Args:
-        precision: P of the unknowns, positive definite, shape (x, x).
-        regrouping: L, base parameters = L · unknowns, shape (b, x).
+        precision: Precision P of the x unknowns, positive definite, shape (x, x).
+        regrouping: Matrix L with base parameters = L · unknowns, shape (b, x).
     """
     shown = regrouping @ half_of(precision)
     return shown @ shown.T
 
 
 def size_of_bodies(standard: StandardParameters) -> Array:
-    """Linear measure (p,) of the bodies: masses, and second moments over a length squared [kg]."""
+    """Coefficients (p,) of the size of all bodies: the sum of masses and of second moments / `LENGTH`² [kg]."""
     result = np.zeros(len(standard.names))
     traces = np.trace(PSEUDO_INERTIA_OF[:, :3, :3], axis1=1, axis2=2) / LENGTH**2
     for own in standard.inertial:
@@ -209,7 +214,7 @@ def size_of_bodies(standard: StandardParameters) -> Array:
 
 
 def _fill(precision: Array, standard: StandardParameters, mass: float, length: float) -> None:
-    """Independent deviations of a mass, times a length for first moments and its square for inertias."""
+    """Sets the precision of the links: deviations mass, mass · length (first moments), mass · length² (inertias)."""
     scale = mass * np.concatenate([[1.0], np.full(3, length), np.full(6, length**2)])
     for own in standard.inertial:
         precision[own, own] = 1.0 / scale**2
@@ -227,7 +232,7 @@ def relative_precision(J: Array) -> Array:
 
 
 def _others(standard: StandardParameters, weighted: WhitenedSystem, others: NDArray[np.intp]) -> Array:
-    """Precision of what is not inertial: one where it alone would make the torque of a joint that it acts on."""
+    """Precision of parameters that are not inertial: a deviation is the value that alone gives the joint's torque."""
     precision = np.zeros(len(others))
     for joint, rows in zip(weighted.whole.joints, weighted.whole.rows[0], strict=True):
         torque = float(np.sum(joint.R[0, :, -1] ** 2))
@@ -238,7 +243,7 @@ def _others(standard: StandardParameters, weighted: WhitenedSystem, others: NDAr
 
 
 def _nominal(standard: StandardParameters) -> tuple[Array, tuple[Finding, ...]]:
-    """Inertial parameters (links, 10) of the description, moved inside the cone where they lie outside or on it."""
+    """Inertial parameters (links, 10) of the description, moved into the cone if they are outside or on its edge."""
     if standard.nominal is None:
         raise EstimationError(
             "A prior towards the description needs inertial parameters, but the description contains none.",
@@ -287,7 +292,7 @@ def _nominal(standard: StandardParameters) -> tuple[Array, tuple[Finding, ...]]:
 
 
 def smallest_radius(standard: StandardParameters) -> float:
-    """Smallest radius of gyration about a plane through the centre of mass that the description is believed [m]."""
+    """Smallest radius of gyration about a plane through the centre of mass that the prior accepts [m]."""
     if standard.nominal is None:
         return THINNEST
     bodies = standard.nominal[standard.inertial][~standard.placeholders]
@@ -297,7 +302,7 @@ def smallest_radius(standard: StandardParameters) -> float:
 
 
 def _without_placeholders(standard: StandardParameters, nominal: Array) -> tuple[Array, tuple[Finding, ...]]:
-    """Inertial parameters (links, 10) in which links of placeholder mass are like the lightest of the others."""
+    """Inertial parameters (links, 10), with the lightest body of the others for links with a placeholder mass."""
     masses = nominal[:, 0]
     empty = standard.placeholders
     if not empty.any():

@@ -1,4 +1,4 @@
-"""Problem of an estimator: the information, and what lies behind it. `build_problem` makes it from observations."""
+"""Input of an estimator: information, standard parameters and samples. `build_problem` makes it from observations."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ from armid.robot.missing_inertia import placeholder_masses
 
 @dataclass(frozen=True, eq=False, slots=True)
 class StandardParameters:
-    """The p standard parameters that stand behind b base parameters.
+    """The p standard parameters from which b base parameters follow.
 
     Attributes:
-        names: Their names, p of them.
-        units: Their units.
-        regrouping: Base values = regrouping · standard values, shape (b, p).
-        inertial: Positions of the links' inertial parameters in the order of the model, link by link,
-            shape (links, 10).
-        links: Names of these links.
-        nonnegative: Which of them physics forbids to be negative, the inertial ones aside, shape (p,).
-        nominal: Values that the robot's description gives, other terms zero, shape (p,); `None` where it gives none.
+        names: Names of the p standard parameters.
+        units: Units of the p standard parameters.
+        regrouping: Matrix with base parameters = regrouping · standard parameters, shape (b, p).
+        inertial: Positions of the ten inertial parameters of each link among the p, shape (links, 10).
+        links: Names of the links.
+        nonnegative: Mask of the parameters that are not inertial and cannot be negative, shape (p,).
+        nominal: Inertial parameters of the robot's description, zero for other terms, shape (p,); `None` if the
+            description has none.
     """
 
     names: tuple[ParameterName, ...]
@@ -51,7 +51,7 @@ class StandardParameters:
 
     @property
     def described(self) -> bool:
-        """Checks whether there are links and the description gives each a mass, so that a prior may lean on it."""
+        """True if the description gives every link a mass, so that a prior can prefer its bodies."""
         masses = np.zeros(0) if self.nominal is None else self.nominal[self.inertial[:, 0]]
         return len(masses) > 0 and bool((masses > 0.0).all())
 
@@ -64,14 +64,14 @@ class StandardParameters:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class EstimationProblem:
-    """Problem: what is to be estimated and from what.
+    """Input of an estimator: parameters and data.
 
     Attributes:
         information: Factors of the recordings, block by block.
-        standard: The standard parameters behind the base parameters, for methods that estimate these.
-        model: The model, for methods that go through the samples a second time.
-        base: The model's base parameters, for the same.
-        observations: The samples, for the same.
+        standard: Standard parameters, for estimators that estimate them.
+        model: The model, for estimators that process the samples a second time.
+        base: Base parameters of the model, for the same estimators.
+        observations: Samples of the recordings, for the same estimators.
     """
 
     information: Information
@@ -81,10 +81,10 @@ class EstimationProblem:
     observations: Observations | None = field(default=None, repr=False)
 
     def require_standard(self, method: str) -> StandardParameters:
-        """The standard parameters.
+        """Returns the standard parameters.
 
         Raises:
-            EstimationError: The problem has none.
+            EstimationError: The problem has no standard parameters.
         """
         if self.standard is None:
             raise EstimationError(
@@ -94,7 +94,7 @@ class EstimationProblem:
         return self.standard
 
     def require_samples(self, method: str) -> tuple[DynamicsModel, BaseParameters, Observations]:
-        """Model, base parameters and observations.
+        """Returns model, base parameters and observations.
 
         Raises:
             EstimationError: The problem lacks one of them.
@@ -121,14 +121,14 @@ def build_problem(
     Args:
         model: Arm and torque terms.
         observations: Processed recordings.
-        base: The model's base parameters, where they are known already.
+        base: Base parameters of the model; computed if not given.
         scale_deviation: Relative standard deviation of each joint's torque scale, shape (n,); zero where not given.
         threads: Threads of the kernel.
         progress: Called with the finished and the total number of samples.
 
     Raises:
-        ArmidError: The observations have other joints than the model, or no row counts; or a model with hysteresis
-            cannot follow its states.
+        ArmidError: The observations have other joints than the model, no row is in use, or the model has hysteresis,
+            whose states the recordings do not determine.
     """
     base = find_base_parameters(model) if base is None else base
     information = accumulate_information(model, base, observations, threads=threads, progress=progress)
@@ -138,12 +138,12 @@ def build_problem(
 
 
 def standard_of(model: DynamicsModel, base: BaseParameters) -> StandardParameters:
-    """The standard parameters of a model behind its base parameters."""
+    """Standard parameters of a model, with the regrouping of its base parameters."""
     return replace(bare_standard(model), regrouping=base.regrouping)
 
 
 def bare_standard(model: DynamicsModel) -> StandardParameters:
-    """The standard parameters of a model by themselves, not regrouped."""
+    """Standard parameters of a model, without regrouping: the regrouping matrix is the identity."""
     parameters = model.parameters
     return StandardParameters(
         tuple(parameter.name for parameter in parameters),

@@ -1,4 +1,4 @@
-"""Estimate of a problem by a method, with the covariance that its intervals need."""
+"""Estimation: solution by an estimator, then the covariance for the intervals."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ def estimate(problem: EstimationProblem, method: Estimator | None = None) -> Fit
     """Estimates the base parameters with their covariance and intervals.
 
     Args:
-        problem: Information, and as far as the method needs them model and samples; see `build_problem`.
-        method: Estimator with its options; weighted least squares where none is given.
+        problem: Information, and model and samples if the estimator needs them; see `build_problem`.
+        method: Estimator with its options; if not given, weighted least squares.
 
     Raises:
-        EstimationError: The data do not determine the parameters, or the problem lacks what the method needs.
+        EstimationError: The data do not determine the parameters, or the problem lacks data that the estimator needs.
     """
     fit = (method or WeightedLeastSquares()).solve(problem)
     return replace(estimate_covariance(fit, problem), information=None)

@@ -1,12 +1,12 @@
-"""Estimated standard parameters, each with what the data really say about it.
+"""Estimated standard parameters, each with the share of its value that the data determine.
 
-With H the information of the data and P that of the prior, both in standard parameters, the diagonal of
+With H the normal matrix of the data and P the precision of the prior, both in standard parameters, the diagonal of
 
     (H + P)⁻¹ H
 
-is the share of a parameter's value that the data bring; the rest is the prior's [Backus1968]. Base parameters are
-what torques show, so that most standard ones are shared out by the prior or the cone alone, however good the data
-are.
+is the share of a parameter's value that comes from the data; the rest comes from the prior [Backus1968]. Torques
+determine only base parameters, so the values of most standard parameters depend on the prior or the cone, even if the
+data are good.
 """
 
 from __future__ import annotations
@@ -26,23 +26,25 @@ from armid.notebook_display import Displayed, Summary, interval_text
 Status = Literal["identified", "prior-dominated", "not identifiable"]
 
 IDENTIFIED = 0.9
-"""Share of the data from which on a parameter is identified: a tenth of the prior's value moves it by no more than a
-tenth of what the prior is wrong."""
+"""Share of the data from which a parameter counts as identified. At this share, at most a tenth of an error of the
+prior enters the value."""
 
 SEEN = 1e-9
-"""Smallest singular value over the largest, columns of unit length, of what base parameters show of the unknowns."""
+"""Ratio of a singular value to the largest, for columns of unit length, from which a combination of base parameters
+counts as dependent on the unknowns."""
 
 UNSEEN = 0.1
-"""Share of the data below which a parameter is not identifiable: the data say next to nothing."""
+"""Share of the data below which a parameter counts as not identifiable: the data have almost no effect on its
+value."""
 
 
 @dataclass(frozen=True, slots=True)
 class PriorTrial:
-    """A weight of the prior that was tried.
+    """Weight of the prior that was tried, with its held-out error.
 
     Attributes:
-        weight: Independent samples a joint.
-        error: Mean over folds and joints of the logarithm of the held-out variance over that of the residual.
+        weight: Number of independent samples of each joint to which the prior is equivalent.
+        error: Mean over folds and joints of log(held-out variance / variance of the residual).
     """
 
     weight: float
@@ -51,14 +53,15 @@ class PriorTrial:
 
 @dataclass(frozen=True, slots=True)
 class PriorUse:
-    """The prior of an estimate.
+    """Kind and weight of the prior of an estimate.
 
     Attributes:
         kind: `mass`, `log-det`, `euclidean` or `none`.
-        weight: Independent samples a joint; 0 where the kind has none.
-        how: How the weight was found.
-        correlation: Rows that count as one independent sample.
-        trials: What was tried.
+        weight: Number of independent samples of each joint to which the prior is equivalent; 0 if the kind has no
+            weight.
+        how: Text that says how the weight was found.
+        correlation: Number of rows that count as one independent sample.
+        trials: Weights that were tried, with their errors.
     """
 
     kind: str
@@ -70,13 +73,13 @@ class PriorUse:
 
 @dataclass(frozen=True, slots=True)
 class Proof:
-    """Certificate of a solution, computed from the answer and not from the solver's word.
+    """Certificate of a solution, computed from the values and not taken from the status of the solver.
 
     Attributes:
-        price: By how much constraints and prior raise the weighted squared residual, over what noise makes of it.
-        smallest_eigenvalue: Of all links' pseudo-inertias.
-        lowest: Smallest value of the parameters that physics forbids to be negative.
-        gap: Duality gap, relative.
+        price: Increase of the weighted squared residual by constraints and prior, divided by its value without them.
+        smallest_eigenvalue: Smallest eigenvalue of the pseudo-inertias of all links.
+        lowest: Smallest value of the parameters, such as friction, that cannot be negative.
+        gap: Relative duality gap.
     """
 
     price: float
@@ -87,14 +90,16 @@ class Proof:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class StandardMap:
-    """Way from the uncertainty of b base parameters to that of p standard ones.
+    """Map from the covariance of b base parameters to the covariance of p standard parameters.
 
     Attributes:
-        share: Change of each standard parameter with the base parameters, the least under the prior, shape (p, b).
-        rest: Covariance that stays where base parameters are known, the prior's and the cone's, shape (p, p).
-        shift: Way from the estimate to the middle of what can be, shape (p,).
-        base_shift: The same in base parameters, shape (b,).
-        bounded: What cannot be negative, shape (p,).
+        share: Derivative of the standard parameters by the base parameters, if changes are distributed as the prior
+            prefers, shape (p, b).
+        rest: Covariance of the standard parameters, by prior and cone, if the base parameters are known, shape (p,
+            p).
+        shift: Difference between the analytic centre of the feasible set and the estimate, shape (p,).
+        base_shift: The same difference in base parameters, shape (b,).
+        bounded: 1 for parameters that cannot be negative, otherwise 0, shape (p,).
     """
 
     share: Array
@@ -117,16 +122,19 @@ class StandardFit(Displayed):
     """Estimate of p standard parameters.
 
     Attributes:
-        names: Their names; friction of several recordings has copies, `FV_1[2]`.
-        units: Their units.
-        values: Shape (p,).
-        covariance: Of what data and prior leave open, correlation of rows counted, shape (p, p).
-        intervals: Student's 95 % intervals, cut where physics forbids values, shape (p, 2).
-        resolution: Share of the data in each value, shape (p,).
-        status: What that means, p of them.
-        prior: The prior.
-        proof: Checks of the solution.
-        lift: How these follow from the base parameters' uncertainty, until that is settled; `None` afterwards.
+        names: Names; if recordings have separate friction, there is one copy for each recording, such as `FV_1[2]`.
+        units: Units.
+        values: Estimated values, shape (p,).
+        covariance: Covariance of the values by data and prior, corrected for the correlation of rows, shape (p,
+            p).
+        intervals: 95 % intervals by Student's t distribution, without negative values where physics forbids them,
+            shape (p, 2).
+        resolution: Share of each value that comes from the data, shape (p,).
+        status: Status of each parameter: `identified`, `prior-dominated` or `not identifiable`.
+        prior: Kind and weight of the prior.
+        proof: Certificate of the solution.
+        lift: Map from which covariance and intervals follow when the covariance of the base parameters is known;
+            otherwise `None`.
     """
 
     names: tuple[ParameterName, ...]
@@ -152,11 +160,11 @@ class StandardFit(Displayed):
 
     @property
     def deviation(self) -> Array:
-        """Standard deviations of what data and prior leave open, shape (p,)."""
+        """Standard deviations of the values, shape (p,)."""
         return np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
 
     def summary(self) -> Summary:
-        """Parameters with intervals, and what the data say of each."""
+        """Parameters with their intervals, shares of the data and status."""
         rows = tuple(
             (name, f"{value:.5g}", unit, "–" if said == "not identifiable" else interval_text(low, high), said)
             for name, value, unit, (low, high), said in zip(
@@ -173,9 +181,10 @@ def status_of(
 
     Args:
         resolution: Share of the data, shape (p,).
-        informed: Whether a prior says where parameters are that the data do not determine.
-        given: Which parameters the study gives, shape (p,).
-        held: Which parameters stand at a bound that the data would cross, shape (p,).
+        informed: True if the prior gives values for parameters that the data do not determine.
+        given: Mask of the parameters whose value the study gives, shape (p,).
+        held: Mask of the parameters that a constraint or the prior holds away from the value that fits best,
+            shape (p,).
     """
     result: list[Status] = []
     for share, is_given, is_held in zip(resolution, given, held, strict=True):
@@ -192,8 +201,8 @@ def shares(information: Array, precision: Array) -> tuple[Array, Array]:
     """Covariance (H + P)⁻¹ and the diagonal of (H + P)⁻¹ H.
 
     Args:
-        information: H, shape (p, p).
-        precision: P, shape (p, p), positive definite.
+        information: Normal matrix H of the data, shape (p, p).
+        precision: Precision P of the prior, positive definite, shape (p, p).
     """
     inverse = inverse_of(information + precision)
     return inverse, np.clip(np.sum(inverse * information.T, axis=1), 0.0, 1.0)
@@ -202,19 +211,20 @@ def shares(information: Array, precision: Array) -> tuple[Array, Array]:
 def map_to_standard(
     precision: Array, regrouping: Array, basis: Array, correlation: float, shift: Array, bounded: Array
 ) -> StandardMap:
-    """Return what a prior shares out among standard parameters when base parameters are known.
+    """Computes mean and covariance of standard parameters by a prior if the base parameters are known.
 
-    With P the prior's precision and L the regrouping, known base parameters π leave θ with the mean G π, where
-    G = P⁻¹Lᵀ(L P⁻¹Lᵀ)⁻¹, and the covariance P⁻¹ - G L P⁻¹: nothing for a parameter that stands alone. With H the
-    information of the data, this is (LᵀHL + P)⁻¹ in two parts.
+    With P the precision of the prior and L the regrouping, known base parameters π give the standard parameters θ the
+    mean G π with G = P⁻¹Lᵀ(L P⁻¹Lᵀ)⁻¹, and the covariance P⁻¹ - G L P⁻¹. This covariance is zero for a parameter that
+    is itself a base parameter. If π has the covariance of data with the normal matrix H, the sum of both parts is
+    (LᵀHL + P)⁻¹.
 
     Args:
-        precision: P of the unknowns, in units of the weighted normal equations, shape (x, x).
-        regrouping: L, shape (b, p).
-        basis: Parameters (p,) that each unknown moves, shape (p, x).
-        correlation: Rows that count as one independent sample.
-        shift: Way from the estimate to the middle of what can be, shape (p,).
-        bounded: What cannot be negative, shape (p,).
+        precision: Precision P of the x unknowns, in units of the weighted normal equations, shape (x, x).
+        regrouping: Matrix L from standard to base parameters, shape (b, p).
+        basis: Derivative of the parameters by the unknowns, shape (p, x).
+        correlation: Number of rows that count as one independent sample.
+        shift: Difference between the analytic centre of the feasible set and the estimate, shape (p,).
+        bounded: 1 for parameters that cannot be negative, otherwise 0, shape (p,).
     """
     half = half_of(precision)
     shown, spread = half.T @ (regrouping @ basis).T, half.T @ basis.T
@@ -234,12 +244,12 @@ def map_to_standard(
 
 
 def stated(fit: StandardFit, scatter: Array, known: Array, freedom: Array) -> StandardFit:
-    """The fit with deviations and intervals that follow from the base parameters'.
+    """Computes covariance and intervals of standard parameters from the covariance of the base parameters.
 
     Args:
-        fit: With its lift.
-        scatter: Covariance of the base parameters that was learned from residuals, shape (b, b).
-        known: What is added to it for certain, prior and torque scales, shape (b, b).
+        fit: Estimate of the standard parameters with the map `lift`; without it, the fit is returned unchanged.
+        scatter: Covariance of the base parameters that was estimated from residuals, shape (b, b).
+        known: Covariance of the base parameters of known size, by prior and torque scales, shape (b, b).
         freedom: Degrees of freedom of the scatter of each base parameter, shape (b,).
     """
     own = fit.lift

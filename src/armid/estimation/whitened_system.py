@@ -1,8 +1,8 @@
-"""Data as one whitened block of rows, also where they leave directions of the parameters unseen.
+"""Data as one block of whitened rows, also if the data do not determine all parameters.
 
-The weight of each joint is that of weighted least squares without constraints: one over the deviation of its
-residual. Constraints and priors cannot make noise smaller, so the residual with them would only count their own price
-as noise and lower the weight of the joints that pay it.
+The weight of each joint is that of weighted least squares without constraints: one divided by the standard deviation
+of its residual. Constraints and priors increase the residual of some joints. If the weights followed from that
+residual, the increase would count as noise and reduce the weight of these joints.
 """
 
 from __future__ import annotations
@@ -20,26 +20,30 @@ from armid.remedy import Remedy, setting
 
 ITERATIONS = 1000
 STANDSTILL = 1e-6
-"""Largest relative change of a deviation that ends the iteration: some 1e-5 of a deviation in any parameter."""
+"""Largest relative change of a standard deviation at which the iteration ends; it changes any parameter by about 1e-5
+standard deviations."""
 
 RESOLUTION = 1e-7
-"""Smallest residual over torque that counts as noise: half of what double precision resolves."""
+"""Lower limit of the ratio of noise to torque: half of the digits of double precision."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class WhitenedSystem:
-    """Data, whitened: half the squared length of rows · (π - values) is what any π costs over the best.
+    """Data as whitened rows: the cost of parameters π is larger than the minimum by ½ |rows · (π - values)|².
 
     Attributes:
-        whole: The information as one block.
-        weights: Weight of each joint's rows, shape (n,).
-        rows: Shape (k, b) with k at most b.
-        values: Best values, the shortest in columns of unit length where they are not unique, shape (b,).
+        whole: The information, all blocks merged into one.
+        weights: Weight of each joint's rows, one over the standard deviation of its residual, shape (n,).
+        rows: Triangular factor of the weighted rows, shape (k, b) with k at most b.
+        values: Least-squares parameters, shape (b,). Where they are not unique: those with the smallest norm if each
+            parameter is multiplied by the length of its weighted column.
         inverse: Pseudo-inverse of rowsᵀ rows, shape (b, b).
-        unseen: Directions of the parameters that the data do not see, shape (k, b); none for full rank.
-        squares: Squared residual of each joint at the values, unweighted, shape (n,).
-        spent: Degrees of freedom that each joint's rows spent, shape (n,).
-        correlation: Rows that count as one independent sample, from the scatter between blocks.
+        unseen: Directions of the parameters that do not change the residual, shape (m, b); m is 0 at full rank.
+        squares: Sum of the squared residuals of each joint at `values`, unweighted, shape (n,).
+        spent: Sum of the leverages of each joint's rows, by which the fit reduces the degrees of freedom,
+            shape (n,).
+        correlation: Number of consecutive rows that inform as much as one independent row, from the scatter between
+            blocks; at least 1.
     """
 
     whole: Information
@@ -54,20 +58,20 @@ class WhitenedSystem:
 
     @property
     def freedom(self) -> float:
-        """Degrees of freedom of the residuals; as much is their weighted square, where none of it is rounding."""
+        """Degrees of freedom of the residuals, equal to the sum of their weighted squares except for rounding."""
         return max(float(self.whole.rows[0].sum() - self.spent.sum()), 1.0)
 
 
 def whiten(information: Information, *, plain: bool = False, resolution: float = RESOLUTION) -> WhitenedSystem:
-    """Weights that have settled, and the data under them.
+    """Whitens data with the weights of weighted least squares, which are iterated until they converge.
 
     Args:
         information: Any number of blocks.
-        plain: One weight for all joints, from the residual of all rows, as ordinary least squares has it.
-        resolution: Smallest residual over torque that counts as noise.
+        plain: True for the same weight of all joints, from the residual of all rows, as in ordinary least squares.
+        resolution: Lower limit of the ratio of noise to torque.
 
     Raises:
-        EstimationError: No row counts, or the weights do not settle.
+        EstimationError: No row is in use, or the weights do not converge.
     """
     whole = total(information)
     rows = whole.rows[0]
@@ -110,7 +114,7 @@ def rows_of(information: Information, weights: Array) -> tuple[Array, Array]:
 
 
 def minimum_norm_solution(A: Array, y: Array) -> tuple[Array, Array, Array]:
-    """Least squares: values (b,), a square root (b, k) of the pseudo-inverse of AᵀA, unseen directions (m, b)."""
+    """Least squares: values (b,), square root (b, k) of the pseudo-inverse of AᵀA, undetermined directions (m, b)."""
     scaled, length = unit_columns(A)
     clear = orthonormal(scaled)
     if clear is not None:
@@ -123,10 +127,10 @@ def minimum_norm_solution(A: Array, y: Array) -> tuple[Array, Array, Array]:
 
 
 def _correlation(information: Information, weights: Array, values: Array, half: Array) -> float:
-    """Variance of the blocks' pull on the estimate over that of white residuals; one where blocks are too few.
+    """Variance of the gradients of the blocks, divided by its value for white residuals; 1 if there are few blocks.
 
-    Residuals that go on over many rows pull together. Blocks are few and have had their share in the estimate, which
-    makes the number small rather than large; it only sets the unit of a prior's weight.
+    Residuals that are correlated over many rows increase this variance. Blocks are few and have contributed to the
+    estimate, so the number is rather too small than too large. It is only the unit of a prior's weight.
     """
     used = np.flatnonzero(information.rows.any(axis=1))
     if len(used) < 4:

@@ -1,6 +1,9 @@
-"""Requirements on standard parameters beside physical consistency, as cones and as a smaller set of unknowns.
+"""Requirements on standard parameters in addition to physical consistency, as cones and as fewer unknowns.
 
-θ = origin + basis · x        the origin holds the fixed parameters; equal parameters share an unknown
+    θ = origin + basis · x
+
+gives the standard parameters θ from the unknowns x. The origin contains the values of the fixed parameters.
+Parameters that must be equal depend on the same unknown.
 """
 
 from __future__ import annotations
@@ -20,16 +23,17 @@ from armid.estimation.problem import StandardParameters
 from armid.maths.conic_solver import Cone
 
 ROUNDED = 1e-9
-"""Largest negative eigenvalue, as absolute value, of a given link that counts as rounding of its description."""
+"""Absolute value of the most negative eigenvalue of a given link's pseudo-inertia that still counts as a rounding
+error of the description."""
 
 
 class ContradictionError(EstimationError):
-    """Requirements that no body meets."""
+    """Contradiction between the requirements: no parameters meet all of them."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Requirements:
-    """Options of the physical estimate.
+    """Requirements on the standard parameters, from the options of the estimator `physical`.
 
     Attributes:
         epsilon: Smallest eigenvalue of a pseudo-inertia.
@@ -58,7 +62,8 @@ class Feasible:
 
     Attributes:
         origin: Fixed part of the parameters, shape (p,).
-        basis: Parameters that each unknown moves, shape (p, x); each parameter depends on one unknown at most.
+        basis: Derivative of the parameters by the x unknowns, shape (p, x); each parameter depends on one unknown at
+            most.
         cones: Cones of the unknowns x.
     """
 
@@ -67,16 +72,16 @@ class Feasible:
     cones: tuple[Cone, ...]
 
     def of(self, x: Array) -> Array:
-        """Standard parameters (p,) of the unknowns."""
+        """Computes the standard parameters (p,) from the unknowns (x,)."""
         return self.origin + self.basis @ x
 
     def unknowns(self, values: Array) -> Array:
-        """Unknowns (x,) of standard parameters, or of the nearest point that has the form origin + basis · x."""
+        """Computes the unknowns (x,) from standard parameters (p,), or from the nearest origin + basis · x."""
         return np.asarray(self.basis.T @ (values - self.origin), dtype=np.float64) / np.sum(self.basis**2, axis=0)
 
 
 def feasible_set(standard: StandardParameters, asked: Requirements, margin: float = 0.0) -> Feasible:
-    """Feasible set of the requirements.
+    """Builds the set of standard parameters that are physically consistent and meet the requirements.
 
     Args:
         standard: The standard parameters.
@@ -106,7 +111,7 @@ def feasible_set(standard: StandardParameters, asked: Requirements, margin: floa
 
 
 def _felt(cone: Cone) -> Cone | None:
-    """Cone without rows that no unknown moves, which single bounds may have; `None` where no row remains."""
+    """Cone without the rows of single bounds that depend on no unknown; `None` if no row remains."""
     moves = cone.matrix.any(axis=1)
     if cone.kind == "semidefinite":
         return cone if moves.any() else None
@@ -183,7 +188,7 @@ def at_mass_limit(standard: StandardParameters, asked: Requirements, values: Arr
 
 
 def _mass_cones(standard: StandardParameters, asked: Requirements) -> list[Cone]:
-    """Bounds of single masses and of their sum."""
+    """Cones for the bounds of single masses and of their sum."""
     p = len(standard.names)
     rows: list[Array] = []
     offsets: list[float] = []
@@ -204,7 +209,7 @@ def _mass_cones(standard: StandardParameters, asked: Requirements) -> list[Cone]
 
 
 def _com_cones(standard: StandardParameters, com: Mapping[str, Any]) -> list[Cone]:
-    """Half spaces n·c ≤ d of centres of mass c = h / m, that is d m - n·h ≥ 0."""
+    """Cones that keep the centre of mass c = h / m in half spaces n·c ≤ d, which means d m - n·h ≥ 0."""
     cones: list[Cone] = []
     for key, points in com.items():
         own = standard.inertial[_link(standard, key, "com")]

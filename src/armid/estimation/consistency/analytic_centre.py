@@ -1,9 +1,10 @@
-"""Analytic centre of the feasible set and the Hessian there.
+"""Analytic centre of the feasible set, and the Hessian of the cost at that point.
 
 A consistent estimate often lies on the boundary of the cone, where the Hessian of the cost does not give its
-uncertainty. The analytic centre lies inside: it minimises the cost of data and prior plus - log det J of each link
-and - log x of each nonnegative parameter, each with the weight of one independent sample. The Hessian there gives the
-width of the feasible set, and the distance from the estimate to the centre adds to the interval [Nesterov1994].
+uncertainty. The analytic centre lies inside the cone. To the cost of data and prior, a barrier is added: -log det J
+for the pseudo-inertia J of each link and -log x for each nonnegative parameter x, with the weight of one independent
+sample. The analytic centre minimises this sum. The Hessian at the centre gives the width of the feasible set, and the
+interval is widened by the distance between estimate and centre [Nesterov1994].
 """
 
 from __future__ import annotations
@@ -23,15 +24,16 @@ from armid.maths.barrier_method import minimise
 from armid.maths.inertia import PSEUDO_INERTIA_OF, pseudo_inertia
 
 AIM = 1e-6
-"""Target gap: the Hessian needs the centre to a few hundredths of a standard deviation."""
+"""Gap between the cost and its minimum at which the search ends. For the Hessian, the centre must be accurate to a
+few hundredths of a standard deviation."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class AnalyticCentre:
-    """The analytic centre.
+    """Analytic centre with the Hessian of prior and barrier.
 
     Attributes:
-        values: Standard parameters, shape (p,).
+        values: Standard parameters at the centre, shape (p,).
         precision: Hessian of prior and barrier there, in units of the weighted normal equations, shape (p, p).
     """
 
@@ -47,7 +49,7 @@ def find_centre(
     values: Array,
     basis: Array,
 ) -> AnalyticCentre | None:
-    """Computes the analytic centre around an estimate; `None` where no start in the cone, or no centre, is found.
+    """Computes the analytic centre; `None` if the search finds no centre, or no start inside the cone.
 
     Args:
         standard: The standard parameters.
@@ -55,7 +57,7 @@ def find_centre(
         belief: The prior for weight 1.
         prior: Kind and weight of the prior in the estimate.
         values: The estimate, shape (p,).
-        basis: Parameters (p,) that each unknown moves, shape (p, x).
+        basis: Derivative of the parameters by the x unknowns, shape (p, x).
     """
     believed, mean = _rows(standard, belief, prior)
     root = np.sqrt(weighted.correlation * believed)
@@ -83,7 +85,7 @@ def find_centre(
 
 
 def _weight(prior: PriorUse) -> float:
-    """Weight of the links' prior; 1 where the estimate had none."""
+    """Weight of the links' prior; 1 if the estimate has no prior."""
     return prior.weight if prior.weight > 0.0 else 1.0
 
 
@@ -97,7 +99,7 @@ def _rows(standard: StandardParameters, belief: Prior, prior: PriorUse) -> tuple
 def _terms(
     standard: StandardParameters, belief: Prior, prior: PriorUse, correlation: float, values: Array, basis: Array
 ) -> tuple[LogDet, ...]:
-    """Barriers that keep pseudo-inertias definite and nonnegative parameters positive, in steps from the estimate."""
+    """Barriers that keep pseudo-inertias definite and nonnegative parameters positive; the variable is the step."""
     terms: list[LogDet] = []
     if prior.kind == "log-det":
         terms.extend(belief.log_det(standard, values, basis, correlation * _weight(prior)))

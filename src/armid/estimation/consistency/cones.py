@@ -1,7 +1,7 @@
-"""Cones that hold the standard parameters of real bodies.
+"""Cones that contain the standard parameters of real bodies.
 
-A body exists exactly when its pseudo-inertia is positive semidefinite [Wensing2018]; viscous and Coulomb friction and
-rotor inertia are not negative.
+A real body with given inertial parameters exists if and only if its pseudo-inertia is positive semidefinite
+[Wensing2018]. Viscous friction, Coulomb friction and rotor inertia are not negative.
 """
 
 from __future__ import annotations
@@ -14,18 +14,19 @@ from armid.maths.conic_solver import Cone, upper_triangle
 from armid.maths.inertia import PSEUDO_INERTIA_OF, pseudo_inertia
 
 EPSILON = 1e-6
-"""Smallest eigenvalue required of a pseudo-inertia [kg and kg·m²]: a milligram, so that no mass is zero."""
+"""Required lower limit of the eigenvalues of a pseudo-inertia [kg and kg·m²]: a milligram, so that no mass is
+zero."""
 
 
 def consistency_cones(
     standard: StandardParameters, variables: int, *, epsilon: float = EPSILON, heaviest: float | None = None
 ) -> list[Cone]:
-    """Cones of standard parameters of real bodies; the standard parameters are the first of the variables.
+    """Cones of the standard parameters of real bodies, in a program whose first p variables are these parameters.
 
     Args:
         standard: The standard parameters.
         variables: Number of variables of the program.
-        epsilon: Smallest eigenvalue of a pseudo-inertia.
+        epsilon: Lower limit of the eigenvalues of a pseudo-inertia [kg and kg·m²].
         heaviest: Largest mass of a link [kg].
     """
     i, j = upper_triangle(4)

@@ -1,8 +1,9 @@
-"""Conic programs of consistent estimates: best fit in the cones, and points in their interior.
+"""Conic programs of consistent estimates: the best fit in the cones, and points in the interior of the cones.
 
-The accuracy of a solver is relative to the largest number: the right-hand side for data of little noise, or the
-masses of heavy bodies. So each program solves for the change from a rough solution, in units of the residual and the
-unknowns there. The first units are guesses; later ones follow from the previous solution.
+The accuracy of a solver is relative to the largest number in the program. This number is the right-hand side if the
+data have little noise, or the mass of a heavy body. Therefore each program solves for the change from a rough
+solution, in units of the residual and the unknowns of that solution. The first units are guesses; later units follow
+from the previous solution.
 """
 
 from __future__ import annotations
@@ -19,19 +20,20 @@ from armid.maths.linalg import orthonormal
 from armid.maths.median import median
 
 GOOD = 2e-7
-"""Relative gap at which the search ends: a fifth of the largest accepted gap."""
+"""Relative gap between objective and minimum at which the search ends: a fifth of the largest accepted gap."""
 
 TRIES = 4
 """Largest number of programs from one start; usually one is enough."""
 
 UNIT = 1e3
-"""Limit of the median column length; where small noise makes columns longer, they are scaled down to it."""
+"""Upper limit of the median column length. If small noise makes the columns longer, they are scaled to this
+length."""
 
 THIN = 1e-4
-"""Smallest ratio of a diagonal entry to the largest one that scales rows; smaller entries count as this ratio."""
+"""Lower limit of the ratio of a diagonal entry to the largest one, for the scaling of rows."""
 
 ROOM = 0.1
-"""Largest slack of a start in each cone; any positive slack is enough."""
+"""Largest distance of a start from the boundary of each cone; any positive distance is enough."""
 
 FURTHEST = 1e3
 """Limit of the norm of a start, for unknowns that no constraint bounds."""
@@ -39,12 +41,13 @@ FURTHEST = 1e3
 
 @dataclass(frozen=True, eq=False, slots=True)
 class NearestPoint:
-    """Solution of a program.
+    """Solution of a conic program.
 
     Attributes:
         x: Unknowns, which lie in the cones, shape (unknowns,).
         objective: Half the squared residual plus the linear cost.
-        gap: Upper bound of objective less minimum, over the larger of the objective and 1.
+        gap: Upper bound of the difference between `objective` and the minimum, divided by |`objective`| or by 1,
+            whichever is larger.
     """
 
     x: Array
@@ -53,7 +56,7 @@ class NearestPoint:
 
 
 def nearest(feasible: Feasible, A: Array, y: Array, cost: Array, precision: Array) -> NearestPoint:
-    """Minimises ½ |A x - y|² + costᵀ x over the cones; of all attempts the one with the smallest gap.
+    """Minimises ½ |A x - y|² + costᵀ x with x in the cones; returns the attempt with the smallest gap.
 
     Args:
         feasible: Feasible set.
@@ -98,7 +101,7 @@ def nearest(feasible: Feasible, A: Array, y: Array, cost: Array, precision: Arra
 
 
 def interior_point(feasible: Feasible) -> Array | None:
-    """Point with the largest slack in every cone, up to `ROOM`; `None` where no interior point exists."""
+    """Point with the largest distance, at most `ROOM`, from the boundary of every cone; `None` if none is inside."""
     x = feasible.basis.shape[1]
     cones: list[Cone] = []
     for cone in feasible.cones:
@@ -122,8 +125,8 @@ def interior_point(feasible: Feasible) -> Array | None:
 def _starts(A: Array, y: Array, precision: Array) -> list[tuple[Array, list[float]]]:
     """Starts of the search, each with the units that are tried first.
 
-    The first start is the minimum without cones, close to the solution for most data. But it may be very large along
-    directions that the data hardly determine, so that rounding errors dominate; hence the second start is zero.
+    The first start is the minimum without cones, close to the solution for most data. It may be very large in
+    directions that the data hardly determine, so that rounding errors dominate. Therefore the second start is zero.
     """
     length = np.sqrt(np.sum(A**2, axis=0) + precision)
     whole = np.concatenate([A / length, np.diag(np.sqrt(precision) / length)])
@@ -141,7 +144,7 @@ def _starts(A: Array, y: Array, precision: Array) -> list[tuple[Array, list[floa
 def _change(
     feasible: Feasible, A: Array, y: Array, cost: Array, near: Array, size: Array | None
 ) -> tuple[Array, float]:
-    """Minimises ½ |A d - y|² + costᵀ d; returns the change d (x,) and a bound of objective less minimum."""
+    """Minimises ½ |A d - y|² + costᵀ d; returns the change d (x,) and an upper bound of (objective - minimum)."""
     x = A.shape[1]
     cones = tuple(replace(c, offset=c.offset + c.matrix @ near) for c in feasible.cones)
     cones = cones if size is None else tuple(_scaled(cone, size) for cone in cones)
@@ -159,7 +162,7 @@ def _change(
 
 
 def _scaled(cone: Cone, size: Array) -> Cone:
-    """Equivalent cone with unknowns in units of `size` and rows scaled to about one: S X S is positive where X is."""
+    """Equivalent cone with unknowns in units of `size` and rows scaled to about one (S X S ⪰ 0 instead of X ⪰ 0)."""
     if cone.kind == "semidefinite":
         diagonal = np.diag(symmetric(cone.offset))
         half = 1.0 / np.sqrt(np.maximum(diagonal, max(THIN * float(diagonal.max()), np.finfo(np.float64).tiny)))
@@ -171,5 +174,5 @@ def _scaled(cone: Cone, size: Array) -> Cone:
 
 
 def _widened(cones: tuple[Cone, ...], more: int) -> list[Cone]:
-    """The same cones with `more` further variables that do not enter them."""
+    """The same cones in a program with `more` additional variables, on which the cones do not depend."""
     return [replace(c, matrix=np.concatenate([c.matrix, np.zeros((len(c.matrix), more))], axis=1)) for c in cones]

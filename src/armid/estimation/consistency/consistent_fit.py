@@ -1,9 +1,10 @@
 """Convex programs for physically consistent parameters that fit whitened rows best, with or without a prior.
 
-    minimise |A (L θ) - y|    so that θ lies in the cone of real bodies
+    minimise ½ |A L θ - y|² + prior(θ)        with the standard parameters θ in the cone of real bodies
 
-The prior is added to half the square; `none` is a mass prior with a negligible weight. The residual enters as a
-second-order cone or by its rows, never as AᵀA, which would lose half of the digits.
+A and y are the whitened rows and their right-hand side; L computes the base parameters from θ. If no prior is wanted
+(`none`), a mass prior with a negligible weight is used. The program contains the rows of A and not the product AᵀA,
+which would lose half of the digits.
 """
 
 from __future__ import annotations
@@ -31,15 +32,16 @@ from armid.maths.barrier_method import GAP, SmoothSolution, minimise
 from armid.maths.conic_solver import ACCEPTED
 
 UNFELT = (1e-6, 1e-4, 1e-2)
-"""Negligible weights of a mass prior, used where no prior is asked for; the first that the solver can resolve is
-used. Without any prior the residual may have no minimum, since it may fall for ever as masses grow. The largest
-weight moves a parameter of standard deviation s kg by s/1000 standard deviations."""
+"""Negligible weights of a mass prior, used for the option `prior = "none"`; the first weight that the solver can
+resolve is used. Without any prior the residual may have no minimum, because it may decrease without end as masses
+grow. The largest weight changes a parameter of standard deviation s kg by s/1000 standard deviations."""
 
 SHORT = 60
 """Largest number of Newton steps from the prior's mean before another start is tried; 20 to 40 are usual."""
 
 MARGINS = (1e-8, 1e-7, 1e-6, 1e-5)
-"""Margins added to the required eigenvalues, in turn, until the rounded solution meets the requirement."""
+"""Margins that are added to the required eigenvalues, one after the other, until the rounded solution meets the
+requirement."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -48,9 +50,9 @@ class BodyConstraints:
 
     Attributes:
         values: Standard parameters (p,).
-        basis: Parameters (p,) that each unknown moves, shape (p, x).
-        objective: Half the squared residual above its least-squares minimum, plus the prior's cost.
-        gap: Upper bound of objective less minimum, relative.
+        basis: Derivative of the parameters by the x unknowns, shape (p, x).
+        objective: Half the squared residual, minus that of unconstrained least squares, plus the cost of the prior.
+        gap: Upper bound of the difference between `objective` and its minimum, relative to the objective.
     """
 
     values: Array
@@ -78,13 +80,13 @@ class ConsistentProgram:
     correlation: float = 1.0
 
     def solve(self, rows: Array, side: Array, weight: float, *, aim: float = GAP) -> BodyConstraints:
-        """Solves for the parameters of least cost.
+        """Computes the parameters with the smallest cost.
 
         Args:
             rows: Whitened rows, shape (k, b).
             side: Right-hand side, shape (k,).
             weight: Weight of the links' prior, in independent samples.
-            aim: Target gap of Newton's method.
+            aim: Gap between cost and minimum at which Newton's method ends.
 
         Raises:
             EstimationError: The constraints contradict each other.
@@ -126,7 +128,7 @@ class ConsistentProgram:
         return self._conic(feasible, A, y, max(UNFELT[-1], UNFELT[0] * least / len(y)), aim)
 
     def _conic(self, feasible: Feasible, A: Array, y: Array, weight: float, aim: float | None) -> BodyConstraints:
-        """Solution with a linear or quadratic prior: by the conic solver, or with an aim by Newton's method."""
+        """Solution with a linear or quadratic prior by the conic solver; if that is inaccurate, see `_otherwise`."""
         believed = np.diag(self.belief.precision)
         is_link = np.isin(np.arange(len(believed)), self.standard.inertial)
         cost = np.zeros(A.shape[1])
@@ -147,7 +149,7 @@ class ConsistentProgram:
     def _otherwise(
         self, feasible: Feasible, problem: Smooth, rough: NearestPoint | None, aim: float | None
     ) -> NearestPoint | SmoothSolution:
-        """Solution where the conic one is inaccurate: by Newton's method if an aim is given, else the conic one."""
+        """Solution by Newton's method if `aim` is given, otherwise the inaccurate one of the conic solver."""
         trouble = UnsolvedError(
             "The duality gap of the conic solver is too large, so its solution is not accurate.",
             remedy="give a prior, or identify with --method log-cholesky.",
@@ -165,7 +167,7 @@ class ConsistentProgram:
         return nearest(feasible, A, y, cost, np.diag(self.belief.precision) @ feasible.basis**2)
 
     def _log_det(self, feasible: Feasible, A: Array, y: Array, weight: float, aim: float) -> BodyConstraints:
-        """Solution with a log-det prior by Newton's method, first without the eigenvalue bound: it seldom binds."""
+        """Solution with a log-det prior by Newton's method, with the bound of eigenvalues only if it is active."""
         others = np.setdiff1d(np.arange(len(self.standard.names)), self.standard.inertial)
         root = np.sqrt(self.correlation * np.diag(self.belief.precision)[others])[:, None]
         A = np.concatenate([A, root * feasible.basis[others]])
@@ -181,10 +183,10 @@ class ConsistentProgram:
         return BodyConstraints(values, feasible.basis, found.objective, found.gap)
 
     def _smooth(self, feasible: Feasible, problem: Smooth, aim: float) -> SmoothSolution:
-        """Minimum with log-det terms by Newton's method: from the prior's mean, else from the conic minimum.
+        """Minimum with log-det terms by Newton's method, from the prior's mean or else from the conic minimum.
 
-        Without the logarithms the program is conic and costs as much as fifty Newton steps. This pays where the path
-        from the mean is longer, mostly where no body explains the data.
+        The conic minimum is that of the program without the logarithms; it takes as long as fifty Newton steps. It is
+        used where more steps from the mean would be needed, mostly because no real body explains the data.
         """
         mean = feasible.unknowns(self.belief.inside(self.standard))
         with contextlib.suppress(EstimationError):
@@ -211,7 +213,7 @@ class ConsistentProgram:
         return found
 
     def _contradiction(self) -> ContradictionError:
-        """Error that names the contradicting requirements."""
+        """Error with the names of the contradicting requirements."""
 
         def empty(asked: Requirements) -> bool:
             try:

@@ -14,11 +14,11 @@ from armid.estimation.consistency.additional_constraints import Requirements
 
 
 def conflicting(asked: Requirements, empty: Callable[[Requirements], bool]) -> list[str]:
-    """Irreducible set of contradicting requirements, in words: without any one of them the others can be met.
+    """Names contradicting requirements, as few as possible: if any one of them is removed, the others can be met.
 
     Args:
-        asked: Requirements that no body meets.
-        empty: Predicate: no body meets the requirements.
+        asked: Requirements that no parameters meet.
+        empty: Function that returns true if no parameters meet the given requirements.
     """
     kept = _single(asked)
     none = Requirements(asked.epsilon)

@@ -1,6 +1,6 @@
-"""Estimators, one a file; `armid.estimation.catalogue` lists them.
+"""Estimators. Each module contains one estimator; `armid.estimation.catalogue` lists them.
 
-The classes stand here, too, for code that names one; a new estimator needs no line here.
+This package also exports the classes, for code that uses one of them by name. A new estimator needs no line here.
 """
 
 from armid.estimation.estimators.essential import EssentialParameters

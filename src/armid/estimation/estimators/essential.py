@@ -1,6 +1,6 @@
-"""Essential parameters by backward elimination: parameters that the data hardly need are held at zero, one by one.
+"""Essential parameters by backward elimination: parameters that hardly reduce the residual are set to zero in turn.
 
-Holding parameter k of a least-squares estimate π with inverse normal matrix G at zero gives
+If parameter k of a least-squares estimate π with the inverse normal matrix G is set to zero, the new values are
 
     π - G_k π_k / G_kk,        G - G_k G_kᵀ / G_kk,        cost + π_k² / G_kk,
 
@@ -11,8 +11,8 @@ so that the whole elimination is at most b small updates after one factorisation
 - `bic` drops the parameter of least cost while this cost is below the logarithm of the number of rows [Schwarz1978].
   Residuals are correlated; the scatter between blocks gives the number of independent rows.
 
-A choice by the same data makes no parameter more certain. So deviations and covariance stay those of the estimate
-with all parameters, and a parameter held at zero has an interval about zero.
+A selection by the same data does not make a parameter more accurate. So deviations and covariance remain those of the
+estimate with all parameters, and a parameter that is set to zero has an interval around zero.
 """
 
 from __future__ import annotations
@@ -41,13 +41,14 @@ from armid.threads import one_blas_thread
 
 @dataclass(frozen=True, slots=True)
 class EssentialParameters:
-    """Weighted least squares in which parameters that the data hardly need are held at zero.
+    """Weighted least squares in which parameters that hardly reduce the residual are set to zero.
 
     Attributes:
         criterion: `pham-gautier` or `bic`.
-        ratio: Largest over smallest relative deviation at which the elimination ends, usually 10 to 30.
+        ratio: Ratio of the largest to the smallest relative deviation at which the elimination ends, usually 10 to
+            30.
         price: Largest relative increase of the weighted residual by all dropped parameters together. Without this
-            limit the ratio alone would drop small parameters however well they are determined, since their relative
+            limit, `ratio` alone would also drop small parameters that the data determine well, because their relative
             deviation is large.
     """
 
@@ -79,10 +80,10 @@ class EssentialParameters:
 
     @one_blas_thread
     def solve(self, problem: EstimationProblem) -> Fit:
-        """Solve for the base parameters, with deviations under white residuals.
+        """Estimates the base parameters, with standard deviations for white residuals.
 
         Raises:
-            EstimationError: The data do not determine all base parameters, with which the elimination begins.
+            EstimationError: The data do not determine all base parameters; the elimination begins with all of them.
         """
         full = WeightedLeastSquares().solve(problem)
         whole = total(problem.information)
@@ -101,11 +102,11 @@ class EssentialParameters:
 
 
 Choose = Callable[[Array, Array], int | None]
-"""Parameter to drop, from the values and variances of the remaining ones, or `None` to end."""
+"""Function that returns the parameter to drop, from values and variances of the remaining ones; `None` ends."""
 
 
 def _eliminate(values: Array, inverse: Array, choose: Choose) -> NDArray[np.intp]:
-    """Parameters that remain, shape (k,)."""
+    """Drops parameters until the rule ends; returns the indices of the remaining ones, shape (k,)."""
     remaining = np.arange(len(values))
     scale = np.sqrt(np.diag(inverse))
     pi, G = values / scale, inverse / np.outer(scale, scale)
@@ -122,7 +123,7 @@ def _eliminate(values: Array, inverse: Array, choose: Choose) -> NDArray[np.intp
 
 
 def _least_sure(ratio: float, most: float) -> Choose:
-    """Rule of relative deviations, which ends when the sum of squares has risen by more than `most`."""
+    """Rule `pham-gautier`, which also ends when the sum of squared residuals has increased by more than `most`."""
     total = 0.0
 
     def choose(pi: Array, variance: Array) -> int | None:
@@ -136,7 +137,7 @@ def _least_sure(ratio: float, most: float) -> Choose:
 
 
 def _cheapest(most: float) -> Choose:
-    """Rule of least cost, which ends when the cost is not below `most`."""
+    """Rule `bic`, which ends when dropping any parameter increases the cost by `most` or more."""
 
     def choose(pi: Array, variance: Array) -> int | None:
         rise = pi**2 / variance
@@ -147,7 +148,7 @@ def _cheapest(most: float) -> Choose:
 
 
 def _correlation(information: Information, full: Fit, inverse: Array) -> float:
-    """Number of rows that equal one independent row: variance from the scatter between blocks over the white one."""
+    """Number of rows that count as one independent row: variance by the scatter between blocks / white variance."""
     found = block_covariance(information, full.values, full.weights, inverse)
     if found is None:
         return 1.0
@@ -155,7 +156,7 @@ def _correlation(information: Information, full: Fit, inverse: Array) -> float:
 
 
 def _fit(full: Fit, whole: Information, kept: NDArray[np.intp], cost: float) -> Fit:
-    """Estimate of the remaining parameters, the others zero."""
+    """Fit of the remaining parameters; the others are zero."""
     reduced = restrict(whole, kept)
     solution = Solution(reduced, full.weights)
     values = np.zeros(whole.count)

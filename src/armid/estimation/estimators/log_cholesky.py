@@ -1,8 +1,9 @@
-"""Least squares in parameters that are physical by construction: an independent check of the convex estimate.
+"""Least squares with unknowns that always give physically consistent bodies: an independent check of `physical`.
 
-Each link's pseudo-inertia is J = T Tᵀ with T upper triangular and the logarithms of its diagonal as unknowns
-[Rucker2022]; friction and rotor inertia are squares. The problem then has no constraints but is not convex, so the
-search has several starts. Its objective is that of the convex estimate, so the two minima can be compared.
+The pseudo-inertia of each link is J = T Tᵀ with T upper triangular. The unknowns are the off-diagonal entries of T
+and the logarithms of its diagonal [Rucker2022]; friction and rotor inertia are squares of unknowns. The problem then
+has no constraints, but it is not convex, so the search has several starts. The objective is that of the convex
+estimate `physical`, so the two minima can be compared.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from armid.maths.inertia import pseudo_inertia, vector_from_pseudo_inertia
 from armid.threads import one_blas_thread
 
 RESOLUTION = 1e-5
-"""Smallest residual over torque that counts as noise, as in `physical`."""
+"""Lower limit of the noise, divided by the torque, as in `physical`."""
 
 TOLERANCE = 1e-7
 """Relative decrease of the objective over the last steps below which the search ends."""
@@ -34,19 +35,19 @@ PATIENCE = 10
 """Number of steps over which this decrease is taken: in a curved valley that of a single step is small."""
 
 SMALLEST = 1e-7
-"""Smallest diagonal entry of a factor: without it the search would not end where a body has no thickness."""
+"""Lower limit of the diagonal entries of a factor. Without it the search would not end if a body has no thickness."""
 
 FARTHEST = 4.0
-"""Longest step, as the norm of the changes of all logarithms."""
+"""Upper limit of the norm of a step, in which a change of a logarithm counts as it is."""
 
 DAMPING = 1e-3
-"""Initial damping over the objective, for steps in logarithms."""
+"""Initial damping, divided by the objective, for steps in logarithms."""
 
 SPREAD = 0.5
 """Standard deviation of the random change of the logarithms in further starts."""
 
 UPPER = ((0, 0), (1, 1), (2, 2), (3, 3), (0, 1), (0, 2), (1, 2), (0, 3), (1, 3), (2, 3))
-"""Rows and columns of a factor's entries, the diagonal first."""
+"""Row and column of each entry of an upper triangular factor T, the diagonal first."""
 
 
 PLAIN = np.diag([0.01, 0.01, 0.01, 1.0])
@@ -55,12 +56,12 @@ PLAIN = np.diag([0.01, 0.01, 0.01, 1.0])
 SYMMETRIC = np.array(
     [[vector_from_pseudo_inertia(0.5 * (np.outer(a, b) + np.outer(b, a))) for b in np.eye(4)] for a in np.eye(4)]
 ).transpose(2, 0, 1)
-"""Parameters (10, 4, 4) of each symmetrised entry of a pseudo-inertia."""
+"""Ten inertial parameters for a unit of each symmetrised entry (i, j) of a pseudo-inertia, shape (10, 4, 4)."""
 
 
 @dataclass(frozen=True, slots=True)
 class LogCholesky:
-    """Least squares over factors of the pseudo-inertias.
+    """Least squares with triangular factors of the pseudo-inertias as unknowns.
 
     Attributes:
         prior: `mass`, as in `physical`, or `none`.
@@ -90,12 +91,12 @@ class LogCholesky:
                 )
 
     def with_one_start(self) -> LogCholesky:
-        """The method with a single start, for a comparison of methods."""
+        """This estimator with a single start, which saves time when estimators are compared."""
         return replace(self, starts=1)
 
     @one_blas_thread
     def solve(self, problem: EstimationProblem) -> Fit:
-        """Estimate standard and base parameters.
+        """Estimates standard and base parameters.
 
         Raises:
             EstimationError: No row is in use.
@@ -181,9 +182,9 @@ def _descend(search: _Search, point: _Point, evaluations: int) -> _End:
 class _Search:
     """Residuals and their derivatives.
 
-    A step multiplies a factor T by an upper triangular U, whose unknowns are the off-diagonal entries and the
-    logarithms of the diagonal. They are zero at every point, so that the length of a step means the same for all
-    bodies, frames and units.
+    A step multiplies a factor T by an upper triangular matrix U. The unknowns of a step are the off-diagonal entries
+    of U and the logarithms of its diagonal. They are zero at the start of each step, so the length of a step does not
+    depend on bodies, frames and units.
     """
 
     def __init__(self, standard: StandardParameters, weighted: WhitenedSystem, belief: Prior, light: bool) -> None:
@@ -200,7 +201,7 @@ class _Search:
         self.size = size * np.sqrt(2.0 * weighted.correlation / MASS) * (1.0 if light else 0.0)
 
     def start(self) -> _Point:
-        """First start: the description's bodies where they are physical, else plain ones, and some friction."""
+        """First start: bodies of the description if they are physical, otherwise `PLAIN`, and some friction."""
         factors: list[Array] = []
         for own in self.standard.inertial:
             J = PLAIN if self.standard.nominal is None else pseudo_inertia(self.standard.nominal[own])

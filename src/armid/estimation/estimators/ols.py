@@ -1,6 +1,8 @@
-"""Ordinary least squares, (3.50) and (3.51): the rows of all joints have equal weight.
+"""Ordinary least squares, equations (3.50) and (3.51) of the thesis: the rows of all joints have equal weight.
 
-σ² = |ρ - W π|² / (m - b),    cov = σ² (WᵀW)⁻¹        (2.44) to (2.46), with the square that (2.44) lacks
+    σ² = |ρ - W π|² / (m - b),        cov = σ² (WᵀW)⁻¹
+
+for m rows and b parameters. These are equations (2.44) to (2.46) of the thesis, with the square that (2.44) lacks.
 """
 
 from __future__ import annotations
@@ -25,10 +27,10 @@ class OrdinaryLeastSquares:
 
     @one_blas_thread
     def solve(self, problem: EstimationProblem) -> Fit:
-        """Solve for the base parameters, with deviations under white residuals.
+        """Estimates the base parameters, with standard deviations for white residuals.
 
         Raises:
-            EstimationError: The data do not determine them.
+            EstimationError: The data do not determine all base parameters.
         """
         information = problem.information
         weights = np.ones(information.n)

@@ -1,9 +1,9 @@
 """Physically consistent standard parameters by convex optimisation.
 
-The estimate minimises the weighted residual plus a prior, which decides where the data do not. The constraints: the
-eigenvalues of each link's pseudo-inertia are at least epsilon; rotor inertia, viscous and Coulomb friction are not
-negative; and further bounds on masses and centres of mass. The program is solved on the triangular factors, so that
-its size does not depend on the length of the recordings.
+The estimate minimises the weighted residual plus a prior, which determines the parameters that the data do not
+determine. The constraints are: the eigenvalues of each link's pseudo-inertia are at least epsilon; rotor inertia,
+viscous and Coulomb friction are not negative; masses and centres of mass are within the bounds that the user gives.
+The program contains the triangular factors, so its size does not depend on the length of the recordings.
 """
 
 from __future__ import annotations
@@ -32,21 +32,21 @@ from armid.information.information import Information
 from armid.threads import one_blas_thread
 
 RESOLUTIONS = (1e-5, 1e-4, 1e-3, 1e-2, 1e-1)
-"""Lower bounds of the noise over the torque, tried in order. The first is the accuracy of the best models of arms.
-Where no body explains the data, the misfit may be so many standard deviations of the noise that the solver loses the
-constraints by rounding; then the next bound is used, and a finding records it."""
+"""Lower bounds of the ratio of noise to torque, tried in this order. The first is the accuracy of the best models of
+arms. If no real body explains the data, the residual may be so many standard deviations of the noise that rounding
+errors of the solver hide the constraints. Then the next bound is used, and a finding records it."""
 
 FAR = 10.0
 """RMS residual of a joint, in standard deviations of its noise, above which no body explains its torque."""
 
 WEIGHTS = np.logspace(4.0, -1.0, 11)
-"""Weights of a prior that are tried, strongest first: from links known to 1 % to hardly known links."""
+"""Weights of a prior that are tried, the largest first: from links known to 1 % to hardly known links."""
 
 TRIED = 1e-4
-"""Target gap of the trial of a weight."""
+"""Gap between cost and minimum at which the trial of a weight ends."""
 
 LEAST_ERROR = 1e-4
-"""Lower bound of the held-out variance over that of the residual: smaller ratios count as equal."""
+"""Lower bound of the held-out variance divided by the variance of the residual; smaller ratios count as equal."""
 
 REMEDY = "check the signs of torque and gravity, the units, and that the description belongs to this arm."
 """Remedy for torques that no consistent body explains."""
@@ -55,7 +55,7 @@ PRIORS = ("auto", "mass", "log-det", "euclidean", "none")
 
 
 NOT_JUDGED = "that of one sample, because there are too few blocks for cross-validation"
-"""Origin of a prior weight that could not be chosen on held-out blocks."""
+"""Origin of the weight of a prior if no weight could be chosen on held-out blocks."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,18 +63,19 @@ class PhysicallyConsistent:
     """Standard parameters of bodies that can exist, by convex optimisation.
 
     Attributes:
-        prior: Kind of prior, which decides where the data do not: `mass` prefers small bodies; `log-det` and
-            `euclidean` prefer the description's bodies; `none` prefers no values; `auto` is `log-det` where the
-            description gives every link a mass, else `mass`.
-        weight: Weight of the prior, in independent samples of each joint; `auto` is 1, or found by blocked
-            cross-validation where `log-det` or `euclidean` is given by name.
-        epsilon: Smallest eigenvalue of a pseudo-inertia.
-        heaviest: Largest mass of any link [kg].
-        total_mass: Least and largest mass of all links [kg].
-        masses: Least and largest mass of single links [kg], `{ 3 = [1.0, 4.0] }`.
+        prior: Kind of prior, for parameters that the data do not determine: `mass` prefers small bodies; `log-det`
+            and `euclidean` prefer the bodies of the description; `none` prefers no values; `auto` is `log-det` if the
+            description gives every link a mass, otherwise `mass`.
+        weight: Weight of the prior, in independent samples of each joint. `auto` is 1; if `log-det` or `euclidean` is
+            given by name, the weight is found by cross-validation with blocks.
+        epsilon: Lower bound of the eigenvalues of a pseudo-inertia [kg and kg·m²].
+        heaviest: Upper bound of the mass of each link [kg].
+        total_mass: Lower and upper bound of the mass of all links together [kg].
+        masses: Lower and upper bound of the mass of single links [kg], by the number of the link:
+            `{ 3 = [1.0, 4.0] }`.
         com: Points around centres of mass in link frames [m]: two corners of a box, or more points of a hull.
-        equal: Sets of parameters that have one value, such as `[["XX_7", "YY_7"]]`.
-        fixed: Parameters that are known, `{ XY_7 = 0.0 }`.
+        equal: Sets of parameters that have equal values, such as `[["XX_7", "YY_7"]]`.
+        fixed: Known values of parameters, such as `{ XY_7 = 0.0 }`.
         known: Numbers of links whose parameters the description gives.
     """
 
@@ -111,10 +112,11 @@ class PhysicallyConsistent:
 
     @one_blas_thread
     def solve(self, problem: EstimationProblem) -> Fit:
-        """Estimate standard and base parameters.
+        """Estimates standard and base parameters.
 
         Raises:
-            EstimationError: The description does not give the chosen prior, or constraints contradict each other.
+            EstimationError: The description lacks the masses for the chosen prior, or constraints contradict each
+                other.
             UnsolvedError: No solution passed its checks.
         """
         trouble = UnsolvedError(
@@ -140,7 +142,7 @@ class PhysicallyConsistent:
         )
 
     def with_prior_of(self, problem: EstimationProblem, fit: Fit) -> PhysicallyConsistent:
-        """The method with the prior's weight fixed to that of an estimate; unchanged for one without a prior."""
+        """This estimator, with the weight of the prior fixed to that of a fit; unchanged if the fit has no prior."""
         del problem
         weight = 0.0 if fit.standard is None else fit.standard.prior.weight
         return replace(self, weight=weight) if weight > 0.0 else self
@@ -200,7 +202,7 @@ def _raised(resolution: float, far: Array) -> Finding:
 
     Args:
         resolution: Ratio of residual to torque that was counted as noise.
-        far: RMS residual of each joint over its estimated noise, shape (n,).
+        far: RMS residual of each joint, divided by the standard deviation of its noise, shape (n,).
     """
     counted = f"residuals up to {resolution:g} of the torque were counted as noise"
     joint = int(np.argmax(far))
@@ -219,9 +221,9 @@ def _number(value: Any) -> bool:
 
 
 def _error(held_out: Information, values: Array, weights: Array) -> float:
-    """Mean over joints of the logarithm of the held-out variance over that of the residual.
+    """Mean over the joints of log(held-out variance / variance of the residual).
 
-    Without the logarithm a joint with large torque, and so large noise, would decide alone.
+    Without the logarithm, one joint with a large error would determine the choice alone.
     """
     rows = held_out.rows.sum(axis=0)
     counted = rows > 0

@@ -2,13 +2,15 @@
 
     minimise |W (y - A π)|² + λ (π - π₀)ᵀ P (π - π₀)
 
-π₀ is that of the description's bodies, or zero. P follows from the prior of the standard parameters
-(`armid.estimation.prior`): for each link the second-order form of the log-det divergence, in which a change of a
-whole link by 100 % costs the same for large and small links. With P = CᵀC and U S Vᵀ = W A C⁻¹, every λ costs one
-product, π = π₀ + C⁻¹ V S (S² + λ)⁻¹ Uᵀ W (y - A π₀), and blocked cross-validation of λ takes a few milliseconds.
+Here W contains the weights of the rows, A and y the factors and their right-hand side, and λ the weight of the prior.
+π₀ are the base parameters of the bodies in the description, or zero. P follows from the prior of the standard
+parameters (`armid.estimation.prior`): for each link the second-order form of the log-det divergence, in which a
+change of a whole link by 100 % has the same cost for large and small links. With P = CᵀC and U S Vᵀ = W A C⁻¹, the
+solution for each λ is one product, π = π₀ + C⁻¹ V S (S² + λ)⁻¹ Uᵀ W (y - A π₀), so the cross-validation of λ takes a
+few milliseconds.
 
-The prior keeps the estimate near the description where the data are poor. Unlike `physical`, it does not make bodies
-physical.
+If the data hardly determine a direction of the parameters, the prior keeps the estimate near the description. Unlike
+the estimator `physical`, it does not make the bodies physically consistent.
 """
 
 from __future__ import annotations
@@ -33,7 +35,7 @@ from armid.maths.linalg import condition, scaled_condition
 from armid.threads import one_blas_thread
 
 STRENGTHS = np.concatenate([np.logspace(6.0, -4.0, 31), [0.0]])
-"""Weights of the prior that are tried, in independent samples, strongest first: from links known to 0.1 % to links
+"""Weights of the prior that are tried, in independent samples, the largest first: from links known to 0.1 % to links
 known to a factor of 100."""
 
 DOMINATED = 0.5
@@ -42,11 +44,13 @@ DOMINATED = 0.5
 
 @dataclass(frozen=True, slots=True)
 class Ridge:
-    """Weighted least squares with a prior that keeps the estimate near the description where the data are poor.
+    """Weighted least squares with a prior, which decides where the data hardly determine the parameters.
 
     Attributes:
-        towards: `nominal`, the description's inertial parameters; `zero`; or `auto`, nominal where there are any.
-        weight: Number of independent samples that the prior counts as; `auto` finds it by blocked cross-validation.
+        towards: Mean of the prior: `nominal`, the inertial parameters of the description; `zero`; or `auto`, which is
+            `nominal` if the description gives every link a mass.
+        weight: Number of independent samples to which the prior is equivalent; `auto` finds it by cross-validation
+            with blocks.
     """
 
     towards: Literal["auto", "nominal", "zero"] = "auto"
@@ -70,7 +74,7 @@ class Ridge:
 
     @one_blas_thread
     def solve(self, problem: EstimationProblem) -> Fit:
-        """Solve for the base parameters, with deviations under white residuals.
+        """Estimates the base parameters, with standard deviations for white residuals.
 
         Raises:
             EstimationError: The weight is zero and the data do not determine the parameters, or the prior needs a
@@ -87,7 +91,10 @@ class Ridge:
         return _fit(weighted, prior, weight, how)
 
     def with_prior_of(self, problem: EstimationProblem, fit: Fit) -> Ridge:
-        """The method with its weight fixed to the one that is found on a problem."""
+        """This estimator, with its weight fixed to the one that cross-validation finds on the data of a problem.
+
+        A weight that is already a number is kept. `fit` is not used: the weight is found again from the data.
+        """
         del fit
         if self.weight != "auto":
             return self
@@ -110,7 +117,7 @@ class Ridge:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Prior:
-    """Prior of the b base parameters: mean (b,), covariance (b, b) in the unit of the data's weights."""
+    """Prior of the b base parameters: mean (b,) and covariance (b, b), in units of the weighted normal equations."""
 
     towards: str
     mean: Array
@@ -119,7 +126,7 @@ class _Prior:
 
 
 def _places(problem: EstimationProblem) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Base parameter of each parameter of the information, and its recording: 2 for `FV_1[2]`, 0 if shared."""
+    """Base parameter (index) of each parameter of the information, and recording: 2 for `FV_1[2]`, 0 if shared."""
     names = problem.information.names
     copy = np.array([name.recording or 0 for name in names], dtype=np.intp)
     if problem.base is None:
@@ -150,7 +157,7 @@ class _Path:
 
 
 def _chosen(information: Information, weighted: WhitenedSystem, prior: _Prior) -> tuple[float, str]:
-    """Weight with the least error on held-out folds, and how it was found."""
+    """Weight with the smallest error on held-out folds, and a text that says how it was found."""
     candidates = STRENGTHS[:-1] if len(weighted.unseen) else STRENGTHS
     parts = split(information, folds(information))
     if not parts:

@@ -3,9 +3,9 @@
     minimise Σ_j Σ_m ϱ(r_jm / s_j),        r_jm = τ_jm - x_jm π,        ψ = ϱ'
 
 by iteratively reweighted least squares [Holland1977]: each pass over the rows computes weights ψ(u) / u from the
-residuals u = r / s of the pass before. The scale s_j is the median of |r_j| over that of a standard normal variable.
-`huber` is convex and has one minimum. `tukey` gives rows with very large residuals zero weight; it may have several
-minima and starts from Huber's.
+residuals u = r / s of the previous pass. The scale s_j is the median of |r_j|, divided by the median of the absolute
+value of a standard normal variable. `huber` is convex and has one minimum. `tukey` gives rows with very large
+residuals zero weight; it may have several minima and starts from Huber's.
 
 The covariance is not that of least squares with these weights, since the sensitivity of the estimate to a row is
 given by the slope ψ', not by the weight [Huber1981, section 7.6]. With both averaged over a joint's rows, κ = mean ψ'
@@ -48,31 +48,34 @@ NORMAL_MEDIAN = 0.6744897501960817
 """Median of the absolute value of a standard normal variable."""
 
 SETTLED = 1e-3
-"""Change of a parameter over its standard deviation that ends the iteration. Changes shrink by a twentieth or more in
-each iteration, so that the estimate is within a few hundredths of a standard deviation of its limit."""
+"""Change of a parameter, divided by its standard deviation, below which the iteration ends. Changes decrease by a
+twentieth or more in each iteration, so the estimate is within a few hundredths of a standard deviation of its
+limit."""
 
 ROUNDING = 1e-10
-"""The same over the largest parameter, for data without noise, where deviations are rounding errors."""
+"""Change of a parameter, divided by the largest parameter, below which the iteration ends for data without noise,
+whose deviations are rounding errors."""
 
 SCALED = 20
-"""Iterations after which the scales are fixed. A median may jump between two rows for ever; with fixed scales every
-iteration decreases the objective."""
+"""Number of iterations after which the scales are fixed. A median may change between two rows without end; with fixed
+scales every iteration decreases the objective."""
 
 SLIGHT = 0.5
-"""Weight below which the finding counts a row. Under normal noise these are 1 in 100 rows, with Huber 1 in 140."""
+"""Weight below which the finding counts a row as an outlier. With normal noise these are 1 in 100 rows for `tukey`
+and 1 in 140 for `huber`."""
 
 FLATTEST = 0.1
-"""Smallest κ that is used: below it so many rows lie beyond the constant that no covariance is meaningful."""
+"""Lower limit of κ. For a smaller κ so many rows exceed the constant that no covariance is meaningful."""
 
 
 @dataclass(frozen=True, slots=True)
 class RobustLeastSquares:
-    """Estimate that is insensitive to rows with large residuals, as from contact.
+    """Estimate that is insensitive to rows with large residuals, for instance during contact.
 
     Attributes:
         loss: `tukey` gives large residuals zero weight; `huber` gives them a small weight.
-        constant: Residual over scale above which weights fall below one (`huber`) or are zero (`tukey`); the usual
-            constant where not given.
+        constant: Ratio of residual to scale above which weights are below one (`huber`) or zero (`tukey`); if not
+            given, 1.345 for `huber` and 4.685 for `tukey`.
         iterations: Largest number of passes over the rows with one loss.
     """
 
@@ -98,11 +101,11 @@ class RobustLeastSquares:
 
     @one_blas_thread
     def solve(self, problem: EstimationProblem) -> Fit:
-        """Solve for the base parameters, with deviations under white residuals.
+        """Estimates the base parameters, with standard deviations for white residuals.
 
         Raises:
-            EstimationError: The data do not determine the parameters, weights do not converge, or there are no
-                samples.
+            EstimationError: The data do not determine the parameters, the weights do not converge, or the problem
+                contains no samples.
         """
         model, base, observations = problem.require_samples(self.name)
         start = WeightedLeastSquares().solve(problem)
@@ -153,7 +156,7 @@ class _Loss:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _State:
-    """State of the iteration: parameters (b,), scales (n,), and the loss and factors that they come from."""
+    """State of the iteration: parameters (b,), scales (n,), and the loss and deviations (b,) of the last weights."""
 
     values: Array
     scale: Array
@@ -184,7 +187,7 @@ class _Passes:
         return segment.x[b - 1] - values[numbers] @ segment.x[a : b - 1]
 
     def _numbers(self, recording: int) -> NDArray[np.intp]:
-        """Position of each base parameter among the information's, which may have copies for each recording."""
+        """Position of each base parameter, or of its copy for a recording, in the names of the information."""
         if not self.own.any():
             return np.arange(len(self.names))
         index = {name: k for k, name in enumerate(self.information.names)}
@@ -194,7 +197,7 @@ class _Passes:
         return np.array([index[name] for name in copies], dtype=np.intp)
 
     def scale(self, values: Array) -> Array:
-        """Scale (n,) of each joint's residuals from their median, corrected for the degrees of freedom."""
+        """Scale (n,) of each joint's residuals, from the median of |r_j|, corrected for the degrees of freedom."""
         sizes: list[list[Array]] = [[] for _ in self.floor]
         for segment in self.every:
             for j, own in enumerate(sizes):
@@ -218,10 +221,10 @@ class _Passes:
         return separate_by_recording(weighted_information(self.every, weigh, blocks=blocks), self.own)
 
     def fit(self, start: Fit, state: _State, joints: tuple[str, ...]) -> Fit:
-        """Fit with the factors and scales that its covariance is computed from.
+        """Fit, with the factors and scales from which its covariance is computed.
 
         Args:
-            start: Fit by weighted least squares, for the entries that do not change.
+            start: Fit by weighted least squares, from which the entries that do not change are taken.
             state: Last state of the iteration.
             joints: Names of the joints.
         """
@@ -247,7 +250,7 @@ class _Passes:
         )
 
     def _means(self, state: _State, loss: _Loss) -> tuple[Array, Array, NDArray[np.int64]]:
-        """Each joint's κ, mean ψ² over mean weight by degrees of freedom, and number of rows with small weights."""
+        """For each joint: κ; mean ψ² / mean weight, corrected for the fit; number of rows with small weights."""
         sums = np.zeros((len(self.floor), 4))
         for segment in self.every:
             for j, row in enumerate(sums):
@@ -260,7 +263,7 @@ class _Passes:
 
 
 def _working(weighted: Information, values: Array, kappa: Array) -> Information:
-    """Factors of rows of weight κ ψ / u and torque x π + r / κ, from those of weight ψ / u and torque."""
+    """Factors of rows with weight κ ψ / u and torque x π + r / κ, from rows with weight ψ / u and measured torque."""
     joints: list[JointFactors] = []
     for share, joint in zip(kappa, weighted.joints, strict=True):
         R = np.sqrt(share) * joint.R
@@ -270,7 +273,7 @@ def _working(weighted: Information, values: Array, kappa: Array) -> Information:
 
 
 def _finding(slight: NDArray[np.int64], rows: NDArray[np.int64], joints: tuple[str, ...]) -> Finding:
-    """Number of rows with a weight below one half."""
+    """Finding with the number of rows whose weight is below one half."""
     shares = ", ".join(
         f"{name} {count} of {of}" for name, count, of in zip(joints, slight.tolist(), rows.tolist(), strict=True)
     )

@@ -1,10 +1,10 @@
-"""The thesis's own estimate of physical parameters, (3.52) and (3.53) [Halper2024].
+"""Estimate of physical parameters as in the thesis, equations (3.52) and (3.53) [Halper2024].
 
     minimise |ρ - W π(μ)|²    over μ = (m, r, I about the centre of mass, friction)    with bounds and inequalities
 
-The inequalities are heuristics: they neither imply nor follow from physical consistency. So the result is usually not
-physical, and a finding says so. IPOPT solves the problem with exact first and second derivatives, from several
-starts, since it is not convex.
+The inequalities (3.53) are heuristic: they neither imply nor follow from physical consistency. So the result is
+usually not physical, and a finding says so. IPOPT solves the problem with exact first and second derivatives, from
+several starts, since it is not convex.
 """
 
 from __future__ import annotations
@@ -29,32 +29,35 @@ from armid.estimation.whitened_system import WhitenedSystem, whiten
 from armid.threads import one_blas_thread
 
 CONSTRAINTS = ("3.52d", "3.53a", "3.53b", "3.53c", "3.53d", "3.53e", "3.53f")
-"""All inequalities beside the bounds; (3.52c), positive masses, is the lower bound of the masses."""
+"""Numbers of the equations of the thesis that are used as inequalities. Equation (3.52c), positive masses, is not
+among them: it is the lower bound of the masses."""
 
 RESOLUTION = 1e-5
-"""Smallest residual over torque that counts as noise, as in `physical`."""
+"""Lower limit of the noise, divided by the torque, as in `physical`."""
 
 LEAST_MOMENT = 1e-4
-"""(3.53d): smallest moment of inertia [kg·m²]."""
+"""Smallest moment of inertia in equation (3.53d) of the thesis [kg·m²]."""
 
 POSITIVE = 1e-12
-"""Least leading minor of a tensor that is to be positive definite, (3.52d) [(kg·m²)³ and less]."""
+"""Lower limit of the leading minors of an inertia tensor, so that it is positive definite as equation (3.52d) of the
+thesis requires [kg·m², (kg·m²)² and (kg·m²)³]."""
 
 SOLVED = ("Solve_Succeeded", "Solved_To_Acceptable_Level", "Feasible_Point_Found")
 
 
 @dataclass(frozen=True, slots=True)
 class ThesisNLP:
-    """The thesis's nonlinear program.
+    """Estimator with the nonlinear program of the thesis.
 
     Attributes:
-        constraints: Inequalities in use, of `3.52d` and `3.53a` to `3.53f`.
+        constraints: Inequalities in use, by the numbers `3.52d` and `3.53a` to `3.53f` of the equations in the
+            thesis.
         mass: Bounds of a mass [kg].
-        com: Largest coordinate of a centre of mass, either way [m].
+        com: Bound of the absolute value of a coordinate of a centre of mass [m].
         moment: Bounds of a moment of inertia about the centre of mass [kg·m²].
-        product: Largest product of inertia, either way [kg·m²].
-        friction: Largest friction parameter, either way where it has a sign.
-        long: Numbers of the links that are long along z, (3.53e), and along y, (3.53f).
+        product: Bound of the absolute value of a product of inertia [kg·m²].
+        friction: Bound of the absolute value of a friction parameter.
+        long: Numbers of the links that are long along z, for (3.53e), and along y, for (3.53f).
         starts: Number of searches: the first begins in the middle of the bounds, the others at random points.
         seed: Seed of the other starts.
         iterations: Largest number of iterations of a search.
@@ -96,12 +99,12 @@ class ThesisNLP:
         object.__setattr__(self, "long", tuple(tuple(links) for links in self.long))
 
     def with_one_start(self) -> ThesisNLP:
-        """The method with a single start, for a comparison of methods."""
+        """This estimator with a single start, which saves time when estimators are compared."""
         return replace(self, starts=1)
 
     @one_blas_thread
     def solve(self, problem: EstimationProblem) -> Fit:
-        """Estimate physical, standard and base parameters; the rows of all joints have equal weight.
+        """Estimates physical, standard and base parameters; the rows of all joints have equal weight.
 
         Raises:
             MissingExtraError: casadi is not installed.
@@ -130,7 +133,7 @@ class ThesisNLP:
 
 
 class _Program:
-    """The program in casadi, built once for all starts."""
+    """Nonlinear program in casadi, built once for all starts."""
 
     def __init__(self, options: ThesisNLP, standard: StandardParameters, weighted: WhitenedSystem) -> None:
         try:
@@ -158,7 +161,7 @@ class _Program:
         self.limits = len(limits)
 
     def solve(self, start: Array) -> tuple[float, Array, str]:
-        """Objective, standard parameters and IPOPT's status from one start."""
+        """Solves the program from one start; returns objective, standard parameters and the status of IPOPT."""
         found = self.solver(
             x0=start, lbx=self.low, ubx=self.high, lbg=np.zeros(self.limits), ubg=np.full(self.limits, np.inf)
         )
@@ -166,7 +169,7 @@ class _Program:
         return float(found["f"]) / self.scale, values, str(self.solver.stats()["return_status"])
 
     def _standard(self, unknowns: Any) -> Any:
-        """Standard parameters of the unknowns: link by link m, r, I about the centre of mass, then the others."""
+        """Standard parameters from the unknowns: m, r and I about the centre of mass of each link, then others."""
         casadi = self.casadi
         result: list[Any] = [0.0] * len(self.standard.names)
         for k, own in enumerate(self.standard.inertial):
@@ -181,7 +184,7 @@ class _Program:
         return casadi.vertcat(*result)
 
     def _inequalities(self, options: ThesisNLP, unknowns: Any) -> list[Any]:
-        """Left-hand sides that must not be negative."""
+        """Expressions that must not be negative."""
         limits: list[Any] = []
         for k, own in enumerate(self.standard.inertial):
             link = self.standard.names[own[0]].number

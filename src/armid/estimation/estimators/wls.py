@@ -20,7 +20,8 @@ from armid.remedy import Remedy, setting
 from armid.threads import one_blas_thread
 
 STANDSTILL = 1e-9
-"""Largest relative change of a deviation that ends the iteration: far below any effect on the estimate."""
+"""Largest relative change of a standard deviation at which the iteration ends: far below any effect on the
+estimate."""
 
 RESOLUTION = 1e-13
 """Smallest ratio of residual to torque that double precision resolves. Without it noise-free data would get infinite
@@ -29,7 +30,7 @@ weights, and the weights of data with rounding errors only would never converge.
 
 @dataclass(frozen=True, slots=True)
 class WeightedLeastSquares:
-    """Estimate that minimises the sum of each joint's squared residual over its variance.
+    """Estimate that minimises the sum of squared residuals, each divided by the variance of its joint.
 
     Attributes:
         iterations: Largest number of iterations.
@@ -41,7 +42,7 @@ class WeightedLeastSquares:
 
     @one_blas_thread
     def solve(self, problem: EstimationProblem) -> Fit:
-        """Solve for the base parameters, with deviations under white residuals.
+        """Estimates the base parameters, with standard deviations for white residuals.
 
         Raises:
             EstimationError: The data do not determine the parameters, or the weights do not converge.

@@ -1,9 +1,10 @@
 """Acceptance rule for friction candidates, from their gains on held-out folds.
 
-A candidate is accepted where its gain over the folds exceeds a multiple of the gain's standard error and a minimum
-share of the remaining error. Some families act alike on all joints of an arm (hysteresis of the same kind of gear).
-There the mean gain over the joints decides for all of them; a joint departs from that choice only where another
-candidate is significantly better on it.
+The gain of a candidate is the reduction of the squared held-out error, as a share of this error. A candidate is
+accepted if its gain is larger than a multiple of the standard error of the gain and larger than a minimum. Some
+families of friction are similar on all joints of an arm (hysteresis of the same kind of gear). For such a family, the
+mean gain over the joints selects one option for all joints; a joint gets another option only if that option is
+significantly better on this joint.
 """
 
 from __future__ import annotations
@@ -16,25 +17,30 @@ from armid.checked_array import Array
 from armid.estimation.friction.candidates import Candidate, CandidateFamily
 
 LOWEST_RATIO = 0.1
-"""Lower limit of the error ratio of a fold: one fold explained by chance must not outweigh all others."""
+"""Lower limit of the ratio of the squared errors with and without a candidate on one fold, so that one fold that fits
+by chance does not outweigh all others."""
 
 LARGE = 0.1
-"""Minimum gain, as a share of the squared error, of an effect that only a few folds show, such as slow reversals."""
+"""Minimum gain, as a share of the squared error, of an effect that only few folds show, such as slow reversals."""
 
 BEYOND_BEST = 0.02
-"""Minimum gain of such an effect on all folds but the best, as a share, so that no fold decides alone."""
+"""Minimum gain of such an effect on all folds except the best, as a share of the squared error, so that no fold
+decides alone."""
 
 GAIN_OVER_LOSS = 10.0
-"""Minimum ratio of that gain to the loss on the other folds, in place of the standard error, which is large here."""
+"""Minimum ratio of the gain on all folds except the best to the loss on the other folds. It replaces the standard
+error, which is large for such effects."""
 
 SHARED_MARGIN = 0.5
-"""Factor on the margin that a joint itself must reach where the arm as a whole accepts the candidate."""
+"""Factor by which the margin of a single joint is reduced if the candidate is accepted for the whole arm."""
 
 OWN_CHOICE_MARGIN = 2.0
-"""Standard errors by which a joint's best candidate must beat the candidate chosen for the arm."""
+"""Number of standard errors by which a joint's best candidate must be better than the candidate chosen for the
+arm."""
 
 REJECTION_MARGIN = 1.0
-"""Standard errors by which a candidate must lose with all parameters estimated anew to be rejected."""
+"""Number of standard errors by which the error must increase for a candidate to be rejected, if all parameters are
+estimated again without the fold."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -46,8 +52,10 @@ class CandidateGain:
         option: Index of the option in its family.
         candidates: Candidates of the option.
         ridge: Shrinkage of their columns, in shares of the squared length of each.
-        gains: Reduction of the joint's squared error on each fold, as a share of its error on all folds, shape (F,).
-        changes: Logarithm of the ratio of the joint's squared error, with over without, on each fold, shape (F,).
+        gains: Reduction of the joint's squared error on each of the F folds, as a share of its error on all folds,
+            shape (F,).
+        changes: Logarithm of the ratio of the joint's squared errors with and without the option on each of the F
+            folds, shape (F,).
     """
 
     joint: int
@@ -64,7 +72,7 @@ class CandidateGain:
 
 
 def choose_for_arm(family: CandidateFamily, measured: list[CandidateGain]) -> list[CandidateGain] | None:
-    """Chooses the option with the largest gain over all joints; `None` where their mean gain is not significant."""
+    """Chooses the option with the largest sum of gains over all joints; `None` if the gain is not significant."""
     groups: dict[tuple[int, float], list[CandidateGain]] = {}
     for each in measured:
         groups.setdefault((each.option, each.ridge), []).append(each)
@@ -81,8 +89,8 @@ def choose_for_joint(
 ) -> CandidateGain | None:
     """Chooses the option of a joint.
 
-    The arm's choice stands unless another option is significantly better on the joint. Where there is no arm's
-    choice, the joint's best option is taken if its gain is significant.
+    The option chosen for the arm is used unless another option is significantly better on the joint. If there is no
+    option for the arm, the best option of the joint is used if its gain is significant.
     """
     if not of_joint:
         return None
@@ -97,10 +105,11 @@ def choose_for_joint(
 
 
 def _is_clear(gains: Array, changes: Array, margin: float, min_gain: float) -> bool:
-    """Checks whether a gain is large enough and significant against its scatter between folds.
+    """Tests whether a gain is large enough, and significant compared with its scatter between folds.
 
-    One fold on which the model was far off may contribute most of the gain and of its scatter. So the gain is also
-    significant where the ratios of the errors are, or where every fold gains: that happens by chance once in 256.
+    One fold on which the model is very inaccurate may contribute most of the gain and of its scatter. So the gain is
+    also significant if the logarithms of the error ratios are significant, or if the error decreases on every fold,
+    which happens by chance once in 256 trials of eight folds.
     """
     if gains.sum() <= min_gain:
         return False
@@ -110,10 +119,10 @@ def _is_clear(gains: Array, changes: Array, margin: float, min_gain: float) -> b
 
 
 def _gains_on_few(gains: Array) -> bool:
-    """Checks whether two or more folds gain much while the others lose little.
+    """Tests whether the error decreases much on two or more folds and increases little on the others.
 
-    Effects that only slow reversals show appear in two or three of eight folds. The scatter between folds is then as
-    large as the gain, and the standard error cannot decide.
+    Effects at slow reversals appear in two or three of eight folds. Then the scatter between folds is as large as the
+    gain, so that the standard error is no criterion.
     """
     beyond = float(np.maximum(gains, 0.0).sum() - gains.max())
     lost = float(np.maximum(-gains, 0.0).sum())
@@ -121,7 +130,7 @@ def _gains_on_few(gains: Array) -> bool:
 
 
 def error_log_ratios(gains: Array, squares: Array) -> Array:
-    """Logarithm of the ratio of each fold's squared error, after over before a gain, shape (F,)."""
+    """Logarithm of the ratio of the squared errors of each of the F folds after and before a gain, shape (F,)."""
     share = np.divide(gains, squares, out=np.zeros_like(gains), where=squares > 0.0)
     return np.log(np.maximum(1.0 - share, LOWEST_RATIO))
 

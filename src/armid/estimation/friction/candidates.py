@@ -1,9 +1,9 @@
-"""Friction candidates by family, the model extended by all of them, and the torque terms that they become.
+"""Friction candidates by family, the model with all candidates, and the torque terms of the selected candidates.
 
-Which candidates there are, and what is particular to each, is in the files of the terms
-(`armid.model.terms.selection_candidates`). The extended model holds the candidates of all joints, so that their
-columns are computed once. The selected candidates become ordinary torque terms, each restricted to the joints that
-have its shapes.
+The modules of the torque terms define the candidates and their properties
+(`armid.model.terms.selection_candidates`). The extended model contains the candidates of all joints, so that their
+columns are computed once. The selected candidates become ordinary torque terms, each restricted to the joints for
+which its shapes were selected.
 """
 
 from __future__ import annotations
@@ -32,11 +32,11 @@ from armid.model.terms.selection_candidates import (
 from armid.robot.robot import Robot
 
 SPEED_QUANTILE = 0.95
-"""Quantile of the speeds in a joint's rows that counts as the speed it reached."""
+"""Quantile of the speeds in a joint's rows that counts as the speed that the joint has reached."""
 
 MAX_UNKNOWN = 0.2
-"""Largest share of a joint's rows that may be excluded because the state of a hysteresis is not known yet: excluding
-more costs more than the term usually gains."""
+"""Largest share of a joint's rows that may be excluded because the state of a hysteresis term is not known yet. To
+exclude more rows loses more accuracy than the term usually gains."""
 
 
 def friction_families() -> tuple[CandidateFamily, ...]:
@@ -50,7 +50,7 @@ def friction_families() -> tuple[CandidateFamily, ...]:
 
 
 def choice_of(term: str) -> AutomaticChoice:
-    """Part of a term, by its name, in the automatic selection."""
+    """Entry of a torque term, by its name, in the automatic selection of friction."""
     choice = automatic_choice(TERMS[term])
     assert choice is not None, f"{term} is no candidate"
     return choice
@@ -76,9 +76,9 @@ class CandidateModel:
         model: Arm, its terms and the candidates.
         base: Base parameters of the model and one parameter for each law of a candidate, in the order of the standard
             parameters.
-        in_model: Parameters that belong to the model without candidates, shape (b,): base parameters, and those that
-            the information has beyond them.
-        columns: Positions of each candidate's parameters among the base ones, by joint and candidate.
+        in_model: Mask of the parameters that belong to the model without candidates, shape (b,): base parameters, and
+            further parameters of the information, such as offsets for each recording.
+        columns: Positions of each candidate's parameters among the b parameters, by joint and candidate.
     """
 
     model: DynamicsModel
@@ -88,15 +88,16 @@ class CandidateModel:
 
     @property
     def count(self) -> int:
-        """Number b of parameters of its information."""
+        """Number b of parameters in the information of the extended model."""
         return len(self.in_model)
 
 
 def allowed_candidates(model: DynamicsModel, observations: Observations) -> tuple[frozenset[Candidate], ...]:
-    """Candidates that each joint may get.
+    """Finds the candidates for which each joint has suitable data.
 
-    A velocity law needs speeds that saturate it, hysteresis a state that is known early, both a band that resolves
-    them near standstill, ripple a revolute joint, and all of them a joint that moves.
+    A velocity law needs speeds at which it saturates. Hysteresis needs a state that is known early in the recording.
+    Both need a pass band wide enough for their effect near standstill. Ripple needs a revolute joint. All need a
+    joint that moves.
     """
     present = {term.name for term in model.terms}
     offered = {candidate for family in friction_families() for option in family.options for candidate in option}
@@ -139,9 +140,9 @@ def candidate_model(
     """Extends a model by all friction laws that the automatic selection may choose for its joints (candidates).
 
     Args:
-        model: Arm and terms, with `load_parameters` where a candidate depends on the load.
+        model: Arm and terms, with `load_parameters` if a candidate depends on the load.
         base: Base parameters of the model.
-        allowed: Candidates of each joint.
+        allowed: Candidates that may be selected for each joint.
     """
     width = _width(model)
     all_laws: list[Law] = []
@@ -187,7 +188,7 @@ def terms_of(model: DynamicsModel, chosen: Sequence[frozenset[Candidate]]) -> tu
 
 
 def describe(candidates: Sequence[Candidate]) -> str:
-    """Text of a set of candidates: `hysteresis 0.01, 0.03`."""
+    """Describes candidates by terms and shapes, for instance `hysteresis 0.01, 0.03`."""
     words: list[str] = []
     for term in dict.fromkeys(candidate.term for candidate in candidates):
         shapes = sorted(candidate.shape for candidate in candidates if candidate.term == term and candidate.shape)
@@ -196,12 +197,12 @@ def describe(candidates: Sequence[Candidate]) -> str:
 
 
 def _width(model: DynamicsModel) -> float:
-    """Velocity over which the model's Coulomb friction changes its sign [rad/s or m/s]; 0 where it has none."""
+    """Velocity over which the sign of the model's Coulomb friction changes [rad/s or m/s]; 0 if it has none."""
     return next((term.width for term in model.terms if isinstance(term, Coulomb)), 0.0)
 
 
 def _term(name: str, shapes: tuple[float, ...], width: float, joints: tuple[str, ...] | None = None) -> Term:
-    """Torque term of a name with the shapes of candidates."""
+    """Makes the torque term with a given name and the shapes of candidates."""
     return choice_of(name).make(shapes, width, joints)
 
 
@@ -216,7 +217,7 @@ def depends_on_load(laws: Iterable[Law]) -> bool:
 
 
 def _resolved_share(model: DynamicsModel, candidate: Candidate, observations: Observations) -> NDArray[np.float64]:
-    """Share of a law's effect near standstill that the band leaves, shape (n,)."""
+    """Share of a law's effect near standstill that remains after the low-pass filter, shape (n,)."""
     width = _width(model)
     term = _term(candidate.term, (candidate.shape,), width)
     if choice_of(candidate.term).resolution == "height":
@@ -237,7 +238,7 @@ def _speeds(model: DynamicsModel, observations: Observations) -> NDArray[np.floa
 
 
 def _slope(candidate: Candidate, law: Expression) -> Expression:
-    """Derivative of the law of a refined term by the logarithm of its shape."""
+    """Derivative of a friction law with respect to the logarithm of its shape."""
     log_slope = choice_of(candidate.term).log_slope
     assert log_slope is not None, f"the shape of {candidate.term} is not refined"
     return log_slope(law, candidate.shape)

@@ -1,9 +1,9 @@
 """Forward selection of friction candidates, family by family and joint by joint, by the error on held-out folds.
 
-Rules for acceptance are in `acceptance`. Gains are measured with the model's other parameters as all data give them,
-which has far less scatter where bodies have many parameters, and then checked with all parameters estimated without
-the fold. A candidate that could imitate gravity must gain in this check too, and on long folds with other poses,
-since only these show the imitation.
+The module `acceptance` contains the rules of acceptance. The gain of a candidate is first computed with all other
+parameters estimated from all data, because this gain has far less scatter if the bodies have many parameters. Then it
+is checked with all parameters estimated without the fold. A candidate that depends on the pose could imitate gravity.
+It must also reduce the error in this check and on long folds with other poses, which show the imitation.
 """
 
 from __future__ import annotations
@@ -28,16 +28,17 @@ from armid.estimation.friction.candidates import Candidate, CandidateFamily, Can
 from armid.estimation.friction.heldout_gains import HeldOutFolds, Reduced
 
 RIDGES = (0.003, 0.03)
-"""Shrinkages of added columns that are tried, in shares of their squared length: enough to distribute a torque among
-similar columns, and ten times that."""
+"""Shrinkages of the added columns that are tried, in shares of their squared length: just enough to distribute a
+torque among similar columns, and ten times as much."""
 
 PASSES = 4
-"""Largest number of passes over all families: a small effect shows once larger ones are explained."""
+"""Largest number of passes over all families: a small effect becomes significant only after larger effects are in the
+model."""
 
 
 @dataclass(frozen=True, slots=True)
 class HeldOutTrial:
-    """Trial of an option on a joint, added to the model at the time of the trial.
+    """Trial of an option on a joint: the option is added to the model that is selected so far.
 
     Attributes:
         joint: Index of the joint.
@@ -57,7 +58,7 @@ class HeldOutTrial:
 
     @property
     def ratio(self) -> float:
-        """Held-out RMS with the candidate over that without."""
+        """Ratio of the held-out RMS errors with and without the option."""
         return float(np.sqrt(max(1.0 - self.gain, 0.0)))
 
 
@@ -84,7 +85,7 @@ class SelectionPath:
 
     Attributes:
         selected: Selected options in the order of selection, without those that were withdrawn.
-        kept: Positions of the columns of the extended model that are in the selected model.
+        kept: Positions of the columns of the extended model that the selected model contains.
         ridge: Shrinkage of each column of the extended model, in shares of its squared length, shape (b,).
         trials: Last trial of every option on every joint.
     """
@@ -114,11 +115,12 @@ def select_forward(
 
     Args:
         short_folds: Data of the extended model in folds.
-        long_folds: The same data in a few long folds, on which pose-dependent candidates must gain as well.
+        long_folds: The same data in a few long folds, on which pose-dependent candidates must reduce the error,
+            too.
         extended: The model with all candidates.
-        allowed: Candidates that each joint may get.
-        families: Families to try, in order.
-        start: Selection to continue; the model without candidates where not given.
+        allowed: Candidates that may be selected for each joint.
+        families: Families to try, in this order.
+        start: Selection to continue; if not given, the search starts with the model without candidates.
     """
     search = _Search(short_folds, long_folds, extended, [set(candidates) for candidates in allowed])
     if start is not None:
@@ -156,7 +158,7 @@ class _Search:
 
     @property
     def kept(self) -> NDArray[np.intp]:
-        """Positions of the columns of the present model."""
+        """Positions of the columns of the extended model that the present model contains."""
         kept = self.extended.in_model.copy()
         for joint, candidates in enumerate(self.chosen):
             kept[self._columns(joint, candidates)] = True
@@ -201,9 +203,10 @@ class _Search:
         return bool(selected)
 
     def combined(self) -> CandidateFamily:
-        """Family of joint options that combine large but not significant ones.
+        """Family with one option for each joint, which combines options with a large but not significant gain.
 
-        Two effects can hide each other. So for each joint the best such option of every family is put into one.
+        Two effects that are missing in the model can hide each other. So for each joint the best option of every
+        family whose gain is at least `LARGE` becomes part of the combination.
         """
         options: list[tuple[Candidate, ...]] = []
         for joint, chosen in enumerate(self.chosen):
@@ -224,7 +227,7 @@ class _Search:
         self.selected.append(selected)
 
     def prune(self, families: set[str]) -> None:
-        """Removes options that no longer lower the error of the whole model, the last selected first."""
+        """Removes options that no longer reduce the held-out error of the whole model, the last selected first."""
         error = self._errors().sum()
         for each in tuple(reversed(self.selected)):
             if each.family not in families:
@@ -238,9 +241,10 @@ class _Search:
                 self.chosen[each.joint] |= set(each.candidates)
 
     def drop_widths(self) -> None:
-        """Removes single widths of hysteresis that do not lower the error of their joint.
+        """Removes single widths of hysteresis terms that do not reduce the held-out error of their joint.
 
-        The widest stays: motion with fewer reversals than the recorded one needs it, which no fold can show.
+        The largest width is kept: it is needed for motions with fewer reversals than the recorded motion, and no fold
+        contains such a motion.
         """
         while True:
             error = self._errors()
@@ -263,7 +267,7 @@ class _Search:
             self.trials[each.joint, others] = replace(trial, candidates=others)
 
     def _reduced(self, short_folds: HeldOutFolds, *, refit_all: bool) -> Reduced:
-        """Products with the present model eliminated, computed again only after the model has changed."""
+        """Products after elimination of the present model's columns; computed again only if the model has changed."""
         key, state = (short_folds is self.long_folds, refit_all), tuple(self.selected)
         if key not in self.cache or self.cache[key][0] != state:
             self.cache[key] = state, short_folds.reduced(self.kept, self.ridge, refit_all=refit_all)
@@ -276,7 +280,7 @@ class _Search:
         self.trials[key] = replace(self.trials[key], chosen=False)
 
     def _errors(self) -> Array:
-        """Weighted squared error (n,) of each joint on all folds, all parameters estimated without the fold."""
+        """Weighted squared error (n,) of each joint on all folds, with all parameters estimated without the fold."""
         return self.short_folds.errors(self.kept, self.ridge).sum(axis=0) * self.short_folds.weights**2
 
     def _columns(self, joint: int, candidates: set[Candidate] | tuple[Candidate, ...]) -> NDArray[np.intp]:
@@ -284,7 +288,7 @@ class _Search:
         return np.concatenate([np.zeros(0, dtype=np.intp), *columns])
 
     def _measured(self, family: CandidateFamily, reduced: Reduced) -> list[CandidateGain]:
-        """Gains of all options of a family on all joints, with each shrinkage."""
+        """Gains of all options of a family on all joints, for each shrinkage."""
         measured: list[CandidateGain] = []
         for joint, allowed in enumerate(self.allowed):
             available = allowed - self.chosen[joint]
@@ -311,7 +315,7 @@ class _Search:
         return measured
 
     def _contradicted(self, choice: CandidateGain, strict: Reduced, on_long_folds: Reduced | None) -> bool:
-        """Checks whether an option loses where all parameters are estimated without the fold, or on long folds."""
+        """Tests for a larger error, if all parameters are estimated without the fold, or on long folds."""
         columns = self._columns(choice.joint, choice.candidates)
         gains = strict.gains(choice.joint, columns, choice.ridge)
         if gains is None or any(each.sum() < -REJECTION_MARGIN * standard_error(each) for each in gains):

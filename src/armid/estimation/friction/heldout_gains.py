@@ -1,14 +1,16 @@
-"""Held-out gains of candidate columns, from products of the factors, for folds of consecutive blocks.
+"""Held-out gains of candidate columns, from products of the triangular factors, for folds of consecutive blocks.
 
-G_f = Σ_j w_j² R_jᵀ R_j are the products over a held-out fold f, T_f those over its training blocks, and Λ the
-prior's. The columns of the present model are eliminated. S and M, the Schur complements of T_f and G_f, then give a
-small problem in the candidate's columns c:
+The sums of products G_f = Σ_j w_j² R_jᵀ R_j are computed over each held-out fold f, and in the same way T_f over its
+training blocks, to which the products Λ of the prior are added. The columns of the present model are eliminated. With
+S and M, the Schur complements of T_f and G_f, the parameters x of the candidate's columns c and the reduction of the
+squared residual (gain) are:
 
     x = (S_cc + κ diag T_cc)⁻¹ S_cy,        gain = 2 xᵀ M_cy - xᵀ M_cc x,
 
-with M over the rows of the candidate's joint, or of all joints. The elimination uses T_f, so that all parameters are
-estimated without the fold, or all data, so that only the candidate's are. The second has far less scatter where
-bodies have many parameters and recordings are short; only the first shows that a candidate imitates gravity.
+where y is the torque, κ the shrinkage, and M contains the rows of the candidate's joint, or of all joints. If the
+elimination uses T_f, all parameters are estimated without the fold. If it uses all data, only the parameters of the
+candidate are. The second variant has far less scatter if bodies have many parameters and recordings are short; only
+the first one shows that a candidate imitates gravity.
 """
 
 from __future__ import annotations
@@ -23,8 +25,9 @@ from armid.estimation.crossvalidation import held_out_squares, training_informat
 from armid.information.information import Information, select
 
 ROUNDING = 1e-11
-"""Added to the diagonal of products with columns of unit length, so that dependent columns do not divide by zero. It
-is the rounding error of products: machine precision times the square of a condition number of a few hundred."""
+"""Number that is added to the diagonal of products of columns with unit length, so that dependent columns cause no
+division by zero. It is the rounding error of products: machine precision times the square of a condition number of a
+few hundred."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -32,7 +35,7 @@ class GainPrior:
     """Gaussian prior on the parameters of a candidate model.
 
     Attributes:
-        mean: Shape (b,).
+        mean: Mean of the parameters, shape (b,).
         precision: Inverse covariance, zero for parameters without a prior, shape (b, b).
     """
 
@@ -41,7 +44,7 @@ class GainPrior:
 
     @property
     def products(self) -> Array:
-        """Normal matrix with right-hand side, shape (b + 1, b + 1), of data that are equivalent to the prior."""
+        """Normal matrix of data equivalent to the prior, the right-hand side as last column, shape (b + 1, b + 1)."""
         half = self.precision @ self.mean
         return np.block([[self.precision, half[:, None]], [half[None], np.array([[half @ self.mean]])]])
 
@@ -50,7 +53,8 @@ class GainPrior:
 
         Args:
             count: Number of parameters of the larger set.
-            own: Positions in it: first those of this prior's parameters, then of parameters without a prior.
+            own: Positions in the larger set: first those of the parameters of this prior, then others, which are not
+                used.
         """
         mean, precision = np.zeros(count), np.zeros((count, count))
         own = own[: len(self.mean)]
@@ -61,16 +65,16 @@ class GainPrior:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Reduced:
-    """Products of r candidate columns and the torque (last) in each of F folds, the model's columns eliminated.
+    """Products of r candidate columns and the torque (last) in F folds, after elimination of the model's columns.
 
     Attributes:
-        training: S of every fold, shape (F, r + 1, r + 1).
-        held_out: M of every fold, all joints together, shape (F, r + 1, r + 1).
-        own: M of every fold over the rows and the columns of each joint alone, shapes (F, r_j + 1, r_j + 1).
-        joint_position: Position of each of the b parameters among those of each joint, -1 for others, shape (n, b).
+        training: Products S over the training blocks of each fold, shape (F, r + 1, r + 1).
+        held_out: Products M over the held-out rows of all joints, shape (F, r + 1, r + 1).
+        own: Products M over the held-out rows of each joint j and its r_j columns, shapes (F, r_j + 1, r_j + 1).
+        joint_position: Position of each of the b parameters among the r_j of each joint, otherwise -1, shape (n, b).
         size: Squared length of each column in training, before the elimination, shape (F, r).
-        position: Position of each of the b parameters among the r; -1 for those of the model, shape (b,).
-        squares: Squared residuals of each joint on each fold under the model, weighted, shape (F, n).
+        position: Position of each of the b parameters among the r candidates; -1 for those of the model, shape (b,).
+        squares: Weighted squared residuals of the model on each fold and joint, shape (F, n).
     """
 
     training: Array
@@ -82,7 +86,7 @@ class Reduced:
     squares: Array
 
     def gains(self, joint: int, columns: NDArray[np.intp], ridge: float) -> tuple[Array, Array] | None:
-        """Reduction of the squared residual on each fold by columns of a joint; `None` where a column is zero.
+        """Reduction of the squared residual on each fold by columns of a joint; `None` if a column is zero.
 
         Args:
             joint: Index of the joint.
@@ -90,7 +94,7 @@ class Reduced:
             ridge: Shrinkage, in shares of the squared length of each column.
 
         Returns:
-            Reduction of the joint's squared residual and of that of all joints together, shapes (F,).
+            Reduction of the squared residual of the joint, and of all joints together, shapes (F,).
         """
         at, own = self.position[columns], self.joint_position[joint, columns]
         if (self.size[:, at] <= 0.0).any():
@@ -107,8 +111,9 @@ class HeldOutFolds:
 
     Attributes:
         parts: Information of each fold.
-        held_out: Products of each fold, weighted, the torque last, shape (F, b + 1, b + 1).
-        training: Products of the training blocks of each fold, its neighbours excluded, shape (F, b + 1, b + 1).
+        held_out: Weighted products of each fold, with the torque as the last column, shape (F, b + 1, b + 1).
+        training: Products of the training blocks of each fold, which exclude its neighbours, shape (F, b + 1, b +
+            1).
         whole: Products of all blocks, shape (b + 1, b + 1).
         weights: Weight of each joint's rows, shape (n,).
         prior: Prior on the parameters.
@@ -122,13 +127,19 @@ class HeldOutFolds:
     prior: GainPrior
 
     def solve(self, products: Array, kept: NDArray[np.intp], ridge: Array) -> Array:
-        """Parameters (b,) from products, zero where not kept; ridge (b,) is relative to the columns' size."""
+        """Solves normal equations, with the prior added, for the parameters (b,); those that are not kept are zero.
+
+        Args:
+            products: Normal matrix of the columns, with the torque as the last one, shape (b + 1, b + 1).
+            kept: Indices of the parameters that are estimated.
+            ridge: Shrinkage, in shares of the squared length of each column, shape (b,).
+        """
         values = np.zeros(products.shape[0] - 1)
         values[kept] = self._elimination(products, kept, ridge, np.array([products.shape[0] - 1]))[:, 0]
         return values
 
     def errors(self, kept: NDArray[np.intp], ridge: Array) -> Array:
-        """Squared residuals (F, n) of each joint on each fold, all parameters estimated without the fold."""
+        """Squared residuals (F, n) of each joint on each fold, with all parameters estimated without the fold."""
         return np.stack(
             [
                 held_out_squares(part, self.solve(products, kept, ridge))
@@ -142,7 +153,7 @@ class HeldOutFolds:
         Args:
             kept: Positions of the model's columns.
             ridge: Shrinkage, in shares of the squared length of each column, shape (b,).
-            refit_all: Whether all parameters are estimated without the fold, or only those of a candidate.
+            refit_all: True if all parameters are estimated without the fold; false if only those of a candidate are.
         """
         b = len(self.whole) - 1
         rest = np.append(np.setdiff1d(np.arange(b), kept), b)
@@ -171,7 +182,7 @@ class HeldOutFolds:
     def _joint_products(
         self, part: Information, joint: int, columns: NDArray[np.intp], kept: NDArray[np.intp], E: Array
     ) -> Array:
-        """Products of a joint's candidate columns and torque over its rows of a fold, the model's part subtracted."""
+        """Products of a joint's candidate columns and torque over its rows of a fold, the model eliminated."""
         factors = part.joints[joint]
         number = np.full(part.count, -1, dtype=np.intp)
         number[factors.parameters] = np.arange(len(factors.parameters))
@@ -181,7 +192,7 @@ class HeldOutFolds:
         return left.T @ left
 
     def _elimination(self, products: Array, kept: NDArray[np.intp], ridge: Array, rest: NDArray[np.intp]) -> Array:
-        """Coefficients (kept, rest) of the fit of the other columns by the kept ones, under the prior."""
+        """Coefficients (kept, rest) with which the kept columns fit the other columns, with the prior added."""
         H = products + self.prior.products
         A = H[np.ix_(kept, kept)]
         A[np.diag_indices(len(kept))] += ridge[kept] * np.diag(products)[kept]
@@ -224,7 +235,7 @@ def _products(information: Information, chosen: NDArray[np.bool_], weights: Arra
 
 
 def _schur_complement(products: Array, kept: NDArray[np.intp], rest: NDArray[np.intp], E: Array) -> Array:
-    """Products of the other columns less their fit by the kept columns, with coefficients E."""
+    """Products of the other columns after their fit by the kept columns, with coefficients E, is subtracted."""
     cross = E.T @ products[np.ix_(kept, rest)]
     return products[np.ix_(rest, rest)] - cross - cross.T + E.T @ products[np.ix_(kept, kept)] @ E
 

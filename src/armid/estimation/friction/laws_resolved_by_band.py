@@ -1,8 +1,9 @@
-"""Friction laws that a recording resolves: those whose part near standstill lasts long enough to pass the band.
+"""Friction laws that a recording resolves: their effect near standstill lasts long enough for the low-pass filter.
 
-At a reversal a joint passes the speeds at which a narrow law acts within milliseconds. The band averages over that
-time, so the data give the impulse of the law and not its height; the height that fits could be thirty times the
-friction of the joint, and would act on the next slow motion in full.
+A narrow law acts only at low speeds, through which a joint passes within milliseconds at a reversal. The low-pass
+filter averages over a longer time. Therefore the filtered data determine the impulse of the law (height times time)
+and not its height. The estimated height could be thirty times the friction of the joint, and the next slow motion
+would be predicted with this height.
 """
 
 from __future__ import annotations
@@ -22,29 +23,31 @@ from armid.model.motion import Motion
 from armid.model.terms import Term
 
 RESOLVED = 0.5
-"""Share of a law's height that the band must leave in some row that counts; below it the height is extrapolated."""
+"""Share of a law's height that must remain after the filter in some row in use. For a smaller share, the height would
+be an extrapolation."""
 
 SATURATED = 1e3
 """Speed at which a velocity law has reached its limit [rad/s or m/s]."""
 
 SLOWEST, GRID = 1e-4, 400
-"""Least speed at which the height of a law is looked for [rad/s or m/s], and number of speeds."""
+"""Smallest speed at which the height of a law is evaluated [rad/s or m/s], and number of speeds up to `SATURATED`."""
 
 
 def passed_height(model: DynamicsModel, term: Term, width: float, observations: Observations) -> Array:
-    """Share of the height of a velocity law that is left behind the band, at most over the rows that count.
+    """Share of the height of a velocity law that remains after the low-pass filter: the maximum over the rows in use.
 
-    The part that differs from Coulomb friction is looked at: the whole of a Stribeck effect, and of a sigmoid what
-    lies between it and its limit.
+    Only the part of the law that differs from Coulomb friction is evaluated. For a Stribeck effect this is the whole
+    law, for a sigmoid it is the difference between the law and its limit at high speed.
 
     Args:
         model: Arm.
         term: A law of the velocity alone, on all joints.
-        width: Velocity over which Coulomb friction turns [rad/s or m/s].
+        width: Velocity over which the sign of Coulomb friction changes [rad/s or m/s].
         observations: The training recordings.
 
     Returns:
-        Shape (n,); 1 where rows are separate or nothing is filtered and a row lies at the height.
+        Share for each joint, shape (n,). It is 1 if nothing is filtered, or the rows are separate samples, and a row
+        is at the maximum of the law.
     """
     alone = replace(model, terms=(term,))
     speeds = np.geomspace(SLOWEST, SATURATED, GRID)[:, None] * np.ones(model.n)
@@ -57,20 +60,20 @@ def passed_height(model: DynamicsModel, term: Term, width: float, observations: 
 
 
 def passed_transition(model: DynamicsModel, term: Term, width: float, observations: Observations) -> Array:
-    """Share of the transition of a hysteresis element that is left behind the band, at most over the rows that count.
+    """Share of the transition of a hysteresis element that remains after the filter: the maximum over used rows.
 
-    After a reversal an element needs two deflections of travel to turn; until then it differs from Coulomb friction
-    by up to 2. Elements whose transition the band averages away cannot be told from Coulomb friction, nor from each
-    other, and share it in large amounts of opposite sign.
+    After a reversal an element changes from -1 to 1 over a travel of two deflections. During this travel it differs
+    from Coulomb friction by up to 2. If the filter averages over the transition, the element cannot be distinguished
+    from Coulomb friction or from other elements. Their estimates are then large values of opposite sign.
 
     Args:
         model: Arm.
         term: One element on all joints.
-        width: Velocity over which Coulomb friction turns [rad/s or m/s].
+        width: Velocity over which the sign of Coulomb friction changes [rad/s or m/s].
         observations: The training recordings, whose samples follow each other in time.
 
     Returns:
-        Shape (n,).
+        Share for each joint, shape (n,).
     """
     alone = replace(model, terms=(term,))
     passed = np.zeros(model.n)
@@ -82,7 +85,7 @@ def passed_transition(model: DynamicsModel, term: Term, width: float, observatio
 
 
 def _largest(values: Array, run: ObservedRun, band: Band) -> Array:
-    """Largest size behind the band over the rows that count, shape (n,)."""
+    """Largest absolute value after the filter over the rows in use, shape (n,)."""
     if run.consecutive and not band.is_open:
         values = in_band(values, run.rate, band)
     return np.where(run.mask, np.abs(values[run.rows]), 0.0).max(axis=0, initial=0.0)
@@ -93,14 +96,14 @@ def _sign(dq: NDArray[np.float64], width: float) -> Array:
 
 
 def _near_standstill(alone: DynamicsModel, dq: NDArray[np.float64], width: float) -> Array:
-    """The law less its limit at high speed times the sign of the velocity, shape (N, n)."""
+    """Difference between the law and (limit at high speed · sign of the velocity), shape (N, n)."""
     still = np.zeros_like(dq)
     top = Motion.of_states(still[:1], np.full((1, alone.n), SATURATED), still[:1])
     return _of_joints(alone, Motion.of_states(still, dq, still)) - _of_joints(alone, top) * _sign(dq, width)
 
 
 def _of_joints(alone: DynamicsModel, motion: Motion) -> Array:
-    """The one law of each joint along a motion, shape (N, n)."""
+    """Values of the law of each joint along a motion, shape (N, n)."""
     columns = alone.term_columns(motion)
     values = np.zeros_like(motion.dq)
     for joint, column in zip(columns.joint, columns.values, strict=True):

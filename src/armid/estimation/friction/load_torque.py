@@ -1,9 +1,9 @@
 """Load torque of load-dependent friction: the rigid-body torque of a first estimate without such friction.
 
-The measured torque cannot be the load, since the prediction would then contain what it is to predict. So the rigid
-bodies are estimated first, without load-dependent terms, and stay fixed while these are estimated; this keeps the
-model linear in its parameters. The first estimate has a prior: least squares on weak data gives bodies whose torque
-is right along the recorded motion and wrong on others.
+The measured torque cannot be the load, because the model would then predict the torque from the torque itself. So the
+rigid bodies are estimated first, without load-dependent terms. They stay fixed while the load-dependent terms are
+estimated, which keeps the model linear in its parameters. The first estimate has a prior: on weak data, least squares
+without a prior gives bodies whose torque is correct along the recorded motion and wrong on other motions.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ from armid.model.symbolic_expression import symbols
 
 
 def reads_load(model: DynamicsModel) -> bool:
-    """Checks whether a term of the model depends on the load torque."""
+    """Tests whether a term of the model depends on the load torque."""
     return any("load" in symbols(law.expression) for _, law in model.laws)
 
 
 def with_load(model: DynamicsModel, observations: Observations, *, threads: int = 1) -> DynamicsModel:
-    """Gives a model the bodies whose torque is the load of its load-dependent terms.
+    """Adds to a model the inertial parameters from which the load of its load-dependent terms is computed.
 
     Args:
         model: Arm and torque terms.
@@ -34,10 +34,10 @@ def with_load(model: DynamicsModel, observations: Observations, *, threads: int 
         threads: Threads of the kernel.
 
     Returns:
-        The model with `load_parameters`; unchanged where no term depends on the load or where it has them already.
+        The model with `load_parameters`; unchanged if no term depends on the load or if it already has them.
 
     Raises:
-        ModelError: There are no rigid bodies among the terms.
+        ModelError: A term depends on the load, but the model has no rigid bodies.
         EstimationError: The observations do not determine the model without load-dependent terms.
     """
     if not reads_load(model) or model.load_parameters is not None:

@@ -1,9 +1,9 @@
-"""Friction selection: torque terms for the friction of each joint, by the error on held-out folds.
+"""Friction selection: torque terms for the friction of each joint, selected by the error on held-out folds.
 
 The candidates are hysteresis at reversals, load-dependent friction, velocity laws, ripple and asymmetry. Their
-columns are computed once; the forward selection (`search`) then works on the triangular factors alone. A prior keeps
-the bodies near the description, because data that do not determine the bodies cannot separate them from friction. The
-weight of the prior is chosen on the same folds. The result is a model with ordinary torque terms, which is then
+columns are computed once; the forward selection (`forward_selection`) then uses only the triangular factors. Data
+that do not determine the bodies cannot distinguish them from friction. Therefore a prior keeps the bodies near the
+description; its weight is chosen on the same folds. The result is a model with ordinary torque terms, which is then
 estimated like any other model.
 """
 
@@ -48,27 +48,29 @@ FOLDS = 8
 """Number of folds: each leaves most of the data for training, and a standard error has seven degrees of freedom."""
 
 LONG = 3
-"""Number of long folds, whose poses differ from those of the rest: a law that imitates gravity fails on them."""
+"""Number of long folds. Their poses differ from those of the other folds, so a law that imitates gravity increases
+the error on them."""
 
 FEWEST = 8
-"""Fewest blocks for a selection: a few seconds of motion are no evidence for or against friction."""
+"""Smallest number of blocks for a selection: a few seconds of motion are no evidence for or against a friction
+term."""
 
 LOWEST = 1e-3
-"""Lower limit of a ratio that a deviation is divided by: noise-free data have ratios of zero."""
+"""Lower limit of an error ratio by which a standard deviation is divided: noise-free data have ratios of zero."""
 
 STRENGTHS = np.logspace(4.0, -4.0, 17)
-"""Weights of the prior that are tried, strongest first, in independent samples."""
+"""Weights of the prior that are tried, in independent samples, the largest first."""
 
 
 @dataclass(frozen=True, slots=True)
 class SelectionEvidence:
-    """Evidence of the held-out folds for a candidate on a joint, added to the model at the time of its trial.
+    """Held-out errors as evidence for or against a candidate on a joint.
 
     Attributes:
         joint: Name of the joint.
         family: The kind of friction.
         candidate: Names of the terms, with their shapes.
-        ratio: Held-out RMS with the candidate over that without it.
+        ratio: Ratio of the held-out RMS errors with and without the candidate, at the time of its trial.
         deviation: Standard error of the ratio, from the scatter between folds.
         chosen: Whether the candidate was selected for the joint.
     """
@@ -89,14 +91,16 @@ class FrictionSelection:
         model: The model with the selected terms, and with `load_parameters` where one of them needs the load.
         added: The terms that were added, restricted to their joints.
         evidence: Every candidate of every joint that was tried.
-        ratio: Held-out RMS with the selected terms over that without, shape (n,); one where nothing was tried. The
-            same folds made the selection, so the ratio is optimistic; a validation recording gives an unbiased one.
+        ratio: Ratio of the held-out RMS errors with and without the selected terms, shape (n,); 1 if nothing was
+            tried. The same folds were used for the selection, so the ratio is optimistic; a validation recording
+            gives an unbiased ratio.
         deviation: Standard error of the ratio, shape (n,).
-        prior_weight: Weight of the prior towards the description with the smallest held-out error, in independent
-            samples under the selected model; the weight to estimate this model with. The selection used this weight
-            or a larger one. `None` where nothing was tried, or where the number of independent samples is not known.
-        offset_per_recording: Whether each recording had its own offset; the estimate should do the same.
-        why: Reason why nothing was tried, or why there is no weight of the prior; empty otherwise.
+        prior_weight: Weight of the prior with the smallest held-out error, in independent samples under the selected
+            model; the estimate of this model should use it. The selection used this weight or a larger one. `None` if
+            nothing was tried, or if the number of independent samples is not known.
+        offset_per_recording: True if each recording had its own offset of the torque; the estimate should then do the
+            same.
+        why: Reason why nothing was tried, or why there is no weight of the prior; otherwise empty.
     """
 
     model: DynamicsModel
@@ -167,10 +171,10 @@ def choose_friction(model: DynamicsModel, observations: Observations, *, threads
 
 
 def _drifting_offsets(information: Information, model: DynamicsModel) -> tuple[str, ...]:
-    """Names of the offsets that each recording may have for itself, since torque sensors drift and are zeroed again.
+    """Names of the torque offsets that may differ between recordings: torque sensors drift and are zeroed again.
 
-    Empty where separate offsets could not be estimated and cross-validated: there is one recording only, a recording
-    has no rows of some joint, or a recording is too short for the folds.
+    Empty if separate offsets could not be estimated and cross-validated: there is only one recording, a recording has
+    no rows of some joint, or a recording is too short for the folds.
     """
     names = offset_names(model)
     is_offset = np.isin(information.names, names)
@@ -182,7 +186,7 @@ def _drifting_offsets(information: Information, model: DynamicsModel) -> tuple[s
 
 
 def _with_load_parameters(problem: EstimationProblem, weight: float) -> DynamicsModel:
-    """Gives a model the bodies of a first estimate for load-dependent friction, unless it has them already."""
+    """Adds the inertial parameters of a first estimate for load-dependent friction, unless the model has them."""
     model, base = problem.model, problem.base
     assert model is not None and base is not None  # `choose_friction` gives them
     if model.load_parameters is not None or not model.has_rigid_bodies:
@@ -208,18 +212,19 @@ def _weight_in_samples(rows: float, information: Information) -> tuple[float | N
 
 
 def _prior(problem: EstimationProblem, data: Information, weighted: WhitenedSystem) -> tuple[float, float, GainPrior]:
-    """Weights of the prior on the base parameters by cross-validation, for the selection and for the estimate.
+    """Finds the weights of the prior on the base parameters by cross-validation, for selection and estimate.
 
-    The selection uses the strongest prior within one standard error of the best: without it, errors of the bodies can
-    replace friction, which looks as good on the same recording and fails on others. The estimate uses the best.
+    The selection uses the largest weight whose error is within one standard error of the smallest. With a smaller
+    weight, errors of the bodies can replace friction, which fits the same recording as well and is wrong on others.
+    The estimate uses the weight with the smallest error.
 
     Args:
         problem: Problem of the model without candidates.
-        data: Its information, with the offsets that differ between recordings.
-        weighted: The same, whitened.
+        data: Information of the problem, with offsets that differ between recordings.
+        weighted: The whitened data of this information.
 
     Returns:
-        The stronger weight, the best weight, and the prior with the stronger weight.
+        The weight for the selection, the weight for the estimate, and the prior for the selection.
     """
     standard = problem.require_standard("friction selection")
     whole = total(problem.information)
@@ -246,7 +251,7 @@ def _prior(problem: EstimationProblem, data: Information, weighted: WhitenedSyst
 
 
 def _error_ratio(short_folds: HeldOutFolds, extended: CandidateModel, path: SelectionPath) -> tuple[Array, Array]:
-    """Held-out RMS of each joint with the selected friction over that without, and its standard error, (n,)."""
+    """Ratio (n,) of the held-out RMS errors with and without the selected friction, and its standard error (n,)."""
     in_model = np.flatnonzero(extended.in_model)
     without = short_folds.errors(in_model, path.ridge)
     with_ = short_folds.errors(path.kept, path.ridge)

@@ -1,8 +1,9 @@
 """Shapes of selected friction by separable least squares: Gauss-Newton steps from the best shape of a grid.
 
-A law θ f(dq, s) is linear in θ for a given shape s. The regressor gets a second column, the exact derivative of the
-law by log s. Least squares on both columns gives coefficients θ and β; the logarithm of the shape then changes by β /
-θ, and the linear parameters are estimated again [Golub1973]. Each step computes the factors of these columns once.
+A friction law θ f(dq, s) is linear in the parameter θ for a given shape s (for instance a velocity). The regressor
+gets a second column, the exact derivative of f with respect to the logarithm of s. Least squares on both columns
+gives the coefficients θ and β. The logarithm of the shape then changes by β / θ, and the linear parameters are
+estimated again [Golub1973]. Each step computes the factors of these columns once.
 """
 
 from __future__ import annotations
@@ -19,16 +20,17 @@ from armid.estimation.friction.heldout_gains import GainPrior, make_folds
 from armid.information.information import Information
 
 ExtendModel = Callable[[Sequence[frozenset[Candidate]]], tuple[CandidateModel, Information]]
-"""Extends the model by candidates of each joint and computes the information of the data for it."""
+"""Function that extends the model by candidates of each joint and computes the information of the data."""
 
 STEPS = 5
-"""Gauss-Newton steps: shapes that are a quarter off reach one percent in three."""
+"""Largest number of Gauss-Newton steps. A shape with an error of a quarter has an error of one percent after three
+steps."""
 
 MAX_STEP = 0.35
-"""Largest step of a shape's logarithm, half of the way to the next shape of the grid."""
+"""Largest step of the logarithm of a shape: half of the distance to the next shape of the grid."""
 
 MAX_CHANGE = np.log(2.0)
-"""Largest change of a shape from that of the grid, in its logarithm: to the next shape of the grid."""
+"""Largest change of the logarithm of a shape in all steps together: the distance to the next shape of the grid."""
 
 
 def refine_shapes(
@@ -79,7 +81,7 @@ def refine_shapes(
 def _step(
     path: SelectionPath, extend: ExtendModel, prior: GainPrior, weights: Array, joints: int
 ) -> tuple[float, dict[tuple[int, Candidate], float]]:
-    """Squared error with the present shapes, and the Gauss-Newton step of the logarithm of each shape."""
+    """Squared residual with the present shapes, and the Gauss-Newton step of the logarithm of each shape."""
     chosen = path.chosen(joints)
     slopes = [
         frozenset(replace(candidate, slope=True) for candidate in laws if choice_of(candidate.term).log_slope)
@@ -107,7 +109,7 @@ def _step(
 
 
 def _bounded_step(first: float, shape: float, step: float) -> float:
-    """Shape after a step in its logarithm, limited to the grid's neighbours of the first shape."""
+    """Shape after a step of its logarithm, limited to the neighbours of the first shape in the grid."""
     return float(first * np.exp(np.clip(np.log(shape / first) + step, -MAX_CHANGE, MAX_CHANGE)))
 
 

@@ -1,18 +1,18 @@
-"""Directional forgetting for blocks of rows: rows that keep the information which new rows do not replace.
+"""Directional forgetting for blocks of rows: old information is forgotten only where new rows replace it.
 
 Exponential forgetting discounts all information by the same factor. Directions that the motion no longer excites then
 lose all their information, and rounding errors move the estimate far along them (wind-up). So only information that
 new rows replace is forgotten [Cao2000], here for whole blocks of rows of all joints, and only for parameters that may
 change [Vahidi2005].
 
-Stored rows R and those of a block B have coordinates in which both are diagonal, Rᵀ R = Wᵀ W and Bᵀ B = Wᵀ g W. In
-direction i the block has g_i times the information that is stored there. Of a share 1 - λ,
+For stored rows R and the rows B of a block, there are coordinates in which both are diagonal, Rᵀ R = Wᵀ W and Bᵀ B =
+Wᵀ g W. In direction i the block has g_i times the stored information. With a discount factor λ, the share
 
     f_i = min(1 - λ, RETURN g_i)
 
-is forgotten, and the rest is kept as rows √(1 - λ - f_i) W_i. Where g_i ≥ (1 - λ) / RETURN, f_i = 1 - λ and
-forgetting is exponential; where the block has no information, nothing is forgotten. [Lai2024] switches between the
-two at a threshold; here the transition is linear.
+of the information is forgotten in direction i; the rest of 1 - λ is kept as rows √(1 - λ - f_i) W_i. Where g_i ≥ (1 -
+λ) / RETURN, f_i = 1 - λ and forgetting is exponential; where the block has no information, nothing is forgotten.
+[Lai2024] switches between the two at a threshold; here the transition is linear.
 """
 
 from __future__ import annotations
@@ -23,8 +23,9 @@ from numpy.typing import NDArray
 from armid.checked_array import Array
 
 RETURN = 100.0
-"""Largest ratio of forgotten to new information in a direction. Motion with a tenth of the earlier amplitude still
-causes full forgetting; noise with a millionth of the stored information causes the loss of a 10 000th."""
+"""Largest ratio of forgotten to new information in a direction. If the amplitude of the motion is a tenth of the
+earlier one, forgetting is still full. Noise with a millionth of the stored information causes the loss of a 10
+000th."""
 
 
 def retained_rows(whole: Array, block: Array, share: float, changing: NDArray[np.bool_]) -> Array:
@@ -33,12 +34,13 @@ def retained_rows(whole: Array, block: Array, share: float, changing: NDArray[np
     Args:
         whole: All stored information, as triangular whitened rows with the right-hand side last, shape (b, b + 1).
         block: The new block in the same form, shape (b, b + 1).
-        share: Share 1 - λ, in [0, 1].
-        changing: Parameters that may change, shape (b,); the information on the others stays.
+        share: Share 1 - λ of the information that is to be forgotten, from 0 to 1.
+        changing: Mask of the parameters that may change, shape (b,); the information about the others is not
+            forgotten.
 
     Returns:
-        Whitened rows with the right-hand side last, shape (b, b + 1). The information after forgetting is the
-        products of these rows plus λ times the stored products.
+        Whitened rows with the right-hand side last, shape (b, b + 1). The normal matrix after forgetting is that of
+        these rows, plus λ times the stored normal matrix.
     """
     b = len(changing)
     kept = np.zeros((b, b + 1))
@@ -62,8 +64,8 @@ def retained_rows(whole: Array, block: Array, share: float, changing: NDArray[np
 def discount(whole: Array, changing: NDArray[np.bool_], jump: Array) -> Array:
     """Computes the rows (b, b + 1) after a sudden change of parameters; the estimate stays the same.
 
-    The conditional covariance of the changing parameters, given the others, grows by the covariance of the change.
-    The information on the others stays.
+    The conditional covariance of the changing parameters, given the others, increases by the covariance of the
+    change. The information about the other parameters stays the same.
 
     Args:
         whole: All stored information, which determines all parameters, as in `retained_rows`.
@@ -84,7 +86,7 @@ def discount(whole: Array, changing: NDArray[np.bool_], jump: Array) -> Array:
 
 
 def _changing_first(whole: Array, changing: NDArray[np.bool_]) -> tuple[NDArray[np.intp], Array]:
-    """Column order (changing ones first, right-hand side last), and the triangular factor in this order."""
+    """Order of the columns (changing parameters first, right-hand side last), and triangular factor in this order."""
     b = len(changing)
     order = np.concatenate([np.flatnonzero(changing), np.flatnonzero(~changing), [b]])
     if changing.all():

@@ -1,4 +1,4 @@
-"""Innovations of a block: normalised size, and the correlation of the noise between blocks."""
+"""Innovations of a block (torque errors of its prediction): normalised size, and correlation between blocks."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from armid.estimation.recursive.state import Innovations, RecursiveState
 from armid.information.information import Information
 
 CREEP = 2.0
-"""Limit of a block's squared error, over the usual one, in the average that gives the usual error, where the block
-shows a sudden change."""
+"""Upper limit of the ratio of a block's squared error to the usual one, if the block shows a sudden change. With this
+limit the block enters the average that gives the usual error."""
 
 
 def normalized_innovation(state: RecursiveState, values: Array, new: Information) -> tuple[Array, Array]:
-    """Normalised innovation of new rows: their error under the prediction of the estimate before them.
+    """Computes the torque error of new rows, predicted with the estimate before them, relative to its usual size.
 
     Args:
         state: State before the rows.
@@ -24,7 +24,8 @@ def normalized_innovation(state: RecursiveState, values: Array, new: Information
         new: The rows, one block.
 
     Returns:
-        Squared torque error over its expected value, and the root of its ratio to the usual level, shapes (n,).
+        Squared torque error divided by its expected value, and the square root of the ratio of this value to its
+        usual level, shapes (n,).
     """
     error = np.zeros(new.n)
     if state.root is None:
@@ -41,7 +42,7 @@ def normalized_innovation(state: RecursiveState, values: Array, new: Information
 
 
 def after_a_gap(stats: Innovations) -> Innovations:
-    """Statistics after a block without rows: they stay, and the next block has no neighbour to correlate with."""
+    """Statistics after a block without rows: they stay the same, but the next block has no correlated neighbour."""
     return replace(stats, normalized_innovation=np.zeros_like(stats.level), pull=np.zeros_like(stats.pull))
 
 
@@ -64,7 +65,7 @@ def update_noise_color(
         half: Square root of the inverse of all information after the block, shape (b, b).
         error: Result of `normalized_innovation` for the block.
         discount: Discount factor of earlier blocks of the joints that the block observes.
-        usual: Whether no change was detected; a block with a change hardly enters the noise statistics.
+        usual: True if no sudden change was detected; a block with a change has little effect on the statistics.
     """
     stats = before.innovations
     observed = new.rows[0] > 0

@@ -3,17 +3,17 @@
 The state is square-root information [Bierman1977]: factors of each joint's rows, discounted by λ = exp(-Δt/τ), and
 whitened rows of information that must not be forgotten (`armid.estimation.recursive.forgetting`) or that was given
 initially. Blocks are merged as in batch estimation, so that without forgetting the result is the batch estimate. The
-size of the state and the work for each block are constant.
+size of the state and the computing time for each block are constant.
 
 Forgetting changes neither the estimate nor its errors, so the covariance P changes with new rows alone,
 
     P' = (1 - X G) P (1 - X G)ᵀ + X S X,        X = H'⁻¹,
 
-with G the block's information, H' all stored information and S the covariance of the block's gradient. S is G times a
-factor for each joint: the variance of its gradients over that under white noise, with the correlation to the block
-before. P is stored as a factor L with P = L Lᵀ. Its update stacks (1 - X G) L and X A_jᵀ for the whitened rows A_j of
-each joint and makes the result square by an orthogonal transformation, so that no variance becomes negative
-[Bierman1977].
+with G the normal matrix of the block, H' that of all stored information including the block, and S the covariance of
+the block's gradient. S is G times a factor for each joint: the variance of its gradients divided by the variance for
+white noise, which includes the correlation with the previous block. P is stored as a factor L with P = L Lᵀ. Its
+update stacks (1 - X G) L and X A_jᵀ for the whitened rows A_j of each joint and makes the result square by an
+orthogonal transformation, so that no variance becomes negative [Bierman1977].
 """
 
 from __future__ import annotations
@@ -39,13 +39,14 @@ from armid.maths.median import median
 
 ITERATIONS = 1000
 STANDSTILL = 1e-9
-"""Largest relative change of a deviation that ends the iteration, as in weighted least squares."""
+"""Largest relative change of a standard deviation at which the iteration ends, as in weighted least squares."""
 
 ENOUGH = 1.5
-"""Smallest ratio of rows to their degrees of freedom at which the residual is used to estimate the noise."""
+"""Smallest ratio of the number of rows to the sum of their leverages at which the residual is used to estimate the
+noise."""
 
 FIRST = 10.0
-"""Weight of the noise level and correlation of an earlier run, in blocks of the recording."""
+"""Weight of the noise level and correlation of an earlier run, expressed as a number of blocks."""
 
 
 def begin(
@@ -55,9 +56,9 @@ def begin(
 
     Args:
         block: Example of a block: it gives the parameters of each joint's rows and is not added to the state.
-        memory: Options of forgetting; no forgetting where not given.
-        weights: One over the standard deviation of each joint's noise, shape (n,); from the residuals where not
-            given.
+        memory: Options of forgetting; if not given, nothing is forgotten.
+        weights: One divided by the standard deviation of each joint's noise, shape (n,); if not given, they follow
+            from the residuals.
     """
     b, n, zero = block.count, block.n, np.zeros(block.n)
     joints = tuple(JointFactors(joint.parameters, np.zeros((1, *joint.R.shape[1:]))) for joint in block.joints)
@@ -78,18 +79,20 @@ def resume(
 ) -> RecursiveState:
     """Creates a state from an earlier estimate with its covariance and the noise level of each joint.
 
-    The covariance of the earlier estimate over the textbook's gives the number of correlated rows that equal one
-    independent row; the weights of new rows are divided by the square root of this number.
+    The covariance of the earlier estimate divided by its covariance for white residuals gives the number of
+    correlated rows that count as one independent row. The weights of new rows are divided by the square root of this
+    number.
 
     Args:
         block: Example of a block: it gives the parameters of each joint's rows.
         earlier: The earlier estimate, of the same parameters.
         memory: Options of forgetting.
-        further: Standard deviations of parameters that the blocks have and the estimate lacks, shape (m,); their
+        further: Standard deviations of the m parameters that the blocks have and the estimate lacks, shape (m,);
+            their
             earlier values are zero.
-        factors: Information that the earlier estimate was made from. A covariance from few periods or blocks has low
-            rank and takes the estimate as exact in the other directions; the factors allow a blend with the
-            textbook's.
+        factors: Information from which the earlier estimate was computed. A covariance from few periods or blocks
+            has low rank, as if the estimate were exact in the other directions. With the factors, it is blended
+            with the covariance for white residuals.
 
     Raises:
         EstimationError: The estimate has other parameters than the blocks.
@@ -118,7 +121,7 @@ def resume(
 
 
 def _definite(earlier: Fit, factors: Information | None) -> Array:
-    """Covariance of an earlier estimate, of full rank where its factors are given, shape (b, b)."""
+    """Covariance of an earlier estimate, shape (b, b); it has full rank if the factors are given."""
     if factors is None or earlier.covariance_kind not in ("period", "block"):
         return earlier.covariance
     A = stack(total(factors), earlier.weights)[0]
@@ -264,7 +267,7 @@ def _scaled_eigenvalues(covariance: Array) -> tuple[Array, Array, Array]:
 
 
 def _residual_statistics(data: Information, values: Array, weights: Array, half: Array) -> tuple[Array, Array]:
-    """Squared residual of each joint, unweighted, and the effective degrees of freedom of its rows, shapes (n,)."""
+    """Sum of squared residuals of each joint, unweighted, and sum of the leverages of its rows, shapes (n,)."""
     squares, effective = np.empty((2, data.n))
     for j, joint in enumerate(data.joints):
         R = joint.R[0]
@@ -274,7 +277,7 @@ def _residual_statistics(data: Information, values: Array, weights: Array, half:
 
 
 def _next_weights(state: RecursiveState, data: Information, rows: Array, kept: Array) -> Array:
-    """One over the deviation of each joint's residual, from the solution under the present weights."""
+    """One divided by the standard deviation of each joint's residual, for the solution with the present weights."""
     values, half, _ = minimum_norm_solution(*_parted(_whole(data, kept, state.weights)))
     squares, effective = _residual_statistics(data, values, state.weights, half)
     torque = np.array([np.sum(joint.R[0, :, -1] ** 2) for joint in data.joints])
@@ -285,7 +288,7 @@ def _next_weights(state: RecursiveState, data: Information, rows: Array, kept: A
 
 
 def _settled(state: RecursiveState, data: Information) -> Array:
-    """Weights at the fixed point of the iteration."""
+    """Weights after convergence of the iteration."""
     for _ in range(ITERATIONS):
         weights = _next_weights(state, data, state.rows, state.kept)
         if (np.abs(state.weights / weights - 1.0) <= STANDSTILL).all():
@@ -298,7 +301,7 @@ def _settled(state: RecursiveState, data: Information) -> Array:
 
 
 def _after_change(state: RecursiveState) -> RecursiveState:
-    """State after a sudden change: all information becomes retained rows, discounted by the change."""
+    """State after a sudden change: all information is stored as `kept`, with the covariance of the change added."""
     assert state.root is not None  # a block without a covariance before it shows no sudden change
     assert state.memory.jump is not None
     changing = _changing(state)
@@ -309,7 +312,7 @@ def _after_change(state: RecursiveState) -> RecursiveState:
 
 
 def _spread(before: RecursiveState, weights: Array, new: Information, half: Array) -> Array:
-    """Factor (b, b) of the covariance after new rows; `half` is a square root of the inverse of all information."""
+    """Factor (b, b) of the covariance after new rows; `half` is a square root of the inverse normal matrix."""
     if before.root is None:  # the noise counts as white until blocks have given its correlation
         return _square(half)
     X, b = half @ half.T, len(before.names)
@@ -322,6 +325,6 @@ def _spread(before: RecursiveState, weights: Array, new: Information, half: Arra
 
 
 def _square(root: Array) -> Array:
-    """Lower triangular factor (b, b) of the same covariance as a wide one (b, k), k >= b."""
+    """Lower triangular factor (b, b) of the covariance that has the factor `root` (b, k), with k >= b."""
     R: Any = np.linalg.qr(root.T, mode="r")
     return R.T

@@ -14,10 +14,12 @@ from armid.information.information import FactorOrigin, Information, JointFactor
 from armid.model.parameter_name import ParameterName
 
 JUMP = 1000.0
-"""Standard deviation of a sudden change of a parameter, over that of its estimate: larger than any real change."""
+"""Standard deviation of a sudden change of a parameter, divided by that of its estimate: larger than any real
+change."""
 
 WHITE = 0.3
-"""Number of white blocks in the prior of the correlation, which limits the influence of the first blocks."""
+"""Number of blocks with white noise to which the prior of the correlation is equivalent; it limits the influence of
+the first blocks."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -26,10 +28,13 @@ class ForgettingOptions:
 
     Attributes:
         seconds: Time constant [s], after which 37 % of the information remains. Infinite for no forgetting.
-        changing: Parameters that may change, shape (b,); all where not given. The others are never forgotten.
-        renewal: Normalised innovation of a joint from which a block counts as a sudden change. The parameters that
-            may change are then forgotten and estimated again.
-        jump: Standard deviations of such a change, shape (b,); by default those of the first estimate times `JUMP`.
+        changing: Mask of the parameters that may change, shape (b,); if not given, all. Information about the others
+            is never forgotten.
+        renewal: Normalised innovation of a joint from which a block counts as a sudden change. Then the information
+            about
+            the parameters that may change is forgotten, and they are estimated again.
+        jump: Standard deviations of a sudden change, shape (b,); by default those of the first estimate times
+            `JUMP`.
     """
 
     seconds: float = np.inf
@@ -47,13 +52,16 @@ class Innovations:
     """Statistics of the innovations of blocks, joint by joint.
 
     Attributes:
-        normalized_innovation: RMS torque error of the last block under the estimate before it, over the usual one,
-            shape (n,). With ten independent rows it reaches three by chance once in 1e14 blocks.
-        level: Usual ratio of the squared error to the expected one, shape (n,).
-        blocks: Discounted number of blocks behind the level.
-        pull: Negative gradient of the last block's squared error, by joint, shape (n, b).
-        power: Sum of the squared gradients over those of white noise, products of neighbours included, shape (n,).
-        expected: Number of blocks in the sum, weighted by the certainty of the estimate, shape (n,).
+        normalized_innovation: RMS torque error of the last block, predicted with the estimate before it, divided by
+            the usual RMS error, shape (n,). For ten independent rows it is three or more by chance once in 1e14
+            blocks.
+        level: Usual ratio of the squared error to its expected value, shape (n,).
+        blocks: Discounted number of blocks from which `level` was computed, shape (n,).
+        pull: Negative gradient of the last block's squared error for each joint, shape (n, b).
+        power: Sum of the squared gradients divided by their expectation for white noise, shape (n,). It contains
+            the products of the gradients of neighbouring blocks.
+        expected: Number of blocks in `power`, each weighted by the share of its gradient that noise causes, shape
+            (n,).
     """
 
     normalized_innovation: Array
@@ -65,24 +73,25 @@ class Innovations:
 
     @property
     def correlation(self) -> Array:
-        """Variance of the gradient over that under white noise, at least 1, shape (n,)."""
+        """Variance of the gradient divided by its variance for white noise, at least 1, shape (n,)."""
         return np.maximum((self.power + WHITE) / (self.expected + WHITE), 1.0)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class RecursiveState:
-    """State after some blocks.
+    """State of a recursive estimate after some blocks.
 
     Attributes:
         names: Names of the b parameters.
         joints: Discounted factors of each joint's rows, one block.
         rows: Discounted number of rows in use, shape (n,).
-        kept: Retained whitened rows besides the joints' factors, right-hand side last, shape (b, b + 1).
+        kept: Whitened rows of information that is not in `joints`, with the right-hand side last, shape (b, b + 1).
         weights: Weight of each joint's rows, shape (n,).
-        fixed: Whether the weights were given; otherwise they are computed from the residuals.
-        whole: Triangular factor of all whitened rows, right-hand side last, shape (b, b + 1).
-        root: Factor L of the covariance L Lᵀ of the values, shape (b, b); `None` while the data do not determine
-            them. A factor keeps variances positive, which an update of the full matrix may not do [Bierman1977].
+        fixed: True if the weights were given; otherwise they are computed from the residuals.
+        whole: Triangular factor of all whitened rows, with the right-hand side last, shape (b, b + 1).
+        root: Factor L of the covariance L Lᵀ of the values, shape (b, b); `None` while the data do not determine the
+            values. The update of a factor keeps variances positive; an update of the full matrix may not
+            [Bierman1977].
         memory: Options of forgetting.
         innovations: Statistics of the innovations.
     """
@@ -105,7 +114,7 @@ class RecursiveState:
 
     @property
     def values(self) -> Array:
-        """Estimate, shape (b,); the minimum-norm one for columns of unit length where the data leave it open."""
+        """Estimate, shape (b,); where it is not unique, the one of smallest norm for columns of unit length."""
         return minimum_norm_solution(self.whole[:, :-1], self.whole[:, -1])[0]
 
     @property

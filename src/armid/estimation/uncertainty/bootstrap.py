@@ -1,4 +1,4 @@
-"""Block bootstrap: a slow check of covariances, whose only assumption is exchangeable blocks."""
+"""Block bootstrap: a slow check of covariances. Its only assumption is that the blocks are exchangeable."""
 
 from __future__ import annotations
 
@@ -15,13 +15,14 @@ def bootstrap(fit: Fit, information: Information, *, draws: int = 1000, seed: in
 
     Args:
         fit: Fit of an estimator.
-        information: Its information, with separate blocks.
+        information: Information of the fit, with separate blocks.
         draws: Number of estimates.
         seed: Seed of the random numbers.
-        per_group: Neighbouring blocks that are drawn as one.
+        per_group: Number of neighbouring blocks that are drawn together.
 
     Returns:
-        Estimates, shape (draws, b). Their covariance is that of the estimate, their quantiles are its intervals.
+        Estimates, shape (draws, b). Their covariance is the covariance of the estimate; their quantiles give
+        intervals.
     """
     groups = group_blocks(information, per_group)
     scale = np.ones(len(fit.values))

@@ -1,21 +1,22 @@
 """Covariance of an estimate with correct coverage, and the reason for its kind.
 
-Residuals of filtered recordings are correlated over many rows. Intervals under the assumption of white residuals then
-cover about a third of the cases instead of 95 %. The kind of covariance depends on samples and motion:
+Residuals of filtered recordings are correlated over many rows. Intervals that assume white residuals then contain the
+true value in about a third of the cases instead of 95 %. The kind of covariance depends on samples and motion:
 
-- `white`, equations (2.44) to (2.47), only where the residuals pass a test of whiteness;
-- `period`, the scatter between periods, where the motion was repeated often enough and the residual does not repeat
-  with it; otherwise the scatter would measure the repeatability of the estimate and not its error;
+- `white`, equations (2.44) to (2.47) of the thesis, only if the residuals pass a test of whiteness;
+- `period`, from the scatter between periods, if the motion was repeated often enough and the residual does not repeat
+  with the motion. If it repeats, the scatter measures the repeatability of the estimate and not its error;
 - `spectral`, from the spectra of the residuals and of the columns, correlations between joints included;
-- `block`, the scatter between blocks of rows, where factors but no samples are available.
+- `block`, from the scatter between blocks of rows, if factors but no samples are available.
 
-All have the form H⁻¹ (S + c P) H⁻¹. S is the covariance of the data's part of the normal equations, P the precision
-of the prior in rows (the cone of consistent bodies counts as a prior), and c the number of rows per independent
-sample, the unit in which the prior is stated. With S = c (H - P) this is c H⁻¹, the posterior covariance. The
-distance of an estimate in the cone from the analytic centre is added. Covariances of standard parameters follow from
-those of base parameters; a parameter that is both has the same interval.
+All have the form H⁻¹ (S + c P) H⁻¹. H is the normal matrix, prior included, and S the covariance of the right-hand
+side by the noise of the data. P is the precision of the prior in units of one row (the cone of consistent bodies
+counts as a prior). c is the number of rows that count as one independent sample, the unit of the prior's weight. With
+S = c (H - P) this is c H⁻¹, the posterior covariance. For an estimate on the boundary of the cone, the distance from
+the analytic centre is added. Covariances of standard parameters follow from those of base parameters; a parameter
+that is both has the same interval.
 
-A parameter that an estimator fixes at zero keeps the interval that the data give.
+A parameter that an estimator sets to zero has the interval of the estimate with all parameters.
 """
 
 from __future__ import annotations
@@ -51,11 +52,11 @@ from armid.information.information import Information, stack, total
 from armid.threads import one_blas_thread
 
 SMALLEST_P = 1e-6
-"""Smallest probability that a message states."""
+"""Smallest probability that a message gives as a number."""
 
 MIN_EIGENVALUE = 1e-13
-"""Lower limit of an eigenvalue of the normal equations with unit columns: directions that neither data nor prior
-determine get a very large variance instead of a division by zero."""
+"""Lower limit of an eigenvalue of the normal matrix with unit columns. With it, directions that neither data nor
+prior determine get a very large variance instead of a division by zero."""
 
 
 @one_blas_thread
@@ -64,19 +65,19 @@ def estimate_covariance(fit: Fit, source: EstimationProblem | Information) -> Fi
 
     Args:
         fit: Fit of an estimator.
-        source: The problem, whose samples are processed again, or its information alone, with separate blocks.
+        source: The problem, whose samples are processed again, or only its information, with separate blocks.
     """
     problem = source if isinstance(source, EstimationProblem) else EstimationProblem(source)
     return Uncertainty(fit, problem).with_covariance()
 
 
 def choose_covariance_kind(white: float, free: int | None, repeated: float) -> tuple[str, str]:
-    """Chooses the kind of covariance where samples are available, and states the reason.
+    """Chooses the kind of covariance if samples are available; returns the kind and the reason.
 
     Args:
         white: p-value of the test of whiteness.
-        free: Degrees of freedom of the scatter between periods; `None` where the motion does not repeat.
-        repeated: Variance of the mean residual of all periods, over that of independent periods.
+        free: Degrees of freedom of the scatter between periods; `None` if the motion does not repeat.
+        repeated: Variance of the mean residual of all periods, divided by its value for independent periods.
     """
     if white >= WHITENESS_LEVEL:
         return "white", f"residuals are uncorrelated in time (test of whiteness, p = {white:.2g})"
@@ -100,13 +101,14 @@ class Uncertainty:
 
     Attributes:
         fit: Fit of an estimator.
-        problem: The problem, with its samples where there are any.
+        problem: The problem, with its samples if it has any.
         information: Factors of the same rows in the parameters of the fit.
         prior: Precision of the prior, shape (b, b).
-        inverse: Inverse of the normal equations, prior included, shape (b, b).
+        inverse: Inverse of the normal matrix, prior included, shape (b, b).
         known_covariance: Covariance of known size that is added to the scatter, shape (b, b).
-        moved: Shift by reversals that counts as one standard deviation, shape (b,).
-        observed: Parameters that the rows depend on, shape (b,).
+        moved: Shift of the estimate by rows near velocity reversals that counts as one standard deviation, shape
+            (b,).
+        observed: Mask of the parameters on which the rows depend, shape (b,).
     """
 
     def __init__(self, fit: Fit, problem: EstimationProblem, information: Information | None = None) -> None:
@@ -161,10 +163,10 @@ class Uncertainty:
         return replace(self._with(scatter.covariance, kind, scatter.freedom), report=report)
 
     def reversal_effect(self, covariance: Array) -> tuple[Array, float, float]:
-        """Shift of the estimate by reversals, and its size against the covariance by noise.
+        """Shift of the estimate by rows near reversals, and its size in standard deviations by noise.
 
         Returns:
-            The shift, shape (b,), and the two values of `reach`.
+            The shift, shape (b,), and the two results of `reach`.
         """
         found = self.reversal_shift()
         if found is None:
@@ -173,7 +175,7 @@ class Uncertainty:
         return found, reach, most
 
     def reach(self, moved: Array, covariance: Array) -> tuple[float, float]:
-        """Share of a shift (b,) that counts as one standard deviation, and its largest element in deviations."""
+        """Share of a shift (b,) that counts as one standard deviation, and its largest ratio to a deviation."""
         deviation = np.sqrt(np.maximum(np.diag(covariance), 0.0))
         ratio = np.divide(moved, deviation, out=np.zeros_like(moved), where=deviation > 0.0)[self.observed]
         size = float(np.sqrt(np.mean(ratio**2)))
@@ -182,17 +184,17 @@ class Uncertainty:
         return float(SHIFT_SHARE * np.sqrt(1.0 - (EXPECTED_SHIFT / size) ** 2)), float(np.abs(ratio).max())
 
     def noise_covariance(self, scatter: Array) -> Array:
-        """Covariance of the estimate by noise, given the scatter of these rows, shape (b, b)."""
+        """Covariance of the estimate by noise, from that by the noise of these rows alone, shape (b, b)."""
         return scatter
 
     def reversal_shift(self) -> Array | None:
-        """Shift of the estimate without rows near reversals, shape (b,); `None` where it is not known."""
+        """Shift of the estimate if rows near reversals are left out, shape (b,); `None` if it cannot be computed."""
         if self.problem.base is None or self.information.names != self.problem.information.names:
             return None
         return shift_by_reversals(self.problem, self.fit.values, self.fit.weights, self.prior)
 
     def _motions(self) -> RepetitionBlocks | None:
-        """Repetitions of motions among the blocks; `None` where the motion does not repeat."""
+        """Assignment of the blocks to repetitions of a motion; `None` if the motion does not repeat."""
         runs = () if self.problem.observations is None else self.problem.observations.runs
         # Blocks of a motion whose period nobody knows may look alike here and there. Only whole periods can be tested
         # for a residual that repeats with them.
@@ -209,7 +211,7 @@ class Uncertainty:
         return RepetitionBlocks.of_runs(runs, self.information.rows.sum(axis=1) > 0)
 
     def _from_factors(self, motions: RepetitionBlocks | None, obstacle: str) -> Fit:
-        """Fit with the best covariance that factors alone allow."""
+        """Fit with the best covariance that can be computed from factors without samples."""
         report = CovarianceReport(obstacle, noise=self._noise())
         if motions is not None and motions.free >= FEWEST_PERIODS - 1:
             return self._periods(motions, replace(report, why=f"{obstacle}; the motion repeats"))
@@ -235,7 +237,7 @@ class Uncertainty:
         )
 
     def _with(self, covariance: Array, kind: str, freedom: Array | float) -> Fit:
-        """Fit with a scatter of the data and the known covariance of prior and torque scales."""
+        """Fit with the covariance by noise of the data and the known covariance by prior and torque scales."""
         return self.with_scatter(replace(self.fit, covariance_kind=kind), covariance, self.known_covariance, freedom)
 
     def with_scatter(self, fit: Fit, scatter: Array, known_covariance: Array, freedom: Array | float) -> Fit:
@@ -252,7 +254,7 @@ class Uncertainty:
         return replace(fit, covariance=scatter + certain, freedom=each * share**2, standard=standard)
 
     def _spectrum(self) -> tuple[_Spectrum | None, str]:
-        """Noise spectrum of the samples; `None` and the reason where it cannot be estimated."""
+        """Noise spectrum of the samples; `None` and the reason if it cannot be estimated."""
         observations, rows = self.problem.observations, self.whole.rows[0]
         if self.fit.information is not None:
             return None, "rows have individual weights"
@@ -276,11 +278,11 @@ class Uncertainty:
         return _Spectrum(model, scatter, white, _repeated(bands, scatter, rows, self.fit.weights)), ""
 
     def joint_values(self) -> Array:
-        """Parameters of the samples' columns, shape (b,), or of each joint's, shape (n, b)."""
+        """Parameters of the columns of the samples, shape (b,), or separate ones for each joint, shape (n, b)."""
         return self.fit.values
 
     def column_maps(self) -> tuple[Array, ...] | None:
-        """Matrices from the fit's parameters to those of each joint's columns; `None` where they are the same."""
+        """Matrices from the parameters of the fit to those of each joint's columns; `None` if they are the same."""
         return None
 
     def _noise(self) -> Array:
@@ -303,7 +305,8 @@ class _Spectrum:
         model: Equations for the levels of the noise.
         scatter: Effect of the noise on the estimate.
         whiteness: p-value of the test of whiteness.
-        repeated: Variance of the mean residual of periods, over that of independent ones; 1 where nothing was folded.
+        repeated: Variance of the mean residual of all periods, divided by its value for independent periods; 1 if no
+            periods were averaged.
     """
 
     model: NoiseModel
@@ -315,16 +318,16 @@ class _Spectrum:
 def block_covariance(
     information: Information, values: Array, weights: Array, inverse: Array
 ) -> tuple[Array, float] | None:
-    """Jackknife covariance (b, b) over blocks, merged while neighbours are correlated, and its degrees of freedom.
+    """Jackknife covariance (b, b) over blocks and its degrees of freedom; correlated neighbours are merged first.
 
     Args:
-        information: Factors, one set a block, in the order of time.
+        information: Factors of each block, in the order of time.
         values: Estimate, shape (b,).
         weights: Weight of each joint's rows, shape (n,).
-        inverse: H⁻¹ of the weighted normal equations, prior included, shape (b, b).
+        inverse: Inverse H⁻¹ of the weighted normal matrix, prior included, shape (b, b).
 
     Returns:
-        `None` where there are too few blocks with rows that count.
+        Covariance and degrees of freedom; `None` if there are too few blocks with rows in use.
     """
     per_group = 1
     groups = group_blocks(information)
@@ -343,7 +346,7 @@ def block_covariance(
 
 
 def _samples_match(problem: EstimationProblem, rows: NDArray[np.int64]) -> bool:
-    """Checks whether samples and information have the same rows and parameters."""
+    """Tests whether samples and information have the same rows and parameters."""
     model, base, observations = problem.require_samples("cover")
     known_covariance = {name.of_all for name in problem.information.names}  # copies for each recording are FV_1[1], …
     counted = sum(with_hysteresis_states(model, run, observations.band).mask.sum(axis=0) for run in observations.runs)
@@ -351,7 +354,7 @@ def _samples_match(problem: EstimationProblem, rows: NDArray[np.int64]) -> bool:
 
 
 def _repeated(bands: BandProducts, scatter: LevelScatter, rows: Array, weights: Array) -> float:
-    """Ratio of the variance of the mean of periods to that expected from the differences between periods."""
+    """Variance of the mean residual of all periods, divided by the value expected from their differences."""
     squares, free = bands.within
     if not (free > 0.0).all():
         return 1.0
@@ -364,7 +367,8 @@ def _repeated(bands: BandProducts, scatter: LevelScatter, rows: Array, weights: 
 def scale_covariance(whole: Information, weights: Array, inverse: Array) -> Array:
     """Covariance (b, b) from uncertain scales of the joints' torques, such as drive gains.
 
-    With torque j off by a factor 1 + δ_j, the estimate moves by δ_j H⁻¹ w_j² R_jᵀ ρ_j; the δ_j are independent.
+    If the torque of joint j is wrong by a factor 1 + δ_j, the estimate changes by δ_j H⁻¹ w_j² R_jᵀ ρ_j; the δ_j are
+    independent.
     """
     covariance = np.zeros_like(inverse)
     for j in np.flatnonzero(whole.scale_deviation):

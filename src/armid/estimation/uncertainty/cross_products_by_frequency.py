@@ -3,8 +3,8 @@
 Residuals are not white, and the effect of noise at a frequency depends on the columns at that frequency. So products
 of the Fourier coefficients of columns and residuals are summed over narrow frequency bands.
 
-Where the motion repeats, the periods are first averaged (`folded`). Model errors repeat with the motion and do not
-average out; the mean of the periods, taken as one recording, shows their size.
+If the motion repeats, its periods are averaged first (folded into one period). Model errors repeat with the motion,
+so averaging does not reduce them. The mean of the periods, treated as one recording, shows their size.
 """
 
 from __future__ import annotations
@@ -29,26 +29,27 @@ MAX_RATE = 100.0
 """Row rate that covers the spectrum of an arm's motion [Hz]; rows at higher rates are averaged."""
 
 SEGMENT = 8192
-"""Rows of a segment, after averaging: longer than the correlation time of an arm's noise."""
+"""Number of rows of a segment after averaging. A segment is longer than the correlation time of an arm's noise."""
 
 LOWEST_BAND_SIZE = 8.0
-"""Real numbers of a recording's spectrum in the lowest band: four complex coefficients."""
+"""Number of real numbers of a recording's spectrum in the lowest band: four complex coefficients."""
 
 PER_OCTAVE = 3
 """Bands per octave, narrow enough to resolve the edge of a filter."""
 
 PARTS = 10
-"""Parts of a segment whose variances are compared."""
+"""Number of parts of a segment whose variances are compared."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class GatheredBands:
-    """Consecutive rows of one segment, averaged where rows are dense or periods are folded.
+    """M consecutive rows of one segment, averaged if the row rate is high or if periods are folded.
 
-    A row that replaces m rows of a joint is their sum over √m, so that products and white noise keep their size.
+    A row that replaces m rows of a joint is their sum divided by √m, so that products and white noise keep their
+    size.
 
     Attributes:
-        columns: Regressor columns joint by joint, zero in masked rows, shape (W, M).
+        columns: W regressor columns joint by joint, zero in masked rows, shape (W, M).
         residual: Residuals, shape (n, M) [N·m or N].
         counts: Mask of rows in use, shape (n, M).
         rate: Row rate [Hz].
@@ -69,16 +70,17 @@ class BandProducts:
     """Products of the W columns of n joints, and of their residuals, in E frequency bands.
 
     Attributes:
-        parameters: Parameters of each joint's columns, shapes (k_j,).
+        parameters: Indices of the parameters of each joint's k_j columns, shapes (k_j,).
         edges: Lower edge of each band [Hz], shape (E,).
         frequency: Mean frequency of each band [Hz], shape (E,).
-        count: Real numbers of the spectrum of each pair of joints in each band, shape (E, n, n).
-        products: Products of columns, shape (E, W, W).
-        moments: Products of residuals, shape (E, n, n) [N²·m² or N²].
+        count: Number of real numbers in the spectrum of each pair of joints in each band, shape (E, n, n).
+        products: Products of two columns, summed over each band, shape (E, W, W).
+        moments: Products of the residuals of two joints, summed over each band, shape (E, n, n) [N²·m² or N²].
         parts: Sum of squares and number of rows of each part of the time, shape (parts, 2, n).
         squares: Sum of squared residuals of all rows, shape (n,).
-        within: Sum of squares and number of rows of the differences between periods, shape (2, n), zero without any.
-        averaged: Whether rows are averages of neighbouring rows or of periods.
+        within: Sum of squares and number of rows of the differences between periods, shape (2, n); zero without
+            periods.
+        averaged: True if rows are averages of neighbouring rows or of periods.
     """
 
     parameters: tuple[NDArray[np.int32], ...]
@@ -104,7 +106,7 @@ class BandProducts:
 
 
 def gather_bands(problem: EstimationProblem, values: Array) -> Iterator[GatheredBands]:
-    """Yields the rows of a problem with their residuals, averaged to `MAX_RATE`, periods folded.
+    """Yields the rows of a problem with their residuals, averaged to `MAX_RATE` and folded into one period.
 
     Args:
         problem: Problem with its samples.
@@ -216,7 +218,7 @@ def band_edges(lengths: list[tuple[int, float]]) -> Array:
 
 
 def column_numbers(source: ColumnSource, names: tuple[str, ...], run: ObservedRun) -> list[NDArray[np.int64]]:
-    """Positions of each joint's columns among the parameters, of which a recording may have separate copies."""
+    """Indices of the parameters of each joint's columns; a recording may have separate copies of parameters."""
     number, copy = {name: k for k, name in enumerate(names)}, f"[{run.recording + 1}]"
     every = np.array([number.get(name, number.get(name + copy, -1)) for name in source.names], dtype=np.int64)
     return [every[own] for own in source.layout.parameters]
@@ -226,8 +228,8 @@ def find_periods(run: ObservedRun) -> NDArray[np.int64] | None:
     """Finds the periods of a motion that repeats.
 
     Returns:
-        First row of each period, then the number of rows of the shortest; `None` where repetitions, or blocks where
-        none are recorded, are not periods of one motion.
+        First row of each period, then the number of rows of the shortest period. `None` if the repetitions in the run
+        (or its blocks, if the run records no repetitions) are not periods of one motion.
     """
     label = run.block if run.repetition is None else run.repetition
     borders = np.flatnonzero(np.diff(label, prepend=-1, append=-1))
@@ -252,7 +254,7 @@ def _gather_run(
     places: list[NDArray[np.intp]],
     widths: list[int],
 ) -> Iterator[GatheredBands]:
-    """Yields the rows of one run, averaged, segment by segment or folded into one period."""
+    """Yields the averaged rows of one run, segment by segment or folded into one period."""
     averaging = _averaging(run)
     segments, folded = _segments(run, averaging)
     rate = run.rate / (run.step * averaging)
@@ -283,11 +285,11 @@ class _Sums:
         places: Rows of `columns` that belong to each joint's columns.
         widths: Number of columns of each joint.
         averaging: Number of rows that are averaged into one.
-        columns: Sums of columns, shape (W, M).
-        residual: Sums of residuals, shape (n, M).
+        columns: Sums of the W columns for M averaged rows, shape (W, M).
+        residual: Sums of the residuals, shape (n, M).
         count: Number of rows in each sum, shape (n, M).
         squares: Sum of squared residuals, shape (n,).
-        period_squares: Sum over periods of the squared means of residuals, each times its rows, shape (n,).
+        period_squares: Sum over the periods of squared mean residual · number of rows, shape (n,).
     """
 
     def __init__(self, places: list[NDArray[np.intp]], widths: list[int], length: int, averaging: int) -> None:
@@ -314,7 +316,7 @@ class _Sums:
         self.period_squares += (summed**2 / np.maximum(count, 1.0)).sum(axis=1)
 
     def gathered(self, rate: float, periods: int) -> GatheredBands:
-        """Sums of so many periods, scaled so that products and white noise keep their size."""
+        """Sums over a number of periods, scaled so that products and white noise keep their size."""
         scale = 1.0 / np.sqrt(np.maximum(self.count, 1.0))
         residual = self.residual * scale
         within = np.zeros((2, len(self.widths)))
@@ -326,7 +328,7 @@ class _Sums:
 
 
 def _segments(run: ObservedRun, rows_per_mean: int) -> tuple[list[tuple[int, int]], bool]:
-    """First row and number of rows of each segment, and whether all segments are folded into one."""
+    """First row and number of rows of each segment; true if all segments are periods that are folded into one."""
     periods = find_periods(run)
     if periods is not None:
         return [(int(a), int(periods[-1])) for a in periods[:-1]], True

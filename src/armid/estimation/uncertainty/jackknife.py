@@ -1,13 +1,14 @@
-"""Covariance from the scatter between blocks of rows, from the factors alone.
+"""Covariance from the scatter between blocks of rows, computed from the triangular factors alone.
 
-The estimate without block k differs from the estimate by
+If block k is left out, the estimate π changes by -Δ_k with
 
     Δ_k = (H - H_k)⁻¹ s_k,        s_k = Σ_j w_j² R_jkᵀ (ρ_jk - R_jk π),
 
-and the jackknife cov = (B - 1) / B Σ_k (Δ_k - mean)(Δ_k - mean)ᵀ is valid for any correlation inside a block and
-between joints, also with few blocks and many parameters. There the sandwich H⁻¹ Σ s_k s_kᵀ H⁻¹ is too small, because
-each block has leverage on the estimate [Bell2002]. If the blocks are periods of one motion, all H_k are nearly equal,
-and the jackknife is the variance of the mean of the estimates from single periods.
+where H is the normal matrix, H_k the part of block k, and R_jk and ρ_jk are factor and right-hand side of joint j in
+block k. For B blocks, the jackknife cov = (B - 1) / B Σ_k (Δ_k - mean)(Δ_k - mean)ᵀ is valid for any correlation
+inside a block and between joints, also for few blocks and many parameters. In that case the sandwich H⁻¹ Σ s_k s_kᵀ
+H⁻¹ is too small, because each block has leverage on the estimate [Bell2002]. If the blocks are periods of one motion,
+all H_k are nearly equal, and the jackknife is the variance of the mean of the estimates from single periods.
 """
 
 from __future__ import annotations
@@ -24,13 +25,13 @@ from armid.information.information import Information
 from armid.measurement.observations import ObservedRun
 
 RIDGE = 1e-12
-"""Added to the diagonal of H, relative: a direction that only one block determines then gets a very large
+"""Relative addition to the diagonal of H, so that a direction which only one block determines gets a very large
 variance."""
 
 Groups = NDArray[np.int64]
 
 BATCH = 32
-"""Blocks solved at a time, which takes a few megabytes."""
+"""Number of blocks that are solved at a time, which takes a few megabytes."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -38,8 +39,8 @@ class RepetitionBlocks:
     """Assignment of blocks to repetitions of motions.
 
     Attributes:
-        groups: Repetition of each block, -1 for none, shape (blocks,).
-        motions: Motion of each repetition, shape (repetitions,).
+        groups: Index of the repetition of each block, -1 for none, shape (blocks,).
+        motions: Index of the motion of each repetition, shape (repetitions,).
     """
 
     groups: Groups
@@ -52,7 +53,7 @@ class RepetitionBlocks:
 
     @classmethod
     def of_blocks(cls, motions: Groups) -> RepetitionBlocks:
-        """Assignment where each block is one repetition, from the motion of each block (-1 for none)."""
+        """Assignment if each block is one repetition, from the index of the motion of each block (-1 for none)."""
         used = np.flatnonzero(motions >= 0)
         groups = np.full(len(motions), -1, dtype=np.int64)
         groups[used] = np.arange(len(used))
@@ -60,11 +61,11 @@ class RepetitionBlocks:
 
     @classmethod
     def of_runs(cls, runs: Sequence[ObservedRun], has_rows: NDArray[np.bool_]) -> RepetitionBlocks:
-        """Assignment by the repetitions that the runs record; blocks without rows have none.
+        """Assignment by the repetitions that the runs record; blocks without rows belong to no repetition.
 
         Args:
             runs: Runs in the order of their blocks.
-            has_rows: Blocks that have rows, shape (blocks,).
+            has_rows: Mask of the blocks that have rows, shape (blocks,).
         """
         labels: list[tuple[int, int]] = []
         for k, run in enumerate(runs):
@@ -78,11 +79,11 @@ class RepetitionBlocks:
 
 
 def group_blocks(information: Information, per_group: int = 1) -> Groups:
-    """Groups neighbouring blocks: number of each block's group, -1 for a block without rows, shape (blocks,).
+    """Groups neighbouring blocks; returns the group of each block, -1 for a block without rows, shape (blocks,).
 
     Args:
-        information: Factors, blocks in the order of time.
-        per_group: Neighbouring blocks of one run in a group; a remainder joins the last group.
+        information: Factors of each block, in the order of time.
+        per_group: Number of neighbouring blocks of one run in a group; remaining blocks join the last group.
     """
     result = np.full(information.blocks, -1, dtype=np.int64)
     first = 0
@@ -97,9 +98,10 @@ def group_blocks(information: Information, per_group: int = 1) -> Groups:
 
 
 def periods(information: Information) -> Groups | None:
-    """Detects periods: number of the motion of each block; `None` where a block has no counterpart.
+    """Finds periods of the same motion; returns the index of the motion of each block, shape (blocks,).
 
-    Periods of one motion have nearly the same products of columns; blocks of different motions do not.
+    Periods of one motion have nearly the same normal matrix; blocks of different motions do not. The result is `None`
+    if a block is similar to no other block.
     """
     length = [np.linalg.norm(joint.R[:, :, :-1], axis=(0, 1)) for joint in information.joints]
     length = [np.where(each > 0.0, each, 1.0) for each in length]
@@ -134,12 +136,13 @@ def jackknife(
     """Jackknife covariance over groups of blocks, shape (b, b).
 
     Args:
-        information: Factors, one set a block.
-        groups: Group that each block is in, -1 for none, shape (blocks,).
-        motions: Motion that each group is about, shape (groups,); groups of one motion scatter about their own mean.
+        information: Factors of each block.
+        groups: Group of each block, -1 for none, shape (blocks,).
+        motions: Motion of each group, shape (groups,); the scatter of the groups of one motion is taken about
+            their mean.
         values: Estimate, shape (b,).
         weights: Weight of each joint's rows, shape (n,).
-        inverse: H⁻¹ of the weighted normal equations, prior included, shape (b, b).
+        inverse: Inverse H⁻¹ of the weighted normal matrix, prior included, shape (b, b).
     """
     scale = 1.0 / np.sqrt(np.diag(inverse))  # of the size of the columns, whatever their units
     whole = np.asarray(np.linalg.inv(inverse * np.outer(scale, scale)), dtype=np.float64)
@@ -160,15 +163,15 @@ def jackknife(
 
 
 def blend_with_textbook(scatter: Array, textbook: Array, freedom: float) -> Array:
-    """Blends a scatter with the covariance under white residuals, so that it can be inverted.
+    """Blends a covariance from scatter with the covariance for white residuals, so that it can be inverted.
 
-    A scatter with f degrees of freedom has rank f; in all other directions its inverse would treat the estimate as
-    exact. Single variances have the relative error √(2/f), too. The white covariance is scaled to the mean ratio of
-    the variances and gets the weight of b degrees of freedom.
+    A covariance from scatter with f degrees of freedom has the rank f; in all other directions the estimate would
+    count as exact. Besides, each variance has the relative error √(2/f). The white covariance is scaled by the mean
+    ratio of the variances and gets the weight of b degrees of freedom.
 
     Args:
         scatter: Covariance from the scatter between blocks or periods, shape (b, b).
-        textbook: Covariance under white residuals, shape (b, b).
+        textbook: Covariance for white residuals, shape (b, b).
         freedom: Degrees of freedom f of the scatter.
     """
     known = np.diag(textbook) > 0.0
@@ -178,14 +181,14 @@ def blend_with_textbook(scatter: Array, textbook: Array, freedom: float) -> Arra
 
 
 def correlation(information: Information, groups: Groups, values: Array, weights: Array, inverse: Array) -> float:
-    """Correlation of the gradients of neighbouring groups: Σ s_kᵀ H⁻¹ s_k+1 over Σ s_kᵀ H⁻¹ s_k.
+    """Correlation of the gradients of neighbouring groups, (Σ s_kᵀ H⁻¹ s_k+1) / (Σ s_kᵀ H⁻¹ s_k).
 
     Args:
-        information: Factors, one set a block.
+        information: Factors of each block.
         groups: Group of each block, in the order of time, shape (blocks,).
         values: Estimate, shape (b,).
         weights: Weight of each joint's rows, shape (n,).
-        inverse: H⁻¹, shape (b, b).
+        inverse: Inverse H⁻¹ of the weighted normal matrix, prior included, shape (b, b).
     """
     count = int(groups.max()) + 1
     run = np.zeros(count, dtype=np.int64)
@@ -204,14 +207,14 @@ def correlation(information: Information, groups: Groups, values: Array, weights
 def block_products(
     information: Information, groups: Groups, values: Array, weights: Array, scale: Array
 ) -> tuple[Array, Array]:
-    """H_k (groups, b, b) and s_k (groups, b) of groups of blocks, parameters in units of 1 / scale.
+    """Normal matrices H_k (groups, b, b) and gradients s_k (groups, b) of groups, with parameters times `scale`.
 
     Args:
-        information: Factors, one set a block.
-        groups: Group that each block is in, -1 for none, shape (blocks,).
+        information: Factors of each block.
+        groups: Group of each block, -1 for none, shape (blocks,).
         values: Estimate, shape (b,).
         weights: Weight of each joint's rows, shape (n,).
-        scale: Of the columns, shape (b,).
+        scale: Length by which each column is divided, shape (b,).
     """
     used = np.flatnonzero(groups >= 0)
     into = groups[used]

@@ -5,9 +5,9 @@ there. With weighted rows X̃, residuals r̃ and M = 1 - X̃ H⁻¹ X̃ᵀ, nois
 
     E[r̃ᵀ E_a r̃] = Σ_c tr(E_a M E_c M) θ_c,        cov = H⁻¹ X̃ᵀ Γ X̃ H⁻¹.
 
-E_c is the part of the noise of one pair of joints around one frequency. The left side is measured and the traces are
-known, so linear equations give unbiased levels θ [Rao1971] for any spectrum of the noise. The uncertainty of the
-levels determines the degrees of freedom of each parameter's interval [Satterthwaite1946].
+E_c is the covariance of unit noise of one pair of joints around one frequency, and θ_c its level. The left side is
+measured and the traces are known, so linear equations give unbiased levels θ [Rao1971] for any spectrum of the noise.
+The uncertainty of the levels determines the degrees of freedom of each parameter's interval [Satterthwaite1946].
 """
 
 from __future__ import annotations
@@ -23,29 +23,31 @@ from armid.estimation.uncertainty.cross_products_by_frequency import BandProduct
 from armid.maths.linalg import root_of
 
 LOWEST_KNOT_SIZE = 10.0
-"""Real numbers of the spectrum below the second knot, few but enough to estimate the lowest level."""
+"""Number of real numbers of the spectrum below the second frequency of `level_basis`: just enough to estimate the
+level at the lowest frequency."""
 
 POOLED_DOF = 10.0
 """Degrees of freedom of the prior that shrinks correlations at one frequency to those pooled over all frequencies."""
 
 MIN_LEVEL = 1e-3
-"""Lower limit of a level, over the joint's mean level: smaller estimates of a level are noise."""
+"""Lower limit of a level, divided by the joint's mean level: smaller estimates are not significant."""
 
 MIN_FOR_CORRELATION = 2e-2
-"""Smallest level, over the joint's mean level, that is used to estimate correlations."""
+"""Smallest level, divided by the joint's mean level, that is used to estimate correlations."""
 
 MIN_CORRELATION_EIGENVALUE = 1e-2
 """Lower limit of an eigenvalue of the correlation matrix between joints."""
 
 WHITE_PRIOR = 1e-3
-"""Weight of a prior of white noise in the equations, in observations, so that they are regular where a joint has no
-rows."""
+"""Weight of a prior of white noise in the equations, in observations, so that the equations can be solved if a joint
+has no rows."""
 
 FEWEST_FREE = 2.0
-"""Fewest degrees of freedom of a level; intervals are then more than twice as wide as those of many."""
+"""Lower limit of the degrees of freedom of a level. With this value intervals are more than twice as wide as with
+many degrees of freedom."""
 
 MAX_SIZE = 30_000_000
-"""Largest number of elements in the matrices of all levels: a quarter of a gigabyte."""
+"""Largest number of elements in the matrices of all levels; they take a quarter of a gigabyte."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -53,8 +55,8 @@ class LevelScatter:
     """Effect of noise on an estimate.
 
     Attributes:
-        covariance: Shape (b, b).
-        freedom: Degrees of freedom of each variance, shape (b,).
+        covariance: Covariance of the estimate by the noise, shape (b, b).
+        freedom: Degrees of freedom of each parameter's variance, shape (b,).
         noise: Standard deviation of each joint's noise, shape (n,) [N·m or N].
     """
 
@@ -67,11 +69,14 @@ class NoiseModel:
     """Equations for the levels of the noise, for one set of rows and weights.
 
     Attributes:
-        basis: Share of each level in each band, shape (B, E); every band's shares sum to one.
+        basis: Shares with which the levels at B frequencies give the level in each of E bands, shape (B, E); the
+            shares of a band add to one.
         pairs: First and second joint of each pair, shapes (pairs,).
-        equations: tr(E_a M E_c M), shape (levels, levels), levels in the order frequency, pair of joints.
-        leverage: tr(H⁻¹ X̃_jᵀ P X̃_k) for the coefficients P of each band, shape (E, n, n).
-        free: Degrees of freedom of each level of a joint: its real numbers less their leverage, shape (B, n).
+        equations: Coefficients tr(E_a M E_c M) of the levels, shape (levels, levels), ordered by frequency, then by
+            pair.
+        leverage: tr(H⁻¹ X̃_jᵀ P X̃_k) with P the projection on the coefficients of each band, shape (E, n, n).
+        free: Degrees of freedom of each level of a joint: its number of real numbers minus their leverage, shape
+            (B, n).
     """
 
     def __init__(
@@ -86,9 +91,9 @@ class NoiseModel:
         Args:
             bands: Products of the rows.
             weights: Weight of each joint's rows, shape (n,).
-            inverse: H⁻¹, prior included, shape (b, b).
-            column_maps: Matrices from b unknowns to the parameters of each joint's columns, shapes (c, b); identity
-                where not given.
+            inverse: Inverse H⁻¹ of the weighted normal matrix, prior included, shape (b, b).
+            column_maps: Matrices from b unknowns to the c parameters of each joint's columns, shapes (c, b); if not
+                given, identity matrices.
         """
         self.bands, self.weights = bands, weights
         self.basis, self.pairs = level_basis(bands), np.triu_indices(bands.n)
@@ -105,7 +110,7 @@ class NoiseModel:
 
     @property
     def multiplicity(self) -> Array:
-        """Number of ordered pairs of each pair, shape (pairs,)."""
+        """Number of elements of a covariance matrix for each pair of joints, 1 or 2, shape (pairs,)."""
         return np.where(np.equal(*self.pairs), 1.0, 2.0)
 
     @staticmethod
@@ -114,10 +119,12 @@ class NoiseModel:
         return len(level_basis(bands)) * bands.n * (bands.n + 1) // 2 * count * (count + 1) // 2
 
     def levels(self, moments: Array) -> Array:
-        """Covariance of the noise at each frequency, in weighted units, shape (B, n, n).
+        """Covariance of the noise of the weighted rows at each of the B frequencies of `basis`, shape (B, n, n).
+
+        Between these frequencies the noise is interpolated, so that it is known in all E bands of the data.
 
         Args:
-            moments: Products of residuals in each band, shape (E, n, n).
+            moments: Products of the unweighted residuals of two joints in each band, shape (E, n, n) [N²·m² or N²].
         """
         measured = self.measured(moments)
         ridge = WHITE_PRIOR * np.tile(self.multiplicity, len(self.basis))
@@ -126,10 +133,10 @@ class NoiseModel:
         return self._regularise(self._square(np.asarray(theta, dtype=np.float64)))
 
     def scatter(self, moments: Array, squares: Array, rows: Array) -> LevelScatter:
-        """Effect of the noise on the estimate, from residuals.
+        """Computes the effect of the noise on the estimate from residuals.
 
         Args:
-            moments: Products of residuals in each band, shape (E, n, n).
+            moments: Products of the unweighted residuals of two joints in each of E bands, shape (E, n, n).
             squares: Sum of squared residuals, shape (n,).
             rows: Number of rows in use, shape (n,).
         """
@@ -146,13 +153,13 @@ class NoiseModel:
         return LevelScatter(covariance, self._freedom(levels), np.sqrt((squares + absorbed) / np.maximum(rows, 1.0)))
 
     def measured(self, moments: Array) -> Array:
-        """r̃ᵀ E_a r̃ for each level, shape (levels,)."""
+        """Measured left sides r̃ᵀ E_a r̃ of the equations, shape (levels,)."""
         weighted = moments * np.outer(self.weights, self.weights)
         found = np.tensordot(self.basis, weighted, (1, 0))[:, *self.pairs] * self.multiplicity
         return np.asarray(found.ravel(), dtype=np.float64)
 
     def _matrices(self, roots: list[Array]) -> tuple[Array, Array]:
-        """Lᵀ X̃ᵀ E_c X̃ L in packed form (levels, b (b + 1) / 2), and the diagonals of H⁻¹ X̃ᵀ E_c X̃ H⁻¹."""
+        """Packed Lᵀ X̃ᵀ E_c X̃ L with H⁻¹ = L Lᵀ, (levels, b (b + 1) / 2), and diagonals of H⁻¹ X̃ᵀ E_c X̃ H⁻¹."""
         bands, b = self.bands, len(self.root)
         upper, scale = np.triu_indices(b), _packing(b)
         packed = np.empty((len(self.basis), len(self.pairs[0]), len(scale)))
@@ -169,7 +176,7 @@ class NoiseModel:
         return packed.reshape(-1, len(scale)), variances
 
     def _diagonal(self) -> Array:
-        """tr(E_a E_c), which only levels of the same pair have."""
+        """Traces tr(E_a E_c), which are not zero only for levels of the same pair."""
         count = self.bands.count[:, *self.pairs] * self.multiplicity
         B, P = len(self.basis), count.shape[1]
         result = np.zeros((B, P, B, P))
@@ -178,7 +185,7 @@ class NoiseModel:
         return result.reshape(B * P, B * P)
 
     def _cross_leverage(self) -> Array:
-        """tr(E_a E_c Q) + tr(E_c E_a Q) with Q = X̃ H⁻¹ X̃ᵀ."""
+        """Traces tr(E_a E_c Q) + tr(E_c E_a Q) with Q = X̃ H⁻¹ X̃ᵀ, shape (levels, levels)."""
         B, P, n = len(self.basis), len(self.pairs[0]), self.bands.n
         weighted = np.einsum("ae,ce,ejk->acjk", self.basis, self.basis, self.leverage, optimize=True)
         unit = np.zeros((P, n, n))
@@ -189,14 +196,14 @@ class NoiseModel:
         return half + half.T
 
     def _square(self, theta: Array) -> Array:
-        """Symmetric matrices (B, n, n) of levels (levels,)."""
+        """Symmetric matrices (B, n, n) with the elements `theta` (levels,)."""
         levels = np.zeros((len(self.basis), self.bands.n, self.bands.n))
         levels[:, *self.pairs] = theta.reshape(len(self.basis), -1)
         levels[:, self.pairs[1], self.pairs[0]] = levels[:, *self.pairs]
         return levels
 
     def _regularise(self, levels: Array) -> Array:
-        """Positive definite levels, correlations shrunk to those pooled over all frequencies."""
+        """Positive definite levels (B, n, n), whose correlations are shrunk to those pooled over all frequencies."""
         variance = np.einsum("ajj->aj", levels)
         mean = np.maximum(variance.mean(axis=0), MIN_LEVEL)
         size = np.sqrt(np.maximum(variance, MIN_LEVEL * mean))
@@ -216,7 +223,7 @@ class NoiseModel:
         return correlation * size[:, :, None] * size[:, None, :]
 
     def _free(self) -> Array:
-        """Degrees of freedom of each level of a joint: its real numbers less their leverage, shape (B, n)."""
+        """Degrees of freedom of each level of a joint: number of real numbers minus leverage, shape (B, n)."""
         count = np.einsum("ae,ejj->aj", self.basis, self.bands.count)
         leverage = np.einsum("ae,ejj->aj", self.basis, self.leverage)
         return np.maximum(count - leverage, FEWEST_FREE)
@@ -237,7 +244,7 @@ class NoiseModel:
 
 
 def _band_leverage(bands: BandProducts, roots: list[Array]) -> Array:
-    """tr(H⁻¹ X̃_jᵀ P X̃_k) for the coefficients P of each band, shape (E, n, n)."""
+    """tr(H⁻¹ X̃_jᵀ P X̃_k) with P the projection on the coefficients of each band, shape (E, n, n)."""
     rows = np.concatenate(roots)
     inverse, starts = rows @ rows.T, bands.offset[:-1]
     return np.stack(
@@ -246,7 +253,7 @@ def _band_leverage(bands: BandProducts, roots: list[Array]) -> Array:
 
 
 def level_basis(bands: BandProducts) -> Array:
-    """Share of each level in each band, shape (B, E): linear interpolation between levels one octave apart."""
+    """Shares of the levels in each band, shape (B, E), for linear interpolation between octaves."""
     count = np.einsum("ejj->e", bands.count) / bands.n
     cumulative = np.cumsum(count)
     first = float(bands.frequency[min(int(np.searchsorted(cumulative, LOWEST_KNOT_SIZE)), len(cumulative) - 1)])
@@ -259,6 +266,6 @@ def level_basis(bands: BandProducts) -> Array:
 
 
 def _packing(b: int) -> Array:
-    """Factors of the upper triangle for which packed matrices have the inner product of full matrices."""
+    """Factors of the elements of the upper triangle, so that packed matrices have the inner product of full ones."""
     rows, columns = np.triu_indices(b)
     return np.where(rows == columns, 1.0, np.sqrt(2.0))

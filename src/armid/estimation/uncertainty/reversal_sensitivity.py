@@ -1,10 +1,10 @@
-"""Effect of velocity reversals on an estimate: comparison of the estimates with and without rows near them.
+"""Effect of velocity reversals on an estimate: comparison of the estimates with and without rows near reversals.
 
-Near a reversal dry friction passes through its whole range within milliseconds: the joint sticks for a moment, or its
-filtered velocity crosses zero a little earlier or later than the true one. The resulting model error is not noise. It
-has the sign of the acceleration and occurs when that is largest, so it biases the inertias, and neither scatter nor
-spectrum of the residuals shows the bias. The comparison of two estimates does that are both consistent if the model
-is right [Hausman1978]: with these rows and without them.
+Near a reversal dry friction passes through its whole range within milliseconds: the joint sticks for a moment, or the
+filtered velocity crosses zero a little earlier or later than the true velocity. The resulting model error is not
+noise. It has the sign of the acceleration and occurs where the acceleration is largest, so it biases the inertias.
+Neither scatter nor spectrum of the residuals shows this bias. A comparison of the estimates with and without these
+rows shows it, since both are consistent if the model is correct [Hausman1978].
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ determine an estimate."""
 
 
 def shift_by_reversals(problem: EstimationProblem, values: Array, weights: Array, prior: Array) -> Array | None:
-    """Shift of an estimate when rows near reversals are left out, shape (b,).
+    """Shift of an estimate if rows near reversals are left out, shape (b,).
 
     Args:
         problem: Problem with its samples.
@@ -40,7 +40,7 @@ def shift_by_reversals(problem: EstimationProblem, values: Array, weights: Array
         prior: Precision of the prior, shape (b, b).
 
     Returns:
-        The shift; `None` where the remaining rows do not determine an estimate.
+        The shift; `None` if the remaining rows do not determine an estimate.
     """
     normal, pull = np.array(prior, dtype=np.float64), np.zeros(len(values))
     for _, parameters, columns, side in _rows_away_from_reversals(problem, weights):
@@ -57,7 +57,7 @@ def shift_of_unknowns(
     remaining: tuple[Array, Array],
     root: Array,
 ) -> Array:
-    """Shift of u unknowns, from which the parameters of the columns follow, without rows near reversals.
+    """Shift of u unknowns, from which the parameters follow, if rows near reversals are left out.
 
     Directions that only rows near reversals determine cannot be compared; their shift is zero.
 
@@ -66,8 +66,8 @@ def shift_of_unknowns(
         values: Parameters of each joint's torque, shape (n, b).
         weights: Weight of each joint's rows, shape (n,).
         column_maps: Matrices from the unknowns to each joint's parameters, shapes (b, u).
-        remaining: Normal equations (u, u) and negative gradient (u,) of all data and priors beside the samples.
-        root: Factor of the inverse of all normal equations, shape (u, u).
+        remaining: Normal matrix (u, u) and negative gradient (u,) of all data and priors other than the samples.
+        root: Factor of the inverse of the whole normal matrix, shape (u, u).
 
     Returns:
         The shift, shape (u,).
@@ -89,7 +89,7 @@ def shift_of_unknowns(
 def _rows_away_from_reversals(
     problem: EstimationProblem, weights: Array
 ) -> Iterator[tuple[int, NDArray[np.int64], Array, Array]]:
-    """Weighted rows away from reversals: joint, numbers of its parameters, columns (k, M) and torque (M,)."""
+    """Weighted rows away from reversals: joint, indices of its k parameters, columns (k, M) and torque (M,)."""
     model, base, observations = problem.require_samples("cover")
     source = column_source(model, base)
     for given in observations.runs:
@@ -103,7 +103,7 @@ def _rows_away_from_reversals(
 
 
 def _solve(normal: Array, pull: Array) -> Array | None:
-    """Solution of the normal equations; `None` where they are singular."""
+    """Solution of the normal equations; `None` if they are singular."""
     size = np.sqrt(np.diag(normal))
     if not (size > 0.0).all():
         return None
@@ -114,7 +114,7 @@ def _solve(normal: Array, pull: Array) -> Array | None:
 
 
 def _is_away(run: ObservedRun, band: Band) -> NDArray[np.bool_]:
-    """Mask (M, n) of rows that no reversal affects through averaging or the main lobe of the filter."""
+    """Mask (M, n) of the rows without a reversal within the averaged samples or the main lobe of the filter."""
     speed = np.abs(run.motion.dq)
     slow = speed < SLOW_SHARE * np.sqrt(np.mean(speed**2, axis=0))
     reach = -(-run.step // 2) if band.family == "none" else round(LOBE_HALF_WIDTH * run.rate / band.cutoff)

@@ -1,9 +1,10 @@
 """Test of whiteness of the residuals, which decides whether white intervals are valid.
 
-If the noise were white with equal variance on all weighted rows, the spectrum of the residual would be flat except
-for the part that the fit absorbs, joints would be uncorrelated, and all joints and parts of the time would have the
-same variance. The means and variances of these statistics are known, so they are compared with chi-squared, as Ljung
-and Box do for autocorrelations [Ljung1978]. The part that the fit absorbs is accounted for at each frequency.
+If the noise is white with equal variance in all weighted rows, the spectrum of the residual is flat except for the
+part that the fit absorbs, the joints are uncorrelated, and all joints and parts of the time have the same variance.
+The means and variances of these statistics are known. Therefore the statistics are compared with a chi-squared
+distribution, as Ljung and Box do for autocorrelations [Ljung1978]. The part that the fit absorbs is subtracted at
+each frequency.
 """
 
 from __future__ import annotations
@@ -20,10 +21,10 @@ def whiteness(model: NoiseModel, moments: Array, squares: Array, parts: Array, r
 
     Args:
         model: Equations for the levels of the noise.
-        moments: Products of residuals in each band, shape (E, n, n).
+        moments: Products of the unweighted residuals of two joints in each of E bands, shape (E, n, n).
         squares: Sum of squared residuals of all rows, shape (n,).
         parts: Sum of squares and number of rows of parts of the time, shape (parts, 2, n).
-        rows: Rows that counted, shape (n,).
+        rows: Number of rows in use, shape (n,).
     """
     return min(
         1.0,
@@ -35,13 +36,13 @@ def whiteness(model: NoiseModel, moments: Array, squares: Array, parts: Array, r
 
 
 def spectrum_test(model: NoiseModel, moments: Array, squares: Array, rows: Array) -> float:
-    """p-value for flat spectra of all joints and no correlation between joints, for any noise levels.
+    """p-value of the hypothesis that all joints have flat spectra of any level and are uncorrelated.
 
     Args:
         model: Equations for the levels of the noise.
-        moments: Products of residuals in each band, shape (E, n, n).
+        moments: Products of the unweighted residuals of two joints in each of E bands, shape (E, n, n).
         squares: Sum of squared residuals of all rows, shape (n,).
-        rows: Rows that counted, shape (n,).
+        rows: Number of rows in use, shape (n,).
     """
     effective_dof = np.einsum("ejj->j", model.leverage)
     level = np.sqrt(squares / np.maximum(rows - effective_dof, 1.0)) * model.weights
@@ -59,12 +60,12 @@ def spectrum_test(model: NoiseModel, moments: Array, squares: Array, rows: Array
 
 
 def variance_test(parts: Array, weights: Array, averaged: bool) -> float:
-    """p-value for equal variances of all weighted joints and all parts of the time.
+    """p-value of the hypothesis that all weighted joints and all parts of the time have equal variances.
 
     Args:
         parts: Sum of squares and number of rows of each part, shape (parts, 2, n).
         weights: Weight of each joint's rows, shape (n,).
-        averaged: Whether rows are averages of others.
+        averaged: True if rows are averages of several samples.
     """
     squares, rows = parts[:, 0] * weights**2, parts[:, 1]
     known = rows > 0.0
@@ -79,7 +80,7 @@ def variance_test(parts: Array, weights: Array, averaged: bool) -> float:
 
 
 def _combined(model: NoiseModel) -> Array:
-    """Matrix (k, levels) that keeps the levels of each joint and sums those of each pair over all frequencies."""
+    """Matrix (k, levels) that selects the levels of joints and sums the levels of each pair over all frequencies."""
     B, P = len(model.basis), len(model.pairs[0])
     is_diagonal = model.pairs[0] == model.pairs[1]
     alone = np.eye(B * P)[np.tile(is_diagonal, B)]

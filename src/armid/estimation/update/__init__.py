@@ -1,1 +1,1 @@
-"""Updates of an earlier estimate by new recordings: recalibration, payload and drive gains."""
+"""Updates of an earlier estimate with new recordings: recalibration, payload and drive gains."""

@@ -1,9 +1,10 @@
-"""Covariance of a joint solution of an earlier estimate and the samples of new recordings.
+"""Covariance of a solution from an earlier estimate and the samples of new recordings together.
 
-The earlier recordings keep the covariance of their estimate: with A their whitened rows in its parameters, J the same
-rows in the unknowns and C the covariance, their right-hand side of the normal equations has the covariance JᵀA C AᵀJ.
-The covariance of the new recordings follows from their samples, as in an identification; everything else enters as a
-prior. The shifts by velocity reversals in both have one cause, so they are added with their signs.
+For the earlier recordings, the covariance C of the earlier estimate is used. With A the whitened earlier rows in the
+earlier parameters and J the same rows in the unknowns, their part of the right-hand side of the normal equations has
+the covariance JᵀA C AᵀJ. The covariance of the new recordings follows from their samples, as in an identification;
+all other information enters as a prior. The shifts by velocity reversals in earlier and new recordings have the same
+cause, so they are added with their signs.
 """
 
 from __future__ import annotations
@@ -25,26 +26,27 @@ from armid.maths.linalg import root_of, unit_columns
 from armid.maths.median import median
 
 ROUNDING = 1e-9
-"""Share of the earlier rows outside the span of the earlier parameters that counts as rounding error."""
+"""Largest share of the earlier rows outside the span of the earlier parameters that counts as a rounding error."""
 
 
 UNCANCELLED = 0.25
-"""Share of each shift by reversals that is added where the shifts of two motions cancel, as in a payload: the errors
-are in no fixed ratio to the shifts. On logs of a SCARA arm the ratio was 0.7 to 0.8."""
+"""Share of each shift by reversals that is added to the covariance even if the shifts of two motions cancel, as for a
+payload: the ratio of error to shift differs between motions. On recordings of a SCARA arm the ratio was 0.7 to
+0.8."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class PriorInformation:
-    """Information of everything but the new recordings, in u unknowns.
+    """Information of everything except the new recordings, about u unknowns.
 
     Attributes:
-        precision: Its normal equations, shape (u, u).
-        certain: Covariance of the estimate from rows of known variance, shape (u, u).
-        scatter: Covariance of the estimate from the noise of earlier recordings, shape (u, u).
-        freedom: Degrees of freedom of the scatter, shape (u,).
-        moved: Shift of the estimate by reversals in earlier recordings, shape (u,).
-        reach: Share of that shift that counted as one standard deviation of the earlier estimate.
-        inverse: Inverse of all normal equations, those of the new recordings included, shape (u, u).
+        precision: Normal matrix of this information, shape (u, u).
+        certain: Covariance of the estimate by rows of known variance, shape (u, u).
+        scatter: Covariance of the estimate by the noise of earlier recordings, shape (u, u).
+        freedom: Degrees of freedom of `scatter`, shape (u,).
+        moved: Shift of the estimate by rows near reversals in earlier recordings, shape (u,).
+        reach: Share of this shift that counts as one standard deviation in the earlier estimate.
+        inverse: Inverse of the whole normal matrix, new recordings included, shape (u, u).
     """
 
     precision: Array
@@ -59,14 +61,14 @@ class PriorInformation:
 def prior_information(
     prior_rows: Array, rows: Array, in_earlier: Array, earlier: EarlierErrors | None, inverse: Array
 ) -> PriorInformation:
-    """Computes the information of everything but the new recordings.
+    """Computes the information of everything except the new recordings.
 
     Args:
-        prior_rows: Rows of unit variance, shape (k, u).
-        rows: Whitened rows of the earlier recordings in the unknowns, shape (m, u).
-        in_earlier: The same rows in the earlier estimate's parameters, shape (m, b').
-        earlier: Errors of the earlier estimate; `None` where there are no such rows.
-        inverse: Inverse of all normal equations, shape (u, u).
+        prior_rows: Whitened rows of the k conditions of the prior, shape (k, u).
+        rows: The m whitened rows of the earlier recordings, in the unknowns, shape (m, u).
+        in_earlier: The same rows in the b' parameters of the earlier estimate, shape (m, b').
+        earlier: Errors of the earlier estimate; `None` if there are no earlier rows.
+        inverse: Inverse of the whole normal matrix, shape (u, u).
     """
     u = len(inverse)
     certain = inverse @ (prior_rows.T @ prior_rows) @ inverse
@@ -103,7 +105,7 @@ class JointCovariance(Uncertainty):
         fit: The estimate.
         problem: The new recordings with their samples, in b parameters.
         information: Factors of the new recordings in the unknowns.
-        remaining: Information of everything else.
+        remaining: Information of everything except the new recordings.
         column_maps: Matrices from the unknowns to the parameters of each joint's columns, shapes (b, u).
         joint_values: Parameters of each joint's columns, shape (n, b).
     """
@@ -134,7 +136,7 @@ class JointCovariance(Uncertainty):
         return replace(fit, report=report)
 
     def reversal_effect(self, covariance: Array) -> tuple[Array, float, float]:
-        """Shift of the estimate by reversals in all recordings; adds a share of each shift to the covariance."""
+        """Shift of the estimate by rows near reversals in all recordings; adds a share of it to the covariance."""
         result = super().reversal_effect(covariance)
         for part in (self.remaining.moved, result[0] - self.remaining.moved):
             share = UNCANCELLED * self.reach(part, covariance)[0]
@@ -146,7 +148,7 @@ class JointCovariance(Uncertainty):
         return scatter + self.remaining.scatter
 
     def reversal_shift(self) -> Array:
-        """Shift of the estimate without rows near reversals in new and earlier recordings, shape (u,)."""
+        """Shift of the estimate if rows near reversals in new and earlier recordings are left out, shape (u,)."""
         A, y = stack(self.whole, self.fit.weights)
         remaining = self.remaining.precision, -A.T @ (y - A @ self.fit.values)
         root = root_of(self.inverse)
@@ -156,18 +158,18 @@ class JointCovariance(Uncertainty):
         return found + self.remaining.moved
 
     def white(self) -> Fit:
-        """Fit with its covariance under white noise of the new recordings."""
+        """Fit with its covariance for white noise of the new recordings."""
         return self.with_scatter(
             replace(self.fit, covariance_kind="white"), self._textbook(), self.known_covariance, self.fit.freedom
         )
 
     def _textbook(self) -> Array:
-        """Covariance from white noise of the new recordings, shape (u, u)."""
+        """Covariance by white noise of the new recordings, shape (u, u)."""
         A = stack(self.whole, self.fit.weights)[0] @ self.inverse
         return A.T @ A
 
     def with_scatter(self, fit: Fit, scatter: Array, known_covariance: Array, freedom: Array | float) -> Fit:
-        """Fit with its covariance; both scatters contribute to the degrees of freedom [Satterthwaite1946]."""
+        """Fit with its covariance; earlier and new noise determine the degrees of freedom [Satterthwaite1946]."""
         if fit.covariance_kind in ("period", "block"):
             scatter = _as_wide(
                 blend_with_textbook(scatter, self._textbook(), float(np.min(freedom))), np.diag(scatter)

@@ -1,9 +1,10 @@
-"""Joint solution of earlier and new recordings, with the joints' torque scales as unknowns on request.
+"""Solution from earlier and new recordings together, optionally with the torque scales of the joints as unknowns.
 
     minimise Σ_j w_j² |ρ_j - s_j R_j x|² + |P x - p|²,        s_j = 1 unless estimated
 
-A scale multiplies the model, not the measured torque: a column of measured torque would bring its noise into the
-regressor and bias the scale by the share of noise in the torque.
+For each joint j, w_j is the weight, R_j the factor, ρ_j its right-hand side and s_j the scale; P and p are the rows
+of the prior. A scale multiplies the model and not the measured torque. A column of measured torque would contain
+noise, which biases the scale by the share of noise in the torque.
 """
 
 from __future__ import annotations
@@ -23,16 +24,17 @@ from armid.information.information import Information, JointFactors, select, sta
 from armid.maths.linalg import condition, null_directions, scaled_condition, unit_columns
 
 TOLERANCE = 1e-9
-"""Largest relative change of weights and scales that ends the iteration: far below any effect on the estimate."""
+"""Largest relative change of weights and scales at which the iteration ends: far below any effect on the estimate."""
 
 RESOLUTION = 1e-7
-"""Lower limit of a joint's residual, relative to its torque. Noise-free data would give larger weights, in whose
-rounding errors the other joints and the prior would be lost."""
+"""Lower limit of a joint's residual, relative to its torque. Noise-free data would give a larger weight, and the
+rounding errors of its rows would then be larger than the rows of the other joints and of the prior."""
 
 ITERATIONS = 200
 
 ROUNDING_SHARE = 1e-6
-"""Share of the largest entry, columns of unit length, below which an entry of a null direction is rounding error."""
+"""Ratio of an entry of an undetermined direction to its largest entry, for columns of unit length, below which the
+entry is a rounding error."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -40,16 +42,18 @@ class JointSolution:
     """Solution of a stacked problem.
 
     Attributes:
-        values: The unknowns, shape (c,).
-        covariance: Covariance of the unknowns, torque scales taken as exact or estimated, shape (c, c).
-        white: Covariance of the unknowns under white residuals, shape (c, c).
-        scale_effect: Change of the unknowns with one standard deviation of each joint's torque scale, shape (c, n).
-        undetermined: Directions of the unknowns that neither data nor prior determine, shape (u, c).
-        scale: Ratio of measured torque to the model's, shape (n,); ones unless estimated.
+        values: The c parameters, shape (c,).
+        covariance: Covariance of the parameters, without the uncertainty of torque scales that are not estimated,
+            shape (c, c).
+        white: Covariance of the parameters for white residuals, shape (c, c).
+        scale_effect: Change of the parameters by one standard deviation of each joint's torque scale, shape (c,
+            n).
+        undetermined: The d directions of the parameters that neither data nor prior determine, shape (d, c).
+        scale: Ratio of measured torque to the torque of the model, shape (n,); ones unless estimated.
         scale_covariance: Covariance of the scales, shape (n, n); zero unless estimated.
-        undetermined_scale: Scales that neither data nor prior determine, shape (n,).
-        freedom: Degrees of freedom of the unknowns and the scales, shape (c + n,).
-        fit: Weights, residuals, and the report on the covariance, whose shift by reversals is that of the c unknowns.
+        undetermined_scale: Mask of the scales that neither data nor prior determine, shape (n,).
+        freedom: Degrees of freedom of the parameters and the scales, shape (c + n,).
+        fit: Weights, residuals, and the report on the covariance with the shift of the c parameters by reversals.
     """
 
     values: Array
@@ -65,19 +69,19 @@ class JointSolution:
 
     @property
     def whole_covariance(self) -> Array:
-        """Covariance with the uncertainty of the torque scales, shape (c, c)."""
+        """Covariance of the parameters with the uncertainty of the torque scales, shape (c, c)."""
         return self.covariance + self.scale_effect @ self.scale_effect.T
 
 
 def solve_stacked(
     stacked: StackedProblem, *, scale_deviation: Array | None = None, fixed: Array | None = None
 ) -> JointSolution:
-    """Solves a stacked problem with one weight for each joint, iterated as in weighted least squares.
+    """Solves a stacked problem; the weight of each joint is iterated as in weighted least squares.
 
     Args:
         stacked: The problem.
-        scale_deviation: Standard deviations of the torque scales about one, shape (n,), infinite where nothing is
-            known. The scales are unknowns if it is given.
+        scale_deviation: Standard deviations of the torque scales about one, shape (n,); infinite for scales of which
+            nothing is known. If it is given, the scales are estimated.
         fixed: Known parameters of the payload, NaN for unknown ones, shape (10,).
 
     Raises:
@@ -89,7 +93,7 @@ def solve_stacked(
 def solve_values(
     stacked: StackedProblem, *, scale_deviation: Array | None = None, fixed: Array | None = None
 ) -> tuple[Array, Array]:
-    """Solves a stacked problem without covariance: unknowns (c,) and torque scales (n,).
+    """Solves a stacked problem without its covariance; returns parameters (c,) and torque scales (n,).
 
     Args:
         stacked: The problem.
@@ -105,7 +109,7 @@ def solve_values(
 def _solve(
     stacked: StackedProblem, scale_deviation: Array | None, fixed: Array | None
 ) -> tuple[_Unknowns, Array, Array, Array]:
-    """The unknowns, weights (n,), parameters (c,) and scales (n,) at the solution."""
+    """Unknowns, weights (n,), parameters (c,) and scales (n,) at the solution."""
     count, n = stacked.information.count, stacked.information.n
     known, free = np.zeros(count), np.ones(count, dtype=np.bool_)
     if fixed is not None:
@@ -134,8 +138,8 @@ class _Unknowns:
     Attributes:
         known: Values of the known parameters, zero elsewhere, shape (c,).
         free: Mask of the unknowns, shape (c,).
-        prior: Whitened rows for the unknowns and the scales, side last, shape (k, u + 1) or (k, u + n + 1).
-        scaled: Whether the scales are unknowns too, after the parameters.
+        prior: The k whitened rows for unknowns and scales, right-hand side last, shape (k, u + 1) or (k, u + n + 1).
+        scaled: True if the scales are unknowns, too; they follow the parameters.
     """
 
     known: Array
@@ -150,7 +154,7 @@ class _Unknowns:
 
 
 def _linearise(information: Information, unknowns: _Unknowns, values: Array, scale: Array) -> Information:
-    """Problem in its unknowns, linearised about values (c,) and scales (n,): s R x' + s' R x = ρ + s R x."""
+    """Problem for values x' and scales s', linearised at x (c,) and s (n,): s R x' + s' R x = ρ + s R x."""
     position = np.cumsum(unknowns.free) - 1
     joints: list[JointFactors] = []
     for j, joint in enumerate(information.joints):
@@ -172,13 +176,13 @@ def _linearise(information: Information, unknowns: _Unknowns, values: Array, sca
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Determined:
-    """Problem in coordinates z that data and prior determine, x = basis · z.
+    """Problem in r coordinates z that data and prior determine, with the unknowns x = basis · z.
 
     Attributes:
-        information: Factors in z.
-        prior: Whitened rows in z, side last, shape (k, r + 1).
-        basis: Shape (u, r).
-        undetermined: Directions of x that neither data nor prior determine, shape (d, u).
+        information: Factors in the coordinates z.
+        prior: The k whitened rows of the prior in z, right-hand side last, shape (k, r + 1).
+        basis: Matrix from z to the u unknowns, shape (u, r).
+        undetermined: The d directions of x that neither data nor prior determine, shape (d, u).
     """
 
     information: Information
@@ -212,11 +216,11 @@ def _restrict_to_determined(linear: Information, prior: Array, weights: Array) -
 
 
 class _WeightedSolution:
-    """Least squares on factors and prior for one set of weights.
+    """Least-squares solution from factors and prior for one set of weights.
 
     Attributes:
-        values: Shape (r,).
-        inverse: Inverse of the weighted normal equations, prior included, shape (r, r).
+        values: The r unknowns, shape (r,).
+        inverse: Inverse of the weighted normal matrix, prior included, shape (r, r).
         squares: Sum of squared residuals of each joint, unweighted, shape (n,).
         deviation: Standard deviation of each joint's residual, corrected for the degrees of freedom, shape (n,).
     """
@@ -239,7 +243,7 @@ class _WeightedSolution:
 def _iterate_weights(
     whole: Information, unknowns: _Unknowns, weights: Array, values: Array, scale: Array
 ) -> tuple[Array, Array, Array]:
-    """Weights (n,), parameters (c,) and scales (n,) at the fixed point of the iteration."""
+    """Weights (n,), parameters (c,) and scales (n,) after convergence of the iteration."""
     torque = np.array([np.linalg.norm(joint.R[0, :, -1]) for joint in whole.joints])
     floor = RESOLUTION * torque / np.sqrt(np.maximum(whole.rows[0], 1))
     floor[torque == 0.0] = 1.0
@@ -314,7 +318,7 @@ def _fit_with_covariance(
     values: Array,
     scale: Array,
 ) -> Fit:
-    """Solution in z with its covariance, from samples where they are available and from factors otherwise."""
+    """Solution in z with its covariance, from samples if they are available, otherwise from factors."""
     fit = _fit(determined, solved, weights)
     if stacked.samples is None:
         return estimate_covariance(fit, determined.information)
@@ -346,7 +350,7 @@ def _fit_with_covariance(
 
 
 def _whitened_rows(whole: Information, unknowns: _Unknowns, weights: Array, values: Array, scale: Array) -> Array:
-    """Whitened rows in the unknowns, shape (m, u), linearised as in `_linearise` but not triangular."""
+    """The m whitened rows in the u unknowns, shape (m, u), linearised as in `_linearise` but not triangular."""
     A = stack(whole, weights)[0]
     joint = np.concatenate([np.full(len(each.R[0]), j) for j, each in enumerate(whole.joints)])
     slopes = scale[joint][:, None] * A[:, unknowns.free]
@@ -356,7 +360,7 @@ def _whitened_rows(whole: Information, unknowns: _Unknowns, weights: Array, valu
 
 
 def _fit(determined: _Determined, solved: _WeightedSolution, weights: Array) -> Fit:
-    """Solution in z as a fit, under white residuals."""
+    """Solution in z as a fit, with the covariance for white residuals."""
     whole = total(determined.information)
     rows, P = whole.rows[0], determined.prior[:, :-1]
     unweighted = stack(whole)[0]

@@ -1,15 +1,16 @@
 """Payload identification: ten parameters from a short recording and an earlier estimate of the arm.
 
-The payload is a body on the last link, so it adds G θ to the base parameters, with θ its ten parameters and G their
-columns of the regrouping. θ is estimated together with all uncertain parameters of the arm. The estimate θ̂ is then
-replaced by the nearest physically consistent body: pseudo-inertia ⪰ 0 and the least distance d by its covariance C.
+The payload is a body on the last link. It adds G θ to the base parameters, where θ are its ten parameters and G the
+columns of the regrouping matrix for the last link. θ is estimated together with all uncertain parameters of the arm.
+The estimate θ̂ with the covariance C is then replaced by the nearest physically consistent body: the θ with
+pseudo-inertia ⪰ 0 and the smallest distance d.
 
     d²(θ) = (θ - θ̂)ᵀ C⁻¹ (θ - θ̂)
 
-An interval is Student's interval about θ̂, intersected with the values of consistent bodies in the joint 95 % region
-of all parameters, and extended to the nearest consistent body where that lies outside. The true body is consistent,
-so the intersection keeps the coverage. An interval about the nearest body alone would miss a thin payload, whose
-inertia lies on the boundary of the consistent set.
+An interval begins as the interval by Student's t distribution about θ̂. It is intersected with the values of
+consistent bodies in the joint 95 % region of all parameters, and extended to the nearest consistent body if that is
+outside. The true body is consistent, so the intersection does not reduce the coverage. An interval about the nearest
+body alone would not contain the true value of a thin payload, whose inertia is on the boundary of the consistent set.
 """
 
 from __future__ import annotations
@@ -36,24 +37,25 @@ from armid.maths.inertia import (
 )
 
 LOAD_NAMES = ("M", "MX", "MY", "MZ", "XX", "XY", "YY", "XZ", "YZ", "ZZ")
-"""Names of the payload's parameters, in the order used everywhere."""
+"""Names of the ten parameters of the payload, in their order."""
 
 MASS, MOMENTS = 0, slice(1, 4)
 
 EPSILON = 1e-6
-"""Smallest eigenvalue required of the payload's pseudo-inertia [kg and kg·m²], far below that of any payload."""
+"""Required lower limit of the eigenvalues of the payload's pseudo-inertia [kg and kg·m²], far below those of any
+payload."""
 
 TRACE_WEIGHT = 1e-3
-"""Weight of the pseudo-inertia's trace [1/kg] against the distance: among bodies that the data cannot distinguish,
-the smallest is taken. The distance has slope one per standard deviation, so it alone decides unless the data leave
-hundreds of kilograms open."""
+"""Weight of the trace of the pseudo-inertia [1/kg], added to the distance, so that the smallest of the bodies is
+taken that the data do not distinguish. The distance has the slope one per standard deviation, so it alone decides
+unless the data do not determine hundreds of kilograms."""
 
 INFORMATIVE = 0.5
-"""Largest half width of an interval of an identified parameter, relative to the bound that the payload's mass and
-extension give."""
+"""Largest half width of the interval of an identified parameter, divided by the bound of the parameter that follows
+from mass and size of the payload."""
 
 RANK_TOLERANCE = 1e-9
-"""Singular value over the largest below which a direction counts as rounding error."""
+"""Ratio of a singular value to the largest below which its direction counts as a rounding error."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -62,18 +64,19 @@ class PayloadEstimate:
 
     Attributes:
         values: Parameters of the nearest consistent body, shape (10,).
-        statistical: 95 % intervals, torque scales taken as exact, shape (10, 2).
+        statistical: 95 % intervals for exact torque scales, shape (10, 2).
         intervals: 95 % intervals with uncertain torque scales, shape (10, 2).
         status: Status of each parameter.
         com: Centre of mass, shape (3,) [m].
-        com_intervals: 95 % intervals of the centre of mass, shape (3, 2) [m]; NaN where the recording does not
-            determine a parameter that enters.
-        inertia_intervals: 95 % intervals of the inertia about the centre of mass, in parameter order, shape (6, 2)
-            [kg·m²]; NaN likewise.
-        distance: Distance between the body and the unconstrained estimate, in standard deviations; zero where that
-            was consistent.
-        unconstrained: The estimate without consistency, shape (10,).
-        solution: Joint solution that it comes from.
+        com_intervals: 95 % intervals of the centre of mass, shape (3, 2) [m]; NaN if the recording does not determine
+            a
+            parameter from which the coordinate is computed.
+        inertia_intervals: 95 % intervals of the inertia about the centre of mass, in the order of `LOAD_NAMES`,
+            shape (6, 2) [kg·m²]; NaN for the same reason.
+        distance: Distance between `values` and `unconstrained` in standard deviations; zero if `unconstrained` is
+            consistent.
+        unconstrained: Estimate without the constraint of consistency, shape (10,).
+        solution: Solution of the stacked problem from which the payload was computed.
     """
 
     values: Array
@@ -89,7 +92,7 @@ class PayloadEstimate:
 
     @property
     def inertia_about_com(self) -> Array:
-        """Inertia about the centre of mass, axes of the frame, shape (3, 3) [kg·m²]."""
+        """Inertia about the centre of mass, in the axes of the link frame, shape (3, 3) [kg·m²]."""
         return vector_to_com_inertia(self.values)[2]
 
 
@@ -98,9 +101,9 @@ class DriveGains:
     """Corrections of the drive gains: true torque = (1 + correction) · measured torque.
 
     Attributes:
-        correction: Shape (n,).
-        intervals: 95 % intervals, shape (n, 2).
-        determined: Joints whose gain the data or the prior determine, shape (n,).
+        correction: Relative correction of each joint's gain, shape (n,).
+        intervals: 95 % intervals of the corrections, shape (n, 2).
+        determined: Mask of the joints whose gain the data or the prior determine, shape (n,).
     """
 
     correction: Array
@@ -205,7 +208,7 @@ def _known_payload(values: Array, solution: JointSolution) -> PayloadEstimate:
 
 
 def _span(directions: Array) -> Array:
-    """Orthonormal rows with the same span."""
+    """Orthonormal rows with the same span as the given directions."""
     if not directions.size:
         return np.zeros((0, directions.shape[1]))
     _, size, rows = np.linalg.svd(directions, full_matrices=False)
@@ -213,14 +216,15 @@ def _span(directions: Array) -> Array:
 
 
 class _Region:
-    """Consistent bodies near an estimate, in the metric of its covariance.
+    """Set of consistent bodies near an estimate, with the distance that its covariance defines.
 
     Attributes:
-        estimate: All ten parameters, unconstrained, shape (10,).
+        estimate: The ten parameters without the constraint of consistency, shape (10,).
         free: Mask of the f unknown parameters, shape (10,).
         covariance: Covariance of the free parameters, shape (f, f).
-        white: Whitening matrix: the distance is |white · (θ - estimate)| in standard deviations, shape (k, f).
-        body: Matrix and offset of the upper triangle of pseudo-inertia less `EPSILON`, in the free parameters.
+        white: Whitening matrix of k rows, shape (k, f): the distance is |white · (θ - estimate)| standard deviations.
+        body: Matrix and offset with which the free parameters give the upper triangle of (pseudo-inertia -
+            `EPSILON`).
         reach: Largest change of an eigenvalue of the pseudo-inertia within one standard deviation.
     """
 
@@ -259,7 +263,7 @@ class _Region:
         return values, self._distance(nearest_free)
 
     def _depth(self) -> float:
-        """Smallest eigenvalue of the estimate's pseudo-inertia less `EPSILON`; negative for an inconsistent body."""
+        """Smallest eigenvalue of the estimate's pseudo-inertia minus `EPSILON`; negative for inconsistent bodies."""
         return float(np.linalg.eigvalsh(pseudo_inertia(self.estimate))[0]) - EPSILON
 
     def intervals(self, nearest: Array, freedom: float, undetermined: NDArray[np.bool_]) -> Array:
@@ -280,7 +284,7 @@ class _Region:
         return ends
 
     def _intersect(self, ends: Array, nearest: Array, radius: float, undetermined: NDArray[np.bool_]) -> None:
-        """Intersects intervals with the values of consistent bodies in the region, and adds the nearest body."""
+        """Intersects intervals with the values of consistent bodies in the region, extended to the nearest body."""
         f = int(self.free.sum())
         rows = np.vstack([np.zeros(f), self.white])
         offset = np.concatenate([[radius], -self.white @ self.estimate[self.free]])
@@ -300,10 +304,10 @@ class _Region:
 
 
 def _status(values: Array, half: Array, undetermined: NDArray[np.bool_]) -> tuple[Status, ...]:
-    """Status of each parameter: its interval is compared with the bounds from mass and extension of the body.
+    """Status of each parameter: its interval is compared with the bounds that follow from mass and size of the body.
 
-    `half` are half widths (10,) of intervals without consistency. With r² the mean square distance of the payload's
-    mass from the origin, |MX| ≤ M r and |XX| ≤ M r².
+    `half` are the half widths (10,) of the intervals without consistency. With r² the mean square distance of the
+    payload's mass from the origin of the frame, the bounds are |MX| ≤ M r and |XX| ≤ M r².
     """
     mass = max(values[MASS], EPSILON)
     square = max(float(np.trace(pseudo_inertia(values)[:3, :3])) / mass, EPSILON)
@@ -318,7 +322,7 @@ def _status(values: Array, half: Array, undetermined: NDArray[np.bool_]) -> tupl
 
 
 def _com(values: Array, covariance: Array, t: float) -> tuple[Array, Array]:
-    """Centre of mass (3,) and half width of its intervals, by its gradient in mass and first moments."""
+    """Centre of mass (3,) and half widths of its intervals, from its derivatives by mass and first moments."""
     mass = values[MASS]
     com = values[MOMENTS] / mass
     slope = np.zeros((3, 10))
@@ -329,9 +333,9 @@ def _com(values: Array, covariance: Array, t: float) -> tuple[Array, Array]:
 def _inertia_about_com(
     values: Array, estimate: Array, covariance: Array, t: float, undetermined: NDArray[np.bool_]
 ) -> Array:
-    """Intervals (6, 2) of the inertia about the centre of mass, by its gradient.
+    """Intervals (6, 2) of the inertia about the centre of mass, from its derivatives by the parameters.
 
-    They are centred on the unconstrained estimate and extended to the nearest consistent body. Moments of inertia are
+    They are centred at the unconstrained estimate and extended to the nearest consistent body. Moments of inertia are
     not negative.
     """
     ends = np.full((6, 2), np.nan)

@@ -1,14 +1,15 @@
-"""Test of the fit of a payload: does a load on its link explain the torque of the new recordings?
+"""Test of a payload: comparison of its residuals with those of a fit of the new recordings alone.
 
-The new recordings are fitted alone as well, with every base parameter free. This contains any load on any link, so
-joint by joint the two sums of squared residuals S and S₀ are compared by an F test,
+In the fit of the new recordings alone, every base parameter is estimated. This fit can represent any load on any
+link. For each joint, the sums of squared residuals with the payload, S, and of this fit, S₀, are compared by an F
+test,
 
-    F = (S - S₀) / p over S₀ / (m - p)
+    F = [(S - S₀) / (c p)] / [S₀ / (m - p)],
 
-with m rows of the joint and the p degrees of freedom that they spent, both divided by the number of rows that count
-as one independent sample. The residual of the earlier recordings is no reference: what the friction model lacks
-depends on the motion, and on logs of simulated arms with sound loads the residual changed by factors of 0.7 to 24.
-Both fits here have the same motion and the same model.
+with p and (m - p) / c degrees of freedom, where m is the number of rows of the joint, p the sum of their leverages
+and c the number of rows that count as one independent sample. The residual of the earlier recordings is no reference,
+because the error of the friction model depends on the motion: on recordings of simulated arms with a correct load the
+residual changed by factors of 0.7 to 24. The two fits compared here have the same motion and the same model.
 """
 
 from __future__ import annotations
@@ -26,31 +27,33 @@ from armid.estimation.whitened_system import WhitenedSystem
 from armid.information.information import Information
 
 FALSE_ALARMS = 1e-3
-"""Probability of the F test to report a recording whose load is on the named link, all joints together."""
+"""Probability, for all joints together, that the F test reports a recording whose load is on the given link."""
 
 LARGER = 1.5
-"""Least ratio of the residuals with the load and of the recordings alone. On 79 sound logs of four simulated arms it
-was at most 1.05, on a measured one 1.00, and 1.3 for that arm without a load on another day. With a load on a
-neighbour of the tip's link it was 1.6 to 15. Of 120 sound logs cut to 4 to 8 s none raised an alarm."""
+"""Smallest ratio of the residual with the load to that of the recordings alone at which the payload is reported. On
+79 correct recordings of four simulated arms the ratio was at most 1.05, on a measured one 1.00, and 1.3 for the same
+arm without a load on another day. With a load on a neighbour of the tip's link it was 1.6 to 15. Of 120 correct
+recordings cut to 4 to 8 s none was reported."""
 
 CORRELATED = 4.0
-"""Least number of rows that count as one independent sample. The scatter between blocks shows 1 to 2, but with sound
-loads the spectrum of the residuals made variances of the load 2 to 5 times as large; with 1, three of 15 sound logs
-of 4 s raised an alarm."""
+"""Lower limit of the number of rows that count as one independent sample. The scatter between blocks gives 1 to 2,
+but for correct loads the variances of the load from the spectrum of the residuals were 2 to 5 times as large. With 1,
+three of 15 correct recordings of 4 s were reported."""
 
 EXACT = 1e-4
-"""Relative deviation of a torque scale that is taken as exact, beside uncertain ones."""
+"""Relative standard deviation that is used for an exact torque scale if other scales are uncertain."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class PayloadMisfit:
-    """Residuals of the new recordings with a payload, beside those of a fit to these recordings alone.
+    """Residuals of the new recordings with a payload, compared with those of a fit of these recordings alone.
 
     Attributes:
-        residual: RMS with the earlier estimate and the payload, shape (n,) [N·m or N].
-        alone: RMS of the fit of the recordings alone, corrected for its degrees of freedom, shape (n,) [N·m or N].
+        residual: RMS residual with the earlier estimate and the payload, shape (n,) [N·m or N].
+        alone: RMS residual of the fit of the recordings alone, corrected for the degrees of freedom, shape (n,) [N·m
+            or N].
         cost: Weighted sum of squared residuals with the payload, for the comparison of links.
-        significant: Joints whose torque the payload does not explain, shape (n,).
+        significant: Mask of the joints whose torque the payload does not explain, shape (n,).
     """
 
     residual: Array
@@ -60,13 +63,13 @@ class PayloadMisfit:
 
 
 def payload_misfit(new: Information, alone: WhitenedSystem, values: Array, scale: Array) -> PayloadMisfit:
-    """Compares the residuals with a payload with those of the new recordings alone.
+    """Compares the residuals with a payload to those of a fit of the new recordings alone.
 
     Args:
         new: Factors of the new recordings.
-        alone: Fit of the new recordings alone, which `whiten` makes.
+        alone: Fit of the new recordings alone, by `whiten`.
         values: Base parameters of the arm with the payload, shape (b,).
-        scale: Ratio of measured torque to the model's, shape (n,).
+        scale: Ratio of measured torque to the torque of the model, shape (n,).
     """
     from scipy.special import fdtrc  # a third of a second to import
 
@@ -87,15 +90,15 @@ def payload_misfit(new: Information, alone: WhitenedSystem, values: Array, scale
 def misfit_of(
     stacked: StackedProblem, new: Information, alone: WhitenedSystem, deviation: Array, known: Array | None
 ) -> PayloadMisfit:
-    """Solves a stacked problem and compares its residuals with those of the new recordings alone.
+    """Solves a stacked problem and compares its residuals to those of a fit of the new recordings alone.
 
-    Uncertain torque scales are unknowns here, since a wrong gain is no load on another link.
+    Uncertain torque scales are estimated here, so that a wrong gain is not reported as a load on another link.
 
     Args:
         stacked: Stacked problem with the payload.
         new: Factors of the new recordings.
         alone: Fit of the new recordings alone.
-        deviation: Relative standard deviations of the torque scales, shape (n,); zero where exact.
+        deviation: Relative standard deviations of the torque scales, shape (n,); zero for exact scales.
         known: Known parameters of the payload, NaN for unknown ones, shape (10,); `None` if all are unknown.
     """
     if known is not None:

@@ -1,4 +1,4 @@
-"""Recalibration of an earlier estimate: changed parameters from the new recordings, the others from both."""
+"""Recalibration of an earlier estimate: new recordings determine changed parameters, all recordings the others."""
 
 from __future__ import annotations
 
@@ -25,11 +25,12 @@ class ParameterChange:
     """Change of a base parameter by a recalibration.
 
     Attributes:
-        name: The parameter.
-        before: Its earlier value.
-        after: Its new value.
-        change: The difference. For a parameter with separate values it is taken within the joint solution, where
-            common errors, of torque scales too, cancel; so it can differ slightly from after minus before.
+        name: Name of the parameter.
+        before: Earlier value.
+        after: New value.
+        change: Change of the value. For a parameter with separate values in earlier and new recordings, it is the
+            difference in the solution from all recordings, where common errors, such as those of torque scales,
+            cancel. So it can differ slightly from after - before.
         deviation: Standard deviation of the change.
         half: Half of the 95 % interval of the change.
     """
@@ -43,24 +44,24 @@ class ParameterChange:
 
     @property
     def size(self) -> float:
-        """The change over half of its 95 % interval; above 1 noise alone does not explain it."""
+        """Absolute change divided by half of its 95 % interval; if above 1, noise does not explain the change."""
         if self.half > 0.0:
             return abs(self.change) / self.half
         return float(np.inf) if self.change else 0.0
 
     @property
     def beyond(self) -> bool:
-        """Test of zero lying outside the 95 % interval of the change."""
+        """True if zero is outside the 95 % interval of the change."""
         return self.size > 1.0
 
     @property
     def ratio(self) -> float:
-        """The change in standard deviations."""
+        """Absolute change in standard deviations."""
         return abs(self.change) / self.deviation if self.deviation > 0.0 else 0.0
 
 
 def changed(changes: Iterable[ParameterChange]) -> list[ParameterChange]:
-    """The changes beyond their 95 % intervals, largest first: the list that screen, record and page show."""
+    """Selects the changes that noise does not explain, the largest first; command line, record and page list them."""
     return sorted((each for each in changes if each.beyond), key=lambda each: -each.size)
 
 
@@ -70,8 +71,8 @@ class RecalibratedFit:
 
     Attributes:
         fit: The new estimate.
-        information: Factors whose least-squares estimate it is: those of the new recordings, and the earlier ones
-            with torques shifted to the changed parameters.
+        information: Factors of which the new estimate is the least-squares solution: those of the new recordings,
+            and the earlier ones with torques shifted by the effect of the changed parameters.
         changes: Change of every base parameter.
     """
 
@@ -91,12 +92,12 @@ def recalibrate_fit(
     """Recalibrates an estimate with new recordings.
 
     Args:
-        earlier: Factors that the earlier estimate was made from.
+        earlier: Factors from which the earlier estimate was computed.
         fit: The earlier estimate.
         new: Factors of the new recordings.
-        changing: Base parameters that have separate values in the new recordings, shape (b,).
-        tool: Change of the base parameters with each of ten parameters of another tool, shape (b, 10); `None` for the
-            same tool.
+        changing: Mask of the base parameters that have separate values in the new recordings, shape (b,).
+        tool: Derivative of the base parameters by the ten parameters of a different tool, shape (b, 10); `None`
+            for the same tool.
         samples: The new recordings with their samples.
 
     Raises:
@@ -148,8 +149,9 @@ def _changes(
 ) -> tuple[ParameterChange, ...]:
     """Change of every parameter and its significance.
 
-    For a parameter with separate values, the deviation of the difference follows from the joint solution. A shared
-    parameter has one value in it; there the earlier and the new estimate are compared as if they were independent.
+    For a parameter with separate values, the standard deviation of the difference follows from the solution of all
+    recordings. A common parameter has only one value in that solution; its earlier and new estimate are compared as
+    if they were independent.
     """
     before = collapse(names, fit)
     earlier = np.array([[name == copy.of_all for copy in fit.names] for name in names], dtype=np.float64)
@@ -171,7 +173,7 @@ def _changes(
 def _shifted(earlier: Information, unknowns: tuple[str, ...], values: Array, solution: Array) -> Information:
     """Earlier factors with torques shifted by the effect of the changed values.
 
-    Their residuals stay the same, so that least squares on these and the new factors gives the new values.
+    Their residuals stay the same. So least squares on these factors and the new ones gives the new values.
     """
     position = {name: k for k, name in enumerate(unknowns)}
     joints = [np.array(joint.R) for joint in earlier.joints]
@@ -186,7 +188,7 @@ def _shifted(earlier: Information, unknowns: tuple[str, ...], values: Array, sol
 
 
 def _earlier_position(position: dict[str, int], name: str, recording: int) -> int:
-    """Position of a parameter of an earlier recording: shared, of this recording, or of all earlier ones."""
+    """Position of a parameter of an earlier recording: common, of this recording, or of all earlier recordings."""
     for each in (name, f"{name}[{recording + 1}]", f"{name}[1]"):
         if each in position:
             return position[each]

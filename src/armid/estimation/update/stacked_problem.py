@@ -1,10 +1,10 @@
 """Least-squares problem of an earlier estimate and new recordings.
 
 Parameters that may have changed (friction, a tool, or all) have separate values in the new recordings; the others are
-shared. Earlier data enter as their stored R factors and the prior of the earlier estimate. Their right-hand sides are
-shifted so that the earlier estimate minimises them, which also covers the effect of constraints. Where factors and
-prior do not determine every parameter, the earlier estimate itself enters, with its covariance. So the uncertainty of
-the earlier parameters, their correlations and the common torque scales carry over to the result.
+common. The earlier data are represented by their stored R factors and the prior of the earlier estimate. The
+right-hand sides are shifted so that the earlier estimate minimises the cost; this includes the effect of constraints.
+If factors and prior do not determine every parameter, the earlier estimate with its covariance is used instead. So
+the uncertainty of the earlier parameters, their correlations and the common torque scales are part of the result.
 """
 
 from __future__ import annotations
@@ -23,10 +23,11 @@ from armid.maths.linalg import null_directions, unit_columns
 from armid.model.parameter_name import ParameterName
 
 MIN_PRECISION = 1e-9
-"""Smallest eigenvalue of a prior's precision, scaled to a unit diagonal, at which the prior counts as definite."""
+"""Smallest eigenvalue of a prior's precision, scaled to a unit diagonal, at which it counts as positive definite."""
 
 MIN_VARIANCE_SHARE = 1e-6
-"""Lower limit of an eigenvalue of the earlier covariance without torque scales, over the largest: rounding error."""
+"""Lower limit of the eigenvalues of the earlier covariance without torque scales, divided by the largest one: a
+rounding error."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -34,13 +35,14 @@ class EarlierErrors:
     """Errors of an earlier estimate whose factors are part of a stacked problem.
 
     Attributes:
-        blocks: Blocks that belong to the earlier estimate, shape (blocks,).
-        prior: Number of rows of its prior; they are the last prior rows of the stacked problem.
-        selection: Matrix from the unknowns x to its b' parameters, shape (b', c).
-        covariance: Covariance of these by noise, without torque scales and reversals, shape (b', b').
-        freedom: Degrees of freedom of that covariance, shape (b',).
-        moved: Shift of these by rows near velocity reversals, shape (b',).
-        reach: Share of that shift that counts as one standard deviation.
+        blocks: Mask of the blocks that belong to the earlier estimate, shape (blocks,).
+        prior: Number of rows of the prior of the earlier estimate; they are the last prior rows of the stacked
+            problem.
+        selection: Matrix from the c unknowns to the b' parameters of the earlier estimate, shape (b', c).
+        covariance: Covariance of the b' parameters by noise, without torque scales and reversals, shape (b', b').
+        freedom: Degrees of freedom of this covariance, shape (b',).
+        moved: Shift of the b' parameters by rows near velocity reversals, shape (b',).
+        reach: Share of this shift that counts as one standard deviation.
     """
 
     blocks: NDArray[np.bool_]
@@ -58,15 +60,15 @@ class StackedProblem:
 
     Attributes:
         information: Factors of all blocks in use.
-        prior: Whitened rows P with their right-hand side p in the last column, shape (k, c + 1).
-        scale_sensitivity: Change of p with a unit relative error of each joint's torque scale, shape (k, n).
+        prior: The k whitened rows P of the prior, with the right-hand side p in the last column, shape (k, c + 1).
+        scale_sensitivity: Derivative of p by the relative error of each joint's torque scale, shape (k, n).
         before: Matrix from x to the earlier base parameters, shape (b, c).
         after: Matrix from x to the base parameters in the new recordings, without the payload, shape (b, c).
         load: Positions of the ten payload parameters in x, shape (10,) or (0,).
         weights: Initial weights of the joints' rows, shape (n,).
         to_new: Matrix from x to the base parameters in the new recordings, payload included, shape (b, c).
         samples: The new recordings with their samples; `None` where only factors are available.
-        earlier: Errors of the earlier estimate; `None` where it enters as rows of the prior.
+        earlier: Errors of the earlier estimate; `None` if the earlier estimate is represented by rows of the prior.
     """
 
     information: Information
@@ -92,11 +94,11 @@ def stack_problems(
     """Stacks an earlier estimate and new recordings into one problem.
 
     Args:
-        earlier: Factors that the earlier estimate was made from.
+        earlier: Factors from which the earlier estimate was computed.
         fit: The earlier estimate.
         new: Factors of the new recordings, in the same base parameters.
-        changing: Base parameters that have separate values in the new recordings, shape (b,).
-        load: Change of the base parameters with each of the ten payload parameters, shape (b, 10).
+        changing: Mask of the base parameters that have separate values in the new recordings, shape (b,).
+        load: Derivative of the base parameters by the ten parameters of a payload, if there is one, shape (b, 10).
         samples: The new recordings with their samples, in the base parameters.
     """
     with_copies = {name.of_all for name in fit.names if name.recording}  # friction of each earlier recording
@@ -146,7 +148,7 @@ def stack_problems(
 def _maps(
     names: tuple[ParameterName, ...], separated: tuple[ParameterName, ...], changing: NDArray[np.bool_], last: int
 ) -> tuple[Array, Array]:
-    """Matrices (b, c) from the unknowns to the earlier base parameters (mean over recordings) and to the new ones."""
+    """Matrices (b, c) from the unknowns to the earlier base parameters (means of recordings) and the new ones."""
     position = {name: k for k, name in enumerate(separated)}
     before, after = np.zeros((2, len(names), len(separated)))
     for k, name in enumerate(names):
@@ -161,9 +163,9 @@ def _maps(
 
 
 def _continuity_rows(earlier: Information, before: Array, after: Array, changing: NDArray[np.bool_]) -> Array:
-    """Rows of a weak prior on the changes, which matters only where the data do not determine a change.
+    """Rows of a weak prior on the changes, which has an effect only if the data do not determine a change.
 
-    One standard deviation is a change that causes as much torque as the whole torque of the joints that feel it.
+    One standard deviation is a change whose torque is as large as the whole torque of the joints on which it acts.
     """
     A, y = stack(total(earlier))
     length = np.linalg.norm(A, axis=0)
@@ -174,15 +176,15 @@ def _continuity_rows(earlier: Information, before: Array, after: Array, changing
 
 
 def _is_determined(earlier: Information, fit: Fit) -> bool:
-    """Checks whether the factors alone determine every parameter."""
+    """Tests whether the factors alone determine every parameter."""
     return not len(null_directions(stack(total(earlier), fit.weights)[0]))
 
 
 def _shift_to_estimate(separated: Information, old: NDArray[np.bool_], earlier: Information, fit: Fit) -> Information:
-    """Shifts the torques of the earlier blocks so that the earlier estimate minimises them; residuals stay.
+    """Shifts the torques of the earlier blocks so that the earlier estimate minimises the cost; keeps residuals.
 
-    The shift is zero where the estimate was least squares. It is not where constraints were active or single rows had
-    weights.
+    The shift is zero if the earlier estimate is a least-squares solution. It is not zero if constraints were active
+    or if single rows had weights.
     """
     kept, selection = _in_estimate_parameters(earlier, separated.names, fit)
     order = [kept.names.index(name) for name in fit.names]
@@ -200,7 +202,7 @@ def _shift_to_estimate(separated: Information, old: NDArray[np.bool_], earlier: 
 def _errors(
     earlier: Information, names: tuple[str, ...], fit: Fit, blocks: NDArray[np.bool_], prior: int
 ) -> EarlierErrors:
-    """Errors of the earlier estimate.
+    """Computes the errors of the earlier estimate.
 
     Args:
         earlier: Factors of the earlier estimate.
@@ -223,7 +225,7 @@ def _errors(
 
 
 def _is_definite(precision: Array) -> bool:
-    """Checks whether a precision is positive definite when scaled to a unit diagonal."""
+    """Tests whether a precision is positive definite if it is scaled to a unit diagonal."""
     if not (np.diag(precision) > 0.0).all():
         return False
     size = np.sqrt(np.diag(precision))
@@ -242,10 +244,10 @@ def _in_estimate_parameters(earlier: Information, names: tuple[str, ...], fit: F
 
 
 def _prior_rows(earlier: Information, names: tuple[str, ...], fit: Fit) -> Array:
-    """Whitened rows (b', c + 1) of the earlier estimate's prior, with which the estimate minimises its factors.
+    """Whitened rows (b', c + 1) of the earlier prior, with which the earlier estimate minimises the cost.
 
-    The mean π₀ of the prior follows from P (π - π₀) = -g, with g the gradient of the cost of the data. So the effect
-    of constraints becomes part of the mean.
+    The mean π₀ of the prior is computed from P (π - π₀) = -g, with P its precision, π the earlier estimate and g the
+    gradient of the cost of the data. So the effect of constraints becomes part of the mean.
     """
     assert fit.prior_precision is not None  # the caller has made sure
     kept, selection = _in_estimate_parameters(earlier, names, fit)
@@ -260,7 +262,7 @@ def _prior_rows(earlier: Information, names: tuple[str, ...], fit: Fit) -> Array
 
 
 def _estimate_rows(earlier: Information, names: tuple[str, ...], fit: Fit) -> tuple[Array, Array]:
-    """Whitened rows (b', c + 1) equivalent to the earlier estimate, and their change with torque scales."""
+    """Whitened rows (b', c + 1) that represent the earlier estimate, and their derivatives by the torque scales."""
     kept, selection = _in_estimate_parameters(earlier, names, fit)
     unit = _scale_sensitivity(kept, fit)[[kept.names.index(name) for name in fit.names]]
     scale_sensitivity = unit * earlier.scale_deviation
@@ -274,7 +276,7 @@ def _estimate_rows(earlier: Information, names: tuple[str, ...], fit: Fit) -> tu
 
 
 def _scale_sensitivity(information: Information, fit: Fit) -> Array:
-    """Change (b', n) of a least-squares estimate with a unit relative error of each joint's torque scale."""
+    """Derivative (b', n) of a least-squares estimate by the relative error of each joint's torque scale."""
     whole = total(information)
     A = stack(whole, fit.weights)[0]
     normal = A.T @ A
@@ -289,7 +291,7 @@ def _scale_sensitivity(information: Information, fit: Fit) -> Array:
 
 
 def right_hand_sides(whole: Information, weights: Array) -> Array:
-    """Right-hand sides w_j² R_jᵀ ρ_j of the normal equations, joint by joint, shape (c, n)."""
+    """Right-hand sides w_j² R_jᵀ ρ_j of the normal equations for each joint j, shape (c, n)."""
     sides = np.zeros((whole.count, whole.n))
     for j, joint in enumerate(whole.joints):
         sides[joint.parameters, j] = weights[j] ** 2 * (joint.R[0, :, :-1].T @ joint.R[0, :, -1])
@@ -301,8 +303,8 @@ def with_load_columns(information: Information, new: NDArray[np.bool_], added: A
 
     Args:
         information: Factors, any number of blocks.
-        new: Blocks with the payload, shape (blocks,).
-        added: Change of the c parameters with each payload parameter, shape (c, 10).
+        new: Mask of the blocks with the payload, shape (blocks,).
+        added: Derivative of the c parameters by the payload parameters, shape (c, 10).
     """
     joints: list[JointFactors] = []
     for joint in information.joints:
