@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from armid.errors import ArmidError
-from armid.excitation.collision.adjacent_link_collisions import STEP, AdjacentLinks, adjacent_links
+from armid.excitation.collision import adjacent_link_collisions, closest_approach
+from armid.excitation.collision.adjacent_link_collisions import ROUGH, STEP, AdjacentLinks, adjacent_links
 from armid.excitation.collision.ignored_pairs import IgnoredBodies, ignored_of_srdf
 from armid.excitation.collision.required_distances import LEAST
 from armid.excitation.design.objective import CriterionGoal
@@ -134,6 +135,35 @@ def test_a_gap_that_never_changes_is_kept_and_narrows_nothing(tmp_path):
     (pair,) = links(robot).checked
     assert pair.kept == pytest.approx(0.002, abs=1e-6)  # half of 4 mm; Coal's tolerance
     assert links(robot).narrowed(limits_of(robot), None).lower[0] == 0.0
+
+
+def test_a_gap_that_never_changes_is_measured_in_a_few_positions_only(tmp_path, monkeypatch):
+    """Detailed meshes that face each other across a gap take a second for each position."""
+    measured = [0]
+
+    def counted(function):
+        def count(shapes, pairs, *more):
+            measured[0] += next(len(x[1]) for x in more if isinstance(x, tuple))
+            return function(shapes, pairs, *more)
+
+        return count
+
+    for module in (adjacent_link_collisions, closest_approach):
+        for name in ("distances", "too_close"):
+            monkeypatch.setattr(module, name, counted(getattr(module, name)))
+    robot = jaws(tmp_path, sphere(RADIUS, 0.0), sphere(RADIUS, 0.0, 2.0 * RADIUS + 0.004))
+    (pair,) = links(robot).checked
+    assert pair.constant and measured[0] <= 2 * ROUGH
+    opened = planned(robot)
+    measured[0] = 0
+    q = opened.plan.excitation.sample(1000.0).q
+    (found,) = closest_approach.closest_approaches(opened.collision, robot, np.arange(len(q)) / 1000.0, q)
+    assert found.constant and found.distance == pytest.approx(0.004, abs=1e-6)
+    assert measured[0] <= 2 * (ROUGH + 1)  # by convex bodies first
+
+
+def test_a_gap_that_changes_is_not_constant(tmp_path):
+    assert not any(each.constant for each in links(jaws(tmp_path)).checked)
 
 
 def test_bodies_that_leave_a_joint_hardly_any_range_are_left_out(tmp_path):

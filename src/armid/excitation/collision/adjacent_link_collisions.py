@@ -36,7 +36,12 @@ POSITIONS = 128
 """Largest number of positions of a joint, over its range in a motion, in which adjacent links are examined."""
 
 ROUGH = 16
-"""Number of these positions in which the triangles of all pairs are measured, to find those that always touch."""
+"""Number of these positions in which the triangles of all pairs are measured, to find those that always touch, and
+those whose distance is always the same."""
+
+SAME = 1e-6
+"""Largest difference of the distances at `ROUGH` positions that count as the same [m]. A distance of detailed meshes
+that face each other across a gap can take a second."""
 
 HALVED = 7
 """Number of times by which the step is halved to find the position in which two bodies reach their distance."""
@@ -57,6 +62,8 @@ class AdjacentPair:
         joint: Index of the joint between their links.
         kept: Required distance [m].
         free: Ranges of the joint's position in which the bodies keep this distance, in ascending order [rad or m].
+        constant: Whether the distance is the same at `ROUGH` positions, as across the gap of a flange; it is then
+            measured only at as many positions of a motion.
     """
 
     pair: BodyPair
@@ -64,6 +71,7 @@ class AdjacentPair:
     joint: int
     kept: float
     free: tuple[Interval, ...]
+    constant: bool = False
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -224,11 +232,16 @@ def adjacent_ranges(robot: Robot, adjacent: AdjacentLinks, limits: Limits, narro
     return (Finding("adjacent-range", "info", "", evidence, remedy),)
 
 
-def spread_positions(q: Array) -> NDArray[np.intp]:
-    """Indices of poses that spread over the range of the positions (N,) of a joint, in ascending order of these."""
+def spread_positions(q: Array, count: int = POSITIONS) -> NDArray[np.intp]:
+    """Indices of poses that spread over the range of the positions (N,) of a joint, in ascending order of these.
+
+    Args:
+        q: Positions of the joint, shape (N,) [rad or m].
+        count: Largest number of poses.
+    """
     order = q.argsort(kind="stable")
     low, high = q[order[[0, -1]]]
-    places = np.searchsorted(q[order], np.linspace(low, high, POSITIONS))
+    places = np.searchsorted(q[order], np.linspace(low, high, count))
     return order[np.unique(places.clip(max=len(q) - 1))]
 
 
@@ -246,8 +259,8 @@ def _judged(
     """
     far = margin / HALF
 
-    def pair(kept: float, free: tuple[Interval, ...]) -> AdjacentPair:
-        return AdjacentPair(label, looked.bodies, looked.joint, kept, free)
+    def pair(kept: float, free: tuple[Interval, ...], *, constant: bool = False) -> AdjacentPair:
+        return AdjacentPair(label, looked.bodies, looked.joint, kept, free, constant)
 
     def left_out(share: float, cause: str) -> IgnoredPair:
         return IgnoredPair(label, share, "", looked.bodies, cause, adjacent=True)
@@ -267,6 +280,8 @@ def _judged(
             close, f"touching or less than {1000.0 * LEAST:.0f} mm apart in most positions of their joint"
         )
     kept = min(margin, HALF * float(np.quantile(gaps, RARE)))
+    if not touching.any() and np.ptp(gaps) <= SAME:
+        return pair(kept, everywhere, constant=True)
     clear = looked.hulls(q) > far
     clear[~clear] = looked.clear(q[~clear], kept)
     free = _intervals(lambda position: bool(looked.clear(np.array([position]), kept)[0]), q, clear)

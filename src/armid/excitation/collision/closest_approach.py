@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armid.checked_array import Array
-from armid.excitation.collision.adjacent_link_collisions import AdjacentPair, spread_positions
+from armid.excitation.collision.adjacent_link_collisions import ROUGH, AdjacentPair, spread_positions
 from armid.excitation.collision.coal import distances, too_close, whole
 from armid.excitation.collision.collision_model import CollisionOptions
 from armid.excitation.collision.hull_distances import parts_of
@@ -138,6 +138,8 @@ class AdjacentDistances:
         """
         if len(self.which) < 2 or np.ptp(self.distance) > CONSTANT or self.distance.min() >= NEAR:
             return False
+        if pair.constant:
+            return True
         parts = parts_of if self.by_hulls else whole
         others = distances(collision.shapes, np.array([pair.bodies]), anywhere, parts)[:, 0]
         return bool(np.ptp(np.concatenate([self.distance, others])) <= CONSTANT)
@@ -154,7 +156,7 @@ def adjacent_distances(
         q: Positions of the joint between them, shape (N,) [rad or m].
         poses: Rotations (N, n, 3, 3) and origins (N, n, 3) of the links.
     """
-    which = spread_positions(q)
+    which = spread_positions(q, ROUGH) if pair.constant else spread_positions(q)
     some = poses[0][which], poses[1][which]
     found = distances(collision.shapes, np.array([pair.bodies]), some, parts_of)[:, 0]
     if found.min() > 2.0 * pair.kept:
@@ -176,7 +178,8 @@ def _of_adjacent(
     at = int(found.distance.argmin())
     low, high = q[found.which[max(at - 1, 0)]], q[found.which[min(at + 1, len(found.which) - 1)]]
     near = np.flatnonzero((q >= low) & (q <= high))
-    near = near[q[near].argsort(kind="stable")][np.unique(np.linspace(0, len(near) - 1, CLOSER).astype(np.intp))]
+    few = 1 if pair.constant else CLOSER
+    near = near[q[near].argsort(kind="stable")][np.unique(np.linspace(0, len(near) - 1, few).astype(np.intp))]
     some, parts = (poses[0][near], poses[1][near]), parts_of if found.by_hulls else whole
     closer = distances(collision.shapes, np.array([pair.bodies]), some, parts)[:, 0]
     which = np.concatenate([found.which, near])
