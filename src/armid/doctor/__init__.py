@@ -48,7 +48,7 @@ def effects() -> dict[str, str]:
 
 
 def examine(evidence: LogEvidence, checks: Collection[str] | None = None) -> tuple[Finding, ...]:
-    """Runs checks on a log and returns their findings, errors first, each once.
+    """Runs checks on a log and returns their findings without repetitions, errors first.
 
     Args:
         evidence: The log.

@@ -33,5 +33,5 @@ CHECKS: Catalogue[LogCheck] = Catalogue(
         "contact": "armid.doctor.checks.dynamics.contact:CHECK",
     }
 )
-"""Checks by the name of their file. Checks of the log alone come before checks that need a model. If two faults
-explain a misfit of the model equally well, the first one in this order is reported."""
+"""Checks by name, which is that of the module. Checks of the log alone come before checks that need a model. If two
+faults explain a misfit of the model equally well, the first one in this order is reported."""

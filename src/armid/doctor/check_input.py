@@ -40,7 +40,7 @@ class Explanation:
 
     Attributes:
         code: Code of the finding.
-        gain: Decrease of the mean logarithm of the residuals when the fault is corrected.
+        gain: Decrease of the mean over the joints of the logarithm of the RMS residual when the fault is corrected.
         severity: Severity of the finding.
         channel: Name of the joint; empty for all joints.
         evidence: Observation, with numbers.

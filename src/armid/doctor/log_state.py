@@ -67,7 +67,7 @@ class LogState:
         return make_rows(self.source, self.log)
 
     def with_torque(self, factor: Array) -> LogState:
-        """The same with the torque of each joint multiplied by a factor (n,); the columns are reused."""
+        """The same state with the torque of each joint multiplied by a factor (n,); the columns are reused."""
         runs = tuple(replace(run, torque=run.torque * factor) for run in self.log.runs)
         after = self.on(replace(self.log, runs=runs))
         after.__dict__["rows"] = replace(self.rows, torque=self.rows.torque * factor)
@@ -80,7 +80,7 @@ class LogState:
         return after
 
     def without(self, left_out: NDArray[np.bool_]) -> LogState:
-        """The same without some rows; their flags have shape (M, n), or (M,) for all joints."""
+        """The same state without some rows; their flags have shape (M, n), or (M,) for all joints."""
         flags = left_out[:, None] if left_out.ndim == 1 else left_out
         ends = np.cumsum([len(run.mask) for run in self.log.runs])[:-1]
         included = np.split(~flags, ends)

@@ -1,4 +1,4 @@
-"""Decision between degrees, counts of encoders and positions of motors, for angles that are no radians."""
+"""Decision between degrees, counts of encoders and positions of motors, for angles that are not in radians."""
 
 from __future__ import annotations
 
@@ -24,15 +24,15 @@ MOST_DEGREES = 720.0
 """Position above which whole numbers are counts of encoders and no degrees: joints with cables turn twice at most."""
 
 USUAL_COUNTS = 4096
-"""Counts in a turn that are assumed at least in an example; usual of servos."""
+"""Smallest number of counts in a turn that is assumed in the example of a message; servos usually have it."""
 
 
 def reconsidered(evidence: LogEvidence) -> LogEvidence:
-    """The evidence with degrees, counts or motor positions reported where other angles or degrees were suspected.
+    """Replaces findings of the reader about degrees or zeros if the torque shows another unit of the positions.
 
     Degrees that contradict the torque are positions of motors. Angles far outside all limits are degrees if the
-    torque agrees with this, and otherwise positions of motors. If all of these are whole numbers, or if all positions
-    are whole numbers too large for degrees, they are counts of encoders.
+    torque agrees with this, and otherwise positions of motors. If such positions are whole numbers, or if all
+    positions are whole numbers too large for degrees, they are counts of encoders.
 
     Args:
         evidence: The log and the findings of the reader.
@@ -82,7 +82,7 @@ def _are_whole(evidence: LogEvidence) -> bool:
 
 
 def _largest(evidence: LogEvidence) -> float:
-    """Largest magnitude of the logged positions."""
+    """Largest absolute value of the logged positions."""
     return float(np.nanmax(np.abs(evidence.raw.q), initial=0.0))
 
 
@@ -116,7 +116,7 @@ def _degrees(far: Finding) -> Finding:
 
 
 def _as_degrees(evidence: LogEvidence) -> LogEvidence | None:
-    """The evidence with all angles read as degrees; `None` if the log format makes something else of them."""
+    """The evidence with all angles read as degrees; `None` if the log format states degrees or a transmission."""
     reading, recording = evidence.reading, evidence.recording
     assert recording is not None  # findings about limits need it
     if reading.transmission is not None or reading.degrees(recording.n).any():

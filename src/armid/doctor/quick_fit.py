@@ -59,7 +59,7 @@ class QuickRows:
         torque: Shape (M, n) [N·m or N].
         mask: Mask of the rows that are used, shape (M, n).
         run: Index of the contiguous run of each row, shape (M,).
-        rate: Rows a second [Hz].
+        rate: Row rate [Hz].
     """
 
     columns: tuple[Array, ...]

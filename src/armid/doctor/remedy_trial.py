@@ -27,7 +27,7 @@ RIDGE = 1e-6
 """Number that is added to the products of unit columns, so that hardly determined parameters stay small."""
 
 WORTH = 0.002
-"""Change of the logarithm of the error below which held-out motion does not decide."""
+"""Change of the logarithm of the error below which held-out motion is no evidence."""
 
 WORSE = 0.01
 """Increase of the logarithm of the error from which an explanation is rejected, even if it has other evidence."""
@@ -47,12 +47,12 @@ class RemedyTrial:
 
     @property
     def helps(self) -> bool:
-        """True if the error falls."""
+        """True if the remedy reduces the error."""
         return self.after < self.before - WORTH
 
     @property
     def harms(self) -> bool:
-        """True if the error rises so much that the remedy is rejected."""
+        """True if the remedy increases the error so much that it is rejected."""
         return self.after > self.before + WORSE
 
     def __str__(self) -> str:

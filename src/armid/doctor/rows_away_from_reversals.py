@@ -23,8 +23,8 @@ SPREAD = 1.0
 a reversal that far."""
 
 SIGNIFICANT = 10.0
-"""Smallest log-likelihood ratio of two models, from as many rows as are independent, from which unmodelled friction
-and noise cannot be its cause. Some hundred models are compared at most, whose logarithm is 5."""
+"""Smallest log-likelihood ratio of two models, for the number of independent rows, that unmodelled friction and noise
+cannot cause. Some hundred models are compared at most, whose logarithm is 5."""
 
 
 @lru_cache(maxsize=4)

@@ -30,7 +30,7 @@ def stuck_stretches(recording: Recording, rate: float) -> tuple[tuple[int, str, 
 
     Args:
         recording: Recording in the robot's convention, with consecutive rows.
-        rate: Samples a second [Hz].
+        rate: Sample rate [Hz].
     """
     stuck: list[tuple[int, str, int, int]] = []
     effort = recording.effort

@@ -28,22 +28,24 @@ from armid.model.terms import Stribeck
 CODE = "channel-delay"
 
 GAIN = 0.06
-"""Smallest decrease of the mean log residual for which a delay is accepted. On most arms, a true delay of 10 ms gives
-0.3 or more; on a servo arm with encoders of 4096 counts, 8 ms give 0.07. On recorded arms, friction that resembles a
-delay gives up to 0.04, and more only if it is not significant or not the same in a wider band."""
+"""Smallest decrease of the mean logarithm of the RMS residuals for which a delay is accepted. On most arms, a true
+delay of 10 ms gives 0.3 or more; on a servo arm with encoders of 4096 counts, 8 ms give 0.07. On recorded arms,
+friction that resembles a delay gives up to 0.04, and more only if it is not significant or not the same in a wider
+band."""
 
 AGREED_GAIN = 0.03
-"""The same limit if the torque without dry friction says the same delay with as much certainty: stiction imitates a
-delay of the whole torque, but not one of weight and inertia."""
+"""Smallest decrease, as `GAIN`, if the torque without dry friction has the same delay with equal significance:
+stiction looks like a delay of the whole torque, but not like a delay of the torque by gravity and inertia."""
 
 HINT, AGREED_HINT = 0.03, 0.015
-"""Smallest decrease of the mean log residual, with the time derivative of the torque as an extra column, for which a
-delay is searched. It is at least half of the decrease that the delay itself gives."""
+"""Smallest decrease of the mean logarithm of the RMS residuals, with the time derivative of the torque as an extra
+column, for which a delay is searched. It is at least half of the decrease that the delay itself gives."""
 
 SHARE = 0.98
-"""Smallest ratio of two decreases of the log residual: with one delay for all joints, and with a separate lag of
-the friction of each joint. If friction only resembles a delay, the ratio is below 0.97 (recorded arms: two thirds; a
-light arm with presliding: 0.96). For a true delay of 10 ms it is 1, even in slow motion where friction dominates."""
+"""Smallest ratio of two decreases of the mean logarithm of the RMS residuals: with one delay for all joints, and with
+a separate lag of the friction of each joint. If friction only resembles a delay, the ratio is below 0.97 (recorded
+arms: two thirds; a light arm with presliding: 0.96). For a true delay of 10 ms it is 1, even in slow motion where
+friction dominates."""
 
 SURE_OF_ERROR = 3.0
 """Number of stated standard deviations of a delay from which it is an error; below, it is a warning."""
@@ -52,7 +54,8 @@ SURE = 6.0
 """Number of standard deviations by which a delay must differ from zero."""
 
 STEPS, SETTLED = 8, 0.1
-"""Largest number of Gauss-Newton steps, and step, in standard deviations, below which the iteration ends."""
+"""Largest number of Gauss-Newton steps, and size of a step, in standard deviations, below which the iteration
+ends."""
 
 LEAST_SHARE = 0.2
 """Smallest share of a delay that a Gauss-Newton step is assumed to remove."""
@@ -63,8 +66,8 @@ reversals determine the delay better in a wider band, up to frequencies where no
 
 NOISY = 0.05
 """Largest ratio of noise to acceleration in the wider band. Noise hides a share of the inertial torque, the square of
-this ratio; viscous friction then seems to run ahead of the velocity. A light arm with rotors that are heavier than
-its links seemed to be 0.2 ms ahead at this ratio, 0.7 ms at 0.1 and 7 ms at 0.25."""
+this ratio; viscous friction then seems to lead the velocity. On a light arm with rotors that are heavier than its
+links, the lead seemed to be 0.2 ms at this ratio, 0.7 ms at 0.1 and 7 ms at 0.25."""
 
 SAME = 0.5
 """Largest relative difference of the delays measured in the two bands. True delays differ by some percent, effects of
@@ -78,8 +81,8 @@ RISE = 0.1
 rest could look like a delay."""
 
 LEAST = 1e-3
-"""Shortest delay that is a fault [s]. A 1 kHz controller holds its torque for 1 ms, which looks like 0.5 ms of
-lead."""
+"""Shortest delay that is a fault [s]. A 1 kHz controller holds its torque for 1 ms, so that the torque seems to lead
+by 0.5 ms."""
 
 AGREE, CONTRADICT = 2.0, 3.0
 """Two limits for the difference between the delay from all rows and the delay from rows away from reversals, in
@@ -186,14 +189,14 @@ def _explained_by(state: LogState, judged: LogState) -> Explanation | None:
 def _with_reversals(delay: float, deviation: float, moving: float, spread: float) -> tuple[float, float]:
     """Delay [s] and its standard deviation, from all rows and from the rows away from reversals.
 
-    Where they differ by more than the deviation of the latter, joints stick, and the difference is the error of the
-    delay from all rows; the mean is weighted accordingly.
+    If the two delays differ by more than the standard deviation of the latter, stiction is assumed, and the
+    difference counts as the error of the delay from all rows. The result is their mean, weighted by the errors.
 
     Args:
         delay: Delay from all rows.
-        deviation: Its standard deviation.
+        deviation: Standard deviation of `delay`.
         moving: Delay from rows away from reversals.
-        spread: Its standard deviation.
+        spread: Standard deviation of `moving`.
     """
     error = abs(delay - moving)
     if error <= spread:
@@ -203,14 +206,14 @@ def _with_reversals(delay: float, deviation: float, moving: float, spread: float
 
 
 def _severity(delay: float, deviation: float) -> Literal["error", "warning"]:
-    """Severity of a delay: a warning where it is uncertain."""
+    """Severity of a delay: a warning if it is uncertain, otherwise an error."""
     return "error" if abs(delay) > SURE_OF_ERROR * deviation else "warning"
 
 
 def _delay_without_friction(after: LogState) -> tuple[float, float]:
     """Delay of the torque without dry friction after a correction, and its standard deviation [s].
 
-    The dry friction of each joint has a free delay of its own.
+    A separate delay of the dry friction of each joint is estimated at the same time.
     """
     rows = after.rows
     lags, friction = _friction_lags(after)
@@ -233,7 +236,7 @@ def _with_difference(deviation: float, difference: float, spread: float) -> floa
 def _is_in_every_band(evidence: LogEvidence, delay: float, whole: bool) -> bool:
     """True if the delay is the same in a wider band; an apparent delay by presliding friction is not.
 
-    If noise of the positions leaves little room for a wider band, a narrower one is compared with it, too.
+    If noise of the positions does not allow a much wider band, it is also compared with a narrower band.
     """
     sharp = _in_wider_band(evidence)
     if sharp is None:
@@ -317,7 +320,7 @@ def _slopes(rows: QuickRows, values: Array) -> Array:
 
 
 def _friction_alone(state: LogState) -> float:
-    """Mean log residual with a separate lag of the dry friction of each joint.
+    """Mean logarithm of the RMS residuals, with a separate lag of the dry friction of each joint.
 
     Stiction and backlash make friction lag without a delay of the log; gravity and inertial torques do not lag then.
     """

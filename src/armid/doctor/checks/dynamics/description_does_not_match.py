@@ -16,14 +16,17 @@ LEAST = 0.7
 description it was 0.965 or more on 16 recordings of eight arms and on 45 simulated logs, some with other masses."""
 
 LEAST_OF_LARGE = 0.9
-"""The same for a torque that is `LARGE` times the described one, which no arm of this description has."""
+"""Correlation below which the description does not match, if the torque is more than `LARGE` times the described
+torque. No arm with this description has such a torque."""
 
 CLEAR = 2.0
-"""Smallest ratio of a joint's described torque to the residual of the fit for a joint that is compared. A torque in
-the measured scale counts, too: that of a small arm is below the residuals of a large one."""
+"""Smallest ratio of the described torque of a joint to the residual of the fit for which the joint is compared. If
+the measured torque is larger, the described torque is first multiplied by their ratio: the torque of a small arm is
+below the residuals of a large arm."""
 
 HEAVY = 0.05
-"""The same ratio to the largest described torque of a joint."""
+"""Smallest ratio of the described torque of a joint to the largest described torque of all joints for which the joint
+is compared."""
 
 FEWEST = 2
 """Smallest number of joints to compare."""
@@ -32,8 +35,9 @@ FEWEST = 2
 def check(evidence: LogEvidence) -> list[Finding]:
     """Reports a description with another torque, if no other fault explains the log.
 
-    A model with free parameters always explains a log better than the description. The finding is made where even the
-    shape differs: friction, offset and rotor inertia are fitted, and each joint has a scale of its own.
+    A model with free parameters always explains a log better than the description. The description is reported only
+    if even the shape of the torque differs: friction, offset, rotor inertia and a separate scale of each joint are
+    fitted first.
     """
     state = evidence.state
     if state is None or evidence.explanations or state.nominal is None or has_placeholder_masses(state):

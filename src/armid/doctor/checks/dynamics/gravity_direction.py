@@ -46,18 +46,20 @@ UNLIKE, ALIKENESS = 0.6, 0.9
 which another gravity is accepted."""
 
 GAIN = 0.15
-"""Smallest decrease of the mean log residual for another direction; in logs without fault, every one increases it."""
+"""Smallest decrease of the mean logarithm of the RMS residuals for another direction; in logs without fault, every
+one increases it."""
 
 OPPOSITE = 0.01
-"""The same limit for the opposite direction. First moments of the opposite sign nearly compensate this fault, so the
-limit is lower where all joints have enough rows away from reversals. In logs without fault, the residual increases by
-0.03 or more; on light arms that stick, it decreases by 0.005 at most."""
+"""Smallest decrease, as `GAIN`, for the opposite direction. First moments of the opposite sign nearly compensate this
+fault, so the limit is lower where all joints have enough rows away from reversals. In logs without fault, the
+residual increases by 0.03 or more; on light arms that stick, it decreases by 0.005 at most."""
 
 ANGLE = np.radians(8.0)
 """Smallest tilt that is reported [rad]; unmodelled parts such as cables have the effect of some degrees."""
 
 ALIKE = 0.02
-"""Difference of the log residuals of two directions below which they cannot be distinguished."""
+"""Difference of the mean logarithms of the RMS residuals for two directions, below which the directions cannot be
+distinguished."""
 
 STEPS = 8
 """Largest number of Gauss-Newton steps from the best axis; usually four are enough."""
@@ -168,7 +170,7 @@ def _turned(state: LogState, g: Array) -> DynamicsModel:
 
 
 def _opposite_cost(state: LogState, g: Array) -> float:
-    """Mean log residual under a gravity parallel to the gravity of the study; the base parameters are the same."""
+    """Mean logarithm of the RMS residuals under a gravity parallel to that of the study, with the same base."""
     rows = make_rows(column_source(_turned(state, g), state.base), state.log)
     return cost_of(rows, products(rows))
 
@@ -230,7 +232,7 @@ class _GravityRows:
         return replace(self.still, columns=columns)
 
     def cost(self, g: Array) -> float:
-        """Mean log residual under a gravity (3,)."""
+        """Mean logarithm of the RMS residuals under a gravity (3,)."""
         rows = self.rows(g)
         return cost_of(rows, products(rows))
 

@@ -38,17 +38,19 @@ LONGEST = 0.25
 """Longest delay that is a delay and not another motion [s]."""
 
 GAIN = 0.03
-"""Smallest decrease of the mean log residual away from reversals, as for another order of channels."""
+"""Smallest decrease of the mean logarithm of the RMS residuals away from reversals, as for another order of
+channels."""
 
 SIGNIFICANT = 20.0
-"""Smallest log-likelihood ratio, from as many rows as are independent."""
+"""Smallest log-likelihood ratio of the models with and without the delay, for the number of independent rows."""
 
 AGREED = 0.4
-"""Largest conflict between the joints that may remain. Where a delay is the fault, at most 0.28 remained; where it
-only imitates another fault, such as torque without weight, it was 0.5 or more."""
+"""Largest conflict between the joints after the correction. If a delay is the fault, the conflict was at most 0.28;
+if another fault, such as torque without gravity, only looks like a delay, it was 0.5 or more."""
 
 STEPS, SETTLED = 4, 0.3
-"""Largest number of Gauss-Newton steps, and step, in standard deviations, below which the iteration ends."""
+"""Largest number of Gauss-Newton steps, and size of a step, in standard deviations, below which the iteration
+ends."""
 
 LOOKED_AT = 2
 """Number of joints whose delay is refined."""
@@ -92,7 +94,7 @@ def explain(state: LogState) -> Explanation | None:
 def delays_of(state: LogState) -> tuple[Array, Array]:
     """Delay of the positions of each joint by the torques of the others, and standard deviations, shape (n,) [s].
 
-    The torque of each joint has a free delay of its own, so that friction of the joint says nothing.
+    A separate delay of the torque of each joint is estimated at the same time, so that friction has no effect.
     """
     n, across = state.rows.n, np.arange(state.rows.n)
     coupled, own = _slopes(state), np.zeros((state.rows.n, *state.rows.torque.shape))
@@ -108,7 +110,7 @@ def _certainty(delay: Array, deviation: Array) -> Array:
 
 
 def _refined(state: LogState, j: int) -> tuple[int, float, float, float] | None:
-    """Joint, its delay [s], decrease of the mean log residual and deviation [s]; `None` if it is not significant."""
+    """Joint, its delay [s], decrease of `QuickFit.cost` and deviation [s]; `None` if it is not significant."""
     total, now = 0.0, state
     delay, deviation = delays_of(state)
     for _ in range(STEPS):
@@ -129,7 +131,7 @@ def _refined(state: LogState, j: int) -> tuple[int, float, float, float] | None:
 
 
 def _moved(state: LogState, j: int, seconds: float) -> LogState:
-    """The log with the positions of a joint taken some seconds later, which removes such a delay."""
+    """The log with the positions of a joint taken from samples some seconds later, which corrects this delay."""
 
     def changed(run: ObservedRun) -> ObservedRun:
         m, later = run.motion, run.motion.time + seconds
@@ -142,7 +144,7 @@ def _moved(state: LogState, j: int, seconds: float) -> LogState:
 
 
 def _slopes(state: LogState) -> Array:
-    """Filtered torque of the links per second by which the positions of each joint are late, shape (n, M, n)."""
+    """Derivative of the links' filtered torque by the delay of each joint's positions, shape (n, M, n) [N·m/s]."""
     bodies = state.standard(state.fit.values)[state.model.inertial_columns].reshape(-1, 10)
     n = state.rows.n
     parts: list[Array] = []

@@ -29,12 +29,12 @@ from armid.remedy import Remedy
 CODE = "joint-order"
 
 GAIN = 0.03
-"""Smallest decrease of the mean log residual for another order if the joints agree. In logs of the right order, each
-exchange increases the residual by 0.02 or more. Two orders whose residuals differ by less than the limit cannot be
-distinguished."""
+"""Smallest decrease of the mean logarithm of the RMS residuals for another order if the joints agree. In logs of the
+right order, each exchange increases the residual by 0.02 or more. Two orders whose residuals differ by less than the
+limit cannot be distinguished."""
 
 SURE = 0.3
-"""Decrease of the mean log residual from which another order is always accepted."""
+"""Decrease of the mean logarithm of the RMS residuals from which another order is always accepted."""
 
 SHARE = 0.7
 """Smallest decrease between `GAIN` and `SURE`, as a share of the conflict between the joints. On an arm with
@@ -55,8 +55,9 @@ FEW = 7
 """Joints up to which all orders are tried, which takes some milliseconds."""
 
 AGREES = 0.005
-"""Decrease of the mean log residual from which the torque supports an order that puts all joints inside their limits,
-and largest increase with which it does not contradict it. On sound logs, such orders increase it by more."""
+"""Decrease of the mean logarithm of the RMS residuals from which the torque supports an order with all joints inside
+their limits. If the logarithm increases by more than the same number, the torque contradicts the order. On sound
+logs, such orders increase it by more."""
 
 
 Flags = NDArray[np.bool_]
@@ -64,7 +65,7 @@ Flags = NDArray[np.bool_]
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Order:
-    """Channels of each joint's motion and torque, and the mean log residual."""
+    """Channels of each joint's motion and torque, and the mean logarithm of the RMS residuals."""
 
     motion: NDArray[np.intp]
     torque: NDArray[np.intp]
@@ -177,8 +178,9 @@ def _has_rows(judged: LogState, order: _Order) -> bool:
 def _by_limits(state: LogState, judged: LogState, begin: _Order, limits: LimitExcess) -> Explanation | None:
     """Explanation by the order with which all joints are inside their limits, if the torque does not contradict it.
 
-    Where the torque does not support it either, a joint must be far outside its limits and move over more than these:
-    inaccurate limits, another zero or another direction would explain less than that as well.
+    If the torque does not support the order, a joint must be far outside its limits, and its motion must be larger
+    than the range of the limits. A smaller excess may have other causes: inaccurate limits, a wrong zero or a wrong
+    direction.
     """
     same, coarse = begin.motion, state.log.coarse()
     fitting = [order for order in usual_orders(len(same)) if limits.fits(order)]
@@ -309,7 +311,7 @@ def _with_motion(
     motion: NDArray[np.intp],
     torques: Sequence[NDArray[np.intp]],
 ) -> Iterator[_Order]:
-    """Possible ones among orders of the torque with one order of motion, whose columns are computed once."""
+    """Costs of the possible orders of the torque with one order of the motion, whose columns are computed once."""
     possible = [torque for torque in torques if _possible(takes, motion, torque)]
     if possible:
         rows = make_rows(state.source, log.reordered(motion, np.arange(len(motion))))

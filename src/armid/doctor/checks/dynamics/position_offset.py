@@ -40,14 +40,16 @@ SURE = 4.5
 """Number of standard deviations by which an offset must differ from zero."""
 
 SURER, SUREST = 5.5, 8.0
-"""The same if the residual hardly decreases. The offset then depends on the masses of the description, which may be
-wrong; a log without offset reached 4.9. Below the second number, the finding is only a warning."""
+"""Number of standard deviations, instead of `SURE`, if the residual hardly decreases. The offset then depends on the
+masses of the description, which may be wrong; a log without offset reached 4.9. Below the second number, the finding
+is only a warning."""
 
 ALONE = 0.015
-"""Decrease of the mean log residual from which the torque alone is enough evidence."""
+"""Decrease of the mean logarithm of the RMS residuals from which the torque alone is enough evidence."""
 
 LOSS = 0.005
-"""Largest increase of the mean log residual for offsets that agree better with the masses of the description."""
+"""Largest increase of the mean logarithm of the RMS residuals for offsets that agree better with the masses of the
+description."""
 
 USUAL = 0.1
 """Conflict between the joints that noise can cause. A larger conflict is model error; standard deviations are

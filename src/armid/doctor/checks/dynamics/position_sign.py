@@ -17,9 +17,9 @@ from armid.measurement.suggested_log_format import lines
 CODE = "position-sign"
 
 GAIN = 0.15
-"""Smallest decrease of the mean log residual for another sign. Correcting a wrong sign of a joint that carries others
-gives 0.2 to 3; on recorded arms with unmodelled wrist friction, changing a right sign of the wrist gave 0.06 and
-0.11."""
+"""Smallest decrease of the mean logarithm of the RMS residuals for another sign. Correcting a wrong sign of a joint
+that carries others gives 0.2 to 3; on recorded arms with unmodelled wrist friction, changing a right sign of the
+wrist gave 0.06 and 0.11."""
 
 HINT, DRIVEN = 0.02, -2.0
 """Smallest decrease if the friction of the joint, as logged, is negative while the friction of most other joints is

@@ -19,7 +19,7 @@ from armid.model.terms import DEFAULT_TERMS
 CODE = "rotor-inertia-missing"
 
 GAIN = 0.04
-"""Smallest decrease of the mean log residual by rotor inertia for which it is reported."""
+"""Smallest decrease of the mean logarithm of the RMS residuals by rotor inertia for which it is reported."""
 
 SURE = 8.0
 """Number of standard deviations by which a rotor inertia must be positive."""
@@ -30,7 +30,8 @@ ADDED = "armid identify adds rotor inertia where the study names no terms."
 def check(evidence: LogEvidence) -> list[Finding]:
     """Reports the joints whose torque shows rotor inertia, in one finding.
 
-    It is information where no terms are named: an identification then adds rotor inertia itself.
+    If the study names no terms, the finding is only information, because an identification then adds rotor inertia
+    itself.
 
     Rows away from reversals are judged first, because stiction is much of the residual of all rows and hides rotors
     in slow motion. All rows are judged next: more rows show rotors where the torque is noisy.

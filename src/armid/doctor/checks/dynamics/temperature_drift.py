@@ -17,7 +17,7 @@ SURE = 8.0
 """Number of standard deviations by which the change must differ from zero."""
 
 GAIN = 0.02
-"""Smallest decrease of the mean log residual by the change for which it is reported."""
+"""Smallest decrease of the mean logarithm of the RMS residuals by the change for which it is reported."""
 
 JOINTS = 0.4
 """Share of the joints whose friction must change in the same direction, because gears warm up together."""

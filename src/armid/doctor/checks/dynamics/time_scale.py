@@ -23,17 +23,20 @@ FACTORS = 2.0 ** (np.arange(-6.0, 6.5) / 2.0)
 """Factors on velocities that are tried first."""
 
 HINT = 0.15
-"""Decrease of the mean log residual from which the best of these factors is refined."""
+"""Decrease of the mean logarithm of the RMS residuals from which the best of `FACTORS` is refined."""
 
 GAIN = 0.35
-"""Smallest decrease of the mean log residual. On the recorded arms it is up to 0.2, for a factor of one half."""
+"""Smallest decrease of the mean logarithm of the RMS residuals. On the recorded arms it is up to 0.2, for a factor of
+one half."""
 
 APART = 1.35
-"""Smallest factor, or its inverse, that is a fault. Rates differ by a factor of two or more from wrong ones."""
+"""Smallest factor, or its inverse, that is a fault. A wrong rate differs from the true one by a factor of two or
+more."""
 
 SHARP = 0.1
-"""Smallest increase of the mean log residual for half and twice the factor, with dry friction of the same shape. If
-accelerations are too slow to matter, another shape of dry friction alone would look like another scale of time."""
+"""Smallest increase of the mean logarithm of the RMS residuals for half and twice the factor, with dry friction of
+the same shape. If accelerations are too slow to matter, another shape of dry friction alone would look like another
+scale of time."""
 
 CALM = 0.15
 """Conflict up to which the joints agree in the scale of time."""
@@ -48,10 +51,11 @@ def check(evidence: LogEvidence) -> list[Finding]:
 
 
 def explain(state: LogState) -> Explanation | None:
-    """Explanation by another scale of time; `None` if that of the log agrees.
+    """Explanation by another scale of time; `None` if the scale of the log is correct.
 
-    The torque of gravity does not depend on time, that of inertia does. Both follow from the same first moments, so
-    that a wrong scale of time is a misfit: with velocities too large by a factor s, gravity seems too small by s².
+    The torque by gravity does not depend on time, the torque by inertia does. Both depend on the same first moments,
+    so a wrong scale of time increases the residual: if velocities are too large by a factor s, the first moments from
+    inertia are too small by s².
     """
     if state.conflict < CALM:
         return None
@@ -83,11 +87,12 @@ def explain(state: LogState) -> Explanation | None:
 
 
 def _costs(state: LogState, about: float) -> Callable[[float], float]:
-    """Function that returns the mean log residual with velocities multiplied by a factor.
+    """Function that returns the mean logarithm of the RMS residuals with velocities multiplied by a factor.
 
-    The torque of links is a part at rest plus one in proportion to the square of the factor. The columns of friction
-    and of rotors have no part at rest, and their size does not matter for a fit. So products of the columns at rest
-    and of the rest are enough for all factors about one, for which the shape of dry friction is computed.
+    The torque of the links is the sum of a part at rest (gravity) and a part that is proportional to the square of
+    the factor. The columns of friction and rotors have no part at rest, and their length has no effect on a fit. So
+    the products of these two parts of the columns are sufficient for all factors near `about`, for which the shape of
+    dry friction is computed.
     """
     rows = state.rows
     at_rest = make_rows(state.source, _scaled(state.log, 0.0))
@@ -103,7 +108,7 @@ def _costs(state: LogState, about: float) -> Callable[[float], float]:
 
 
 def _products(still: Array, whole: Array) -> tuple[Array, Array, Array]:
-    """Products of the columns at rest, of these with the remaining columns, and of the remaining columns."""
+    """Products of the columns at rest, of these with the moving part, and of the moving part of the columns."""
     moving = whole - still  # zero in the row of the torque
     mixed = still @ moving.T
     return still @ still.T, mixed + mixed.T, moving @ moving.T
@@ -132,7 +137,7 @@ def _scaled(log: DownsampledLog, factor: float) -> DownsampledLog:
 
 
 def _remedy(evidence: LogEvidence, factor: float) -> str:
-    """Line of a study with the rate or unit of time that the dynamics ask for."""
+    """Line of a study with the rate or unit of time that follows from the dynamics."""
     recording, reading = evidence.recording, evidence.reading
     assert recording is not None
     note = "about; use the true value"

@@ -1,7 +1,7 @@
 """Torque of one joint whose scale differs from that of the others.
 
-One model describes all joints only if their torques have a common scale, because the torque of a joint depends on
-the links that it carries, which other joints carry, too. The common scale itself does not show without a description.
+One model describes all joints only if their torques have a common scale, because the torque of a joint depends on the
+links that it carries, which other joints carry, too. Without a description, the common scale cannot be determined.
 """
 
 from __future__ import annotations
@@ -21,39 +21,42 @@ from armid.measurement.suggested_log_format import lines
 CODE = "torque-gain"
 
 FACTORS = np.exp(np.linspace(-1.2, 1.2, 13))
-"""Factors on the torque of a joint that are tried; a minimum at the first or last one is none."""
+"""Factors on the torque of a joint that are tried; a minimum at the first or the last factor is not accepted."""
 
 NEAREST = (FACTORS[4], FACTORS[8])
-"""Factors of which at least one must lower the cost before the others are tried."""
+"""Two factors of which at least one must reduce the cost; only then the others are tried."""
 
 DECADES = 10.0 ** np.array([-4, -3, -2, -1, 1, 2, 3, 4])
-"""Factors of other units of torque, such as mN·m or N·cm. The cost may have barriers between them and 1, so they are
-tried, and `FACTORS` about the best of them, if one model fits all joints as badly as `BADLY`."""
+"""Factors of other units of torque, such as mN·m or N·cm. The cost may have maxima between these factors and 1.
+Therefore they are tried separately, and then the multiples of the best one by `FACTORS`, if the conflict between the
+joints is larger than `BADLY`."""
 
 BADLY = 0.2
-"""Increase of the mean log residual from separate fits of the joints to one model, from which `DECADES` are tried."""
+"""Increase of the mean logarithm of the RMS residuals from separate fits of the joints to one model, from which
+`DECADES` are tried."""
 
 WRONG_UNIT = 5.0
-"""Factor, or one over it, from which a torque is an error: no drive gain is so uncertain, its unit is wrong."""
+"""Factor, or its inverse, from which the finding is an error: no drive gain is so uncertain, so the unit is wrong."""
 
 LEAST = 1.35
-"""Smallest factor, or one over it, that is reported. On recorded arms the torque of a loaded joint fits those of the
+"""Smallest factor, or its inverse, that is reported. On recorded arms the torque of a loaded joint fits those of the
 others to 25 %; drive gains that are taken from a data sheet are as uncertain."""
 
 GAIN = 0.08
-"""Decrease of the mean log residual from which the scale of a joint is reported. Without fault it was at most 0.04
-within the factors, on 16 recordings of eight arms and on 36 simulated logs. A factor of 1.6 or 0.5 gives 0.1 to 1 on
-joints that carry others."""
+"""Decrease of the mean logarithm of the RMS residuals from which the scale of a joint is reported. Without fault it
+was at most 0.04 within the factors, on 16 recordings of eight arms and on 36 simulated logs. A factor of 1.6 or 0.5
+gives 0.1 to 1 on joints that carry others."""
 
 SHARP = 0.02
-"""Increase of the mean log residual from the best factor to 1.5 times more or less, for another unit 2.2 times, from
-which the factor is determined."""
+"""Increase of the mean logarithm of the RMS residuals from the best factor to a factor 1.5 times (for another unit
+2.2 times) as large or as small, from which the factor counts as determined."""
 
 ALSO = 0.03
-"""Difference of the mean log residual up to which the other joint of a pair may have the inverse factor."""
+"""Difference of the mean logarithm of the RMS residuals up to which the other joint of a pair may have the inverse
+factor."""
 
 DEVIATION = 0.2
-"""Relative deviation of a factor: on recorded arms it was off by up to 20 %."""
+"""Relative standard deviation of a factor: on recorded arms its error was up to 20 %."""
 
 NOTE = "from the torque of the other joints; use the maker's value"
 
@@ -102,7 +105,7 @@ def explain(state: LogState) -> Explanation | None:
 
 
 def _cost(state: LogState, pairs: Sequence[Array], j: int, factor: float) -> float:
-    """Mean log residual, in units of the log, with the torque of joint j multiplied by a factor."""
+    """Mean logarithm of the RMS residuals in the units of the log, with a factor on the torque of joint j."""
     factors = np.ones(state.rows.n)
     factors[j] = factor
     return cost_of(state.rows, pairs, factors) - float(np.log(factor)) / state.rows.n
@@ -112,8 +115,8 @@ def _best_factor(cost_with: Callable[[float], float], begin: float, *, wide: boo
     """Factor on a joint's torque with the smallest cost, and that cost; infinite if the log does not determine it.
 
     Args:
-        cost_with: Function that returns the mean log residual with a factor.
-        begin: Mean log residual with the factor 1.
+        cost_with: Function that returns the mean logarithm of the RMS residuals with a factor.
+        begin: Mean logarithm of the RMS residuals with the factor 1.
         wide: True if factors of other units are tried, too.
     """
     candidates = [_lowest_about(cost_with, 1.0, 2)] if min(map(cost_with, NEAREST)) < begin else []
@@ -124,10 +127,10 @@ def _best_factor(cost_with: Callable[[float], float], begin: float, *, wide: boo
 
 
 def _lowest_about(cost_with: Callable[[float], float], middle_factor: float, apart: int) -> tuple[float, float]:
-    """Best of the multiples of a factor by `FACTORS`, interpolated, and its cost; infinite if not determined.
+    """Best product of a factor and one of `FACTORS`, interpolated, and its cost; infinite if not determined.
 
     Args:
-        cost_with: Function that returns the mean log residual with a factor.
+        cost_with: Function that returns the mean logarithm of the RMS residuals with a factor.
         middle_factor: The factor.
         apart: Number of steps from the best one to those whose cost must be larger.
     """

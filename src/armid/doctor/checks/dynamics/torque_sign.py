@@ -17,8 +17,8 @@ from armid.errors import Finding
 from armid.measurement.suggested_log_format import lines
 
 FLIP = 0.05
-"""Decrease of the mean log residual from which another sign of one joint is accepted. In logs without fault there is
-no decrease; a wrong sign of a joint that carries others gives several times as much."""
+"""Decrease of the mean logarithm of the RMS residuals from which another sign of one joint is accepted. In logs
+without fault there is no decrease; a wrong sign of a joint that carries others gives several times as much."""
 
 CLEAR = 0.2
 """Decrease from which signs are accepted without support by friction and inertia. Wrong signs give 0.4 or more; on a
@@ -33,10 +33,11 @@ SURE = 8.0
 model; with controllers that compensate friction, the number reaches 6 although the sign is right."""
 
 ALSO = 0.03
-"""Difference of the log residuals for two signs below which the log does not show which of them is wrong."""
+"""Difference of the mean logarithms of the RMS residuals for two signs, below which the log does not show which of
+them is wrong."""
 
 MOST = 10.0
-"""Largest number of standard deviations that the friction of one joint may contribute."""
+"""Largest number of standard deviations that the friction of one joint may contribute to the evidence."""
 
 ALIKE = 0.8
 """Correlation with the torque of the description from which the description counts as evidence."""
@@ -101,7 +102,7 @@ def _evidence(state: LogState, wrong: NDArray[np.intp], gain: float) -> str:
 
 
 def relative_signs(state: LogState) -> tuple[Array, float, NDArray[np.bool_]]:
-    """Relative signs with which one model fits all joints best, and the decrease of the log residual.
+    """Relative signs with which one model fits all joints best, and the decrease of `QuickFit.cost`.
 
     The common sign remains unknown. The third value, shape (n,), flags the joints whose sign relative to the others
     cannot be determined.
@@ -137,7 +138,7 @@ def _best_of_all(rows: QuickRows, pairs: Sequence[Array], first: float) -> tuple
 
 
 def cost_with_signs(state: LogState, sign: Array) -> float:
-    """Mean log residual with the motion multiplied by signs (n,)."""
+    """Mean logarithm of the RMS residuals, with the motion multiplied by signs (n,)."""
     rows = make_rows(state.source, state.log.scaled(sign))
     return cost_of(rows, products(rows))
 

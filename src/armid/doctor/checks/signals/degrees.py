@@ -22,8 +22,8 @@ NARROWEST = 0.1
 """Smallest plausible range of a motion [rad]."""
 
 GAIN = 0.3
-"""Smallest decrease of the mean log residual for the other unit. A wrong unit changes the shape of gravity torques,
-and it changes inertias by a factor of 57."""
+"""Smallest decrease of the mean logarithm of the RMS residuals for the other unit. A wrong unit changes the shape of
+gravity torques, and it changes inertias by a factor of 57."""
 
 
 def check(evidence: LogEvidence) -> list[Finding]:

@@ -21,15 +21,16 @@ SMALL = 0.3
 arms by up to a factor of 2."""
 
 MOTOR_SCALE = 0.04
-"""Share below which the effort is a motor torque, with a gear ratio of 25 or more. A motor current does not have so
-small a share: drives of arms give 5 to 20 N·m at the joint per ampere."""
+"""Share of the described torque below which the effort is a motor torque, with a gear ratio of 25 or more. The share
+of a motor current is larger: drives of arms give 5 to 20 N·m at the joint per ampere."""
 
 LARGE = 4.0
 """Multiple of the described torque from which the effort is in another unit. On eight recorded arms, the loaded
 joints have 0.7 to 2.3 times the described torque; the median over the joints is 0.8 to 1.5 times."""
 
 LOWEST_SCALE = 1 / 500
-"""Share below which the effort is in another unit than N·m, because gear ratios of joints are smaller."""
+"""Share of the described torque below which the effort is in another unit than N·m, because gear ratios of joints are
+below 500."""
 
 UNITS = ((0.001, "kN·m"), (10.197, "kgf·cm"), (100.0, "N·cm"), (1000.0, "mN·m"), (1e4, "0.1 mN·m"))
 """Units of torque, each with the number of units in one newton metre."""
@@ -38,9 +39,9 @@ NEAR_UNIT = 1.6
 """Largest factor between the effort and the described torque in a unit for which this unit is named."""
 
 AFTER_DEGREES = 1.0
-"""Decrease of the log residual that is assumed for the correction of a torque that is too large. The correction is
-made early, because other results depend on it; but it comes after angles in a wrong unit, which make the described
-torque too small and give a larger decrease."""
+"""Decrease of the mean logarithm of the RMS residuals that is assumed for the correction of a torque that is too
+large. The correction is made early, because other results depend on it; but it comes after angles in a wrong unit,
+which make the described torque too small and give a larger decrease."""
 
 SAME_MASS = 0.5
 """Share of links with the same mass above which masses count as placeholders, for instance 1 kg for each link."""
@@ -56,16 +57,16 @@ HEAVY = 0.05
 """Share of the described torque of the most loaded joint below which a joint counts as not loaded."""
 
 DESCRIBED = 0.2
-"""Relative deviation of a scale that the description gives although its torque has the right shape: so far are its
-masses from those of the arm."""
+"""Relative standard deviation of a scale from the description if the torque has the right shape, because of errors of
+the masses in the description."""
 
 UNSEEN = 0.7
-"""Relative deviation of the scale of a joint that gravity hardly loads, which is taken from the other joints: drives
-of one arm differ by a factor of two or three."""
+"""Relative standard deviation of the scale of a joint with little gravity torque. This scale is taken from the other
+joints; drives of one arm differ by a factor of two or three."""
 
 APART = 0.1
-"""Decrease of the conflict between the joints from which each of them gets a factor of its own. On simulated logs
-with one factor it was below 0.01, and with factors that differ by half up to 1.0."""
+"""Decrease of the conflict between the joints from which each joint gets a separate factor. On simulated logs with
+one factor for all joints it was below 0.01; with factors that differ by half it was up to 1.0."""
 
 MOTOR_NOTE = (
     "gear ratios estimated from the gravity torque of the description; positions are joint positions; use the "
@@ -101,8 +102,8 @@ def explain(state: LogState) -> Explanation | None:
 def _small_share(state: LogState, known: NDArray[np.bool_], typical: float) -> Explanation:
     """Explanation by a motor torque or current, for an effort that is a small share of the described torque.
 
-    Each joint has the factor that the description gives, unless the joints then disagree more than with one factor
-    for all: masses of the description may be wrong by more than the factors differ.
+    Each joint gets the factor that follows from the description. If the held-out error then increases, all joints get
+    the same factor: errors of the described masses may be larger than the differences of the factors.
 
     Args:
         state: The log.
@@ -137,8 +138,8 @@ def _other_unit(state: LogState, known: NDArray[np.bool_], typical: float) -> Ex
     """Explanation by a unit, for a torque that is a multiple or a tiny share of the described torque.
 
     The same factor is used for all joints if it is that of a unit, or if the joints agree with it. It corrects the
-    unit, but not the errors of the description. A factor of no unit is known as well as the description's masses are,
-    so that the gains get deviations, as those of currents do.
+    unit, but not the errors of the description. A factor that is not that of a unit has the accuracy of the masses in
+    the description. Therefore the gains get standard deviations, as for currents.
 
     Args:
         state: The log.
@@ -194,7 +195,7 @@ def has_placeholder_masses(state: LogState) -> bool:
 
 
 def _deviations(correlation: Array, known: NDArray[np.bool_]) -> list[float]:
-    """Relative deviations (n,) of scales from the description: a torque of another shape may be of another size."""
+    """Relative standard deviations (n,) of scales from the description; they increase if the shapes differ."""
     shape = np.sqrt(1.0 / np.where(known, correlation, 1.0) ** 2 - 1.0)
     return [float(f"{each:.2g}") for each in np.where(known, np.hypot(DESCRIBED, shape), UNSEEN)]
 

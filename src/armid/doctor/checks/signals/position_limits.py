@@ -18,11 +18,12 @@ NEARLY_ALL = 0.95
 """Share of the samples outside the limits from which a joint is outside in all of its motion."""
 
 FAR = 0.1
-"""Largest distance from the limits over their span from which they contradict a joint. Limits of descriptions are
-approximate: on ten recorded arms a joint goes beyond them by up to 0.03, and comes back."""
+"""Largest distance from the limits, divided by the span of the limits, from which they contradict the positions of a
+joint. Limits of descriptions are approximate: on ten recorded arms a joint exceeds them by up to 0.03 for some
+time."""
 
 MOVES = 0.02
-"""Range of the positions over the span of the limits from which a joint moves."""
+"""Range of the positions, divided by the span of the limits, from which a joint counts as moving."""
 
 NAMED = 3
 """Largest number of joints that a message describes."""

@@ -27,7 +27,7 @@ LATE = 0.008
 """Smallest delay that is reported [s]; the velocity filter of a controller has a delay of some milliseconds."""
 
 SAMPLES = 1.2
-"""The same in samples; backward differences have a delay of half a sample."""
+"""Smallest delay that is reported, in samples; backward differences have a delay of half a sample."""
 
 ALIKE, UNLIKE = 0.97, 0.9
 """Correlation from which two signals count as the same, and correlation below which they count as different."""
