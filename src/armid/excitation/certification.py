@@ -49,9 +49,9 @@ class Margin:
         bound: Limit for this value.
         unit: Unit of `value` and `bound`.
         time: Time of this value [s], from the start of the series; NaN for limits that do not depend on time.
-        share: Utilisation on the grid, which is 1 at the limit: value divided by limit, or for distances a linear
-            measure.
-        certified: Utilisation on the grid plus the bound of its rise between the points of the grid.
+        share: Utilisation on the grid, which is 1 at the limit: value divided by limit. For a distance it falls
+            linearly to 0 at `SCALE` above the required distance.
+        certified: Utilisation on the grid plus the upper bound of its rise between the points of the grid.
     """
 
     limit: str

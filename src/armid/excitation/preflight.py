@@ -63,8 +63,8 @@ class Preflight:
         weak: Finding that the motion is too weak to identify the arm; `None` if it is not.
         wider: Finding that limits are wider than those of the description; `None` if they are not.
         touching: Contacts between bodies of pairs that are not checked.
-        torque_lacks: What the torque that is compared with the limits does not contain, for instance `friction`;
-            empty if torque is not checked or contains all.
+        torque_lacks: Parts of the torque, for instance `friction`, that are missing in the torque that is compared
+            with the limits; empty if torque is not checked or complete.
     """
 
     margins: tuple[Margin, ...]
@@ -132,7 +132,7 @@ class Preflight:
 
     @property
     def contacts(self) -> Finding | None:
-        """Finding that names bodies that touch although nothing checks them; `None` if there are none."""
+        """Finding about bodies that touch although their distance is not checked; `None` if there are none."""
         return contacts_found(self.touching)
 
     @property

@@ -1,8 +1,8 @@
 """Finding for a plan in which bodies or other limits keep joints well below the limits of these joints.
 
-Each joint that stays well below all its own limits is enlarged up to the first of them. What then comes too close or
-exceeds a limit is what keeps the plan smaller, and the predicted standard deviations of both motions tell what that
-costs.
+The amplitude of each joint that stays well below all its own limits is enlarged up to the first of these limits. The
+pairs of bodies that then come too close, and the limits that are exceeded, keep the plan smaller. The ratio of the
+predicted standard deviations of both motions shows the loss of accuracy.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from armid.robot.collision_body_names import BodyPair
 from armid.robot.kinematics import forward_kinematics
 
 USED = 0.75
-"""Largest share of its own limits up to which a joint counts as kept well below them."""
+"""Largest share of its own limits that a joint uses if it counts as well below its limits."""
 
 LARGEST = 5.0
 """Largest factor by which the amplitude of a joint is enlarged."""
@@ -57,7 +57,7 @@ class Restraint:
 
     Attributes:
         limit: Kind of the limit, `collision` for the distance of two bodies.
-        label: Joint or plane; of two bodies the pair.
+        label: Name of the joint, of the plane or of the pair of bodies.
         required: Required distance of two bodies [m]; zero for other limits.
         part: Part of the enlargement at which the limit is exceeded.
     """
@@ -69,7 +69,7 @@ class Restraint:
 
     @property
     def text(self) -> str:
-        """The limit in words."""
+        """Text that describes the limit."""
         if self.limit == "collision":
             return f"the distance of {self.label} ({1000.0 * self.required:.1f} mm required)"
         return f"the limit of {self.limit} of {self.label}"
@@ -78,7 +78,7 @@ class Restraint:
 def restrained_motion(
     problem: DescentProblem, x: Array, margins: Sequence[Margin], collision: CollisionOptions | None
 ) -> Finding | None:
-    """Finding that names joints that stay well below their limits, what holds them, and what it costs.
+    """Finding about joints that stay well below their limits, with the cause and the loss of accuracy.
 
     Args:
         problem: Criterion and limits of the design.
@@ -87,7 +87,8 @@ def restrained_motion(
         collision: Pairs of bodies that must keep a distance; `None` for no collision check.
 
     Returns:
-        The finding; `None` if all joints come near their limits, nothing else holds them, or it costs little.
+        The finding; `None` if all joints come near their limits, if nothing else limits the motion, or if the loss of
+        accuracy is small.
     """
     goal, basis = problem.goal, problem.basis
     names = goal.model.robot.joint_names
@@ -146,7 +147,7 @@ def _restraints(
 
 
 def _remedy(restraints: Sequence[Restraint]) -> str:
-    """Options that release what holds the motion."""
+    """Text with the options that relax the limits or exclude the pairs that restrain the motion."""
     ways: list[str] = []
     for each in restraints:
         if isinstance(each.label, BodyPair):

@@ -1,4 +1,4 @@
-"""Finding for a plan that is too small or slow to identify the arm, with the limits that keep it small.
+"""Finding about a plan whose motion is too small or slow to identify the arm, with the limits that are the cause.
 
 A model must predict torque in the whole range of the joints and up to their speed limits. From the covariance of the
 base parameters that a plan predicts, the standard deviation of the torque of each joint along such a motion is

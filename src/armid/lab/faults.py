@@ -201,7 +201,7 @@ class Scaled:
     """Quantity in another unit or on the other side of a gear, for instance a current in place of a torque.
 
     Attributes:
-        factors: Factors by which the values of the joints are multiplied; one number is used for all joints.
+        factors: Factors by which the values of the joints are multiplied; a single factor is used for all joints.
         quantity: `q`, `dq` or `effort`.
     """
 

@@ -84,7 +84,7 @@ class MaxwellSlip:
         return (self.torque / self.deflection).sum(axis=0)
 
     def next(self, ends: Array, q: Array) -> Array:
-        """Ends of the springs (E, n) after a move to positions q (n,), from ends (E, n), or (n,) if all are equal."""
+        """Ends of the springs (E, n) after a move to positions q (n,), from earlier ends (E, n), or (n,) if equal."""
         return np.minimum(np.maximum(ends, q - self.deflection), q + self.deflection)
 
 

@@ -48,7 +48,7 @@ class Arm:
     spring_damping: Array | None = None
 
     def of(self, truth: KnownArm) -> KnownArm:
-        """Simulated arm with these properties; the size of effects follows from the friction that is given here."""
+        """Applies these properties to a simulated arm; most effects are proportional to the friction given here."""
         if self.friction is not None:
             truth = replace(truth, friction=self.friction)
         truth = with_effects(truth, self.effects)

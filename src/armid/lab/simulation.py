@@ -31,7 +31,8 @@ POSES = 60
 
 
 KEPT = 1.0 + 1e-9
-"""Utilisation up to which a plan counts as keeping a limit; the excess over 1 allows for rounding errors."""
+"""Largest ratio of value to limit at which a plan counts as within the limit; the excess over 1 allows for rounding
+errors."""
 
 ASKED = 1000.0
 """Rate at which a plan is checked [Hz]."""

@@ -137,9 +137,8 @@ _recent: deque[tuple[Robot, tuple[Term, ...], BaseParameters]] = deque(maxlen=8)
 def find_base_parameters(model: DynamicsModel) -> BaseParameters:
     """Finds the base parameters of a model with the gravity of its robot.
 
-    Of dependent columns, those nearest to the base are kept.
-
-    Those of the last few models are remembered, by their arm and terms.
+    Of dependent columns, those of links nearest to the base of the arm are kept. The results for the last few models
+    are stored, by arm and terms.
 
     Raises:
         ModelError: The geometry and the torques at random states give different results.
@@ -156,7 +155,7 @@ def find_base_parameters(model: DynamicsModel) -> BaseParameters:
 
 @one_blas_thread
 def _find(model: DynamicsModel) -> BaseParameters:
-    """Base parameters of a model that is not remembered."""
+    """Base parameters of a model whose result is not stored."""
     p, inertial = len(model.parameters), model.inertial_columns
     terms = np.delete(np.arange(p), inertial)
     kept, regrouping = np.arange(p), np.eye(p)
@@ -217,7 +216,7 @@ def _dependence(columns: Array) -> tuple[NDArray[np.intp], Array]:
 
 
 def _verify(model: DynamicsModel, base: BaseParameters) -> None:
-    """Checks the regrouping with torques at other random states than those from which it was computed.
+    """Checks the regrouping with torques at random states that were not used to compute it.
 
     Raises:
         ModelError: The regrouping or the rank is wrong at these states.

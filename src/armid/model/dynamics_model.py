@@ -161,7 +161,7 @@ class DynamicsModel(Displayed):
 
     @cached_property
     def entries(self) -> tuple[tuple[int, int, Law, float], ...]:
-        """Joint, parameter, law and weight of every column of the torque terms except rigid bodies."""
+        """Joint index, parameter index, law and weight of every column of the torque terms except rigid bodies."""
         return tuple(
             (j, int(column), law, weight)
             for column, (_, law) in zip(self.law_columns, self.laws, strict=True)
@@ -192,7 +192,7 @@ class DynamicsModel(Displayed):
         return motion.with_memory(states), known
 
     def _driven(self, q: Array) -> tuple[Array, NDArray[np.int32]]:
-        """Coordinates (N, k) that drive the nodes (joints, then combinations), and the index of that of each node."""
+        """Coordinates (N, k) that drive the nodes (joints, then combinations), and the coordinate of each node."""
         columns = {((j, 1.0),): j for j in range(self.n)}
         combined = [node.coordinate for node in self.nodes if node.coordinate not in columns]
         columns |= {coordinate: self.n + k for k, coordinate in enumerate(dict.fromkeys(combined))}
@@ -336,8 +336,8 @@ class DynamicsModel(Displayed):
     def nominal_parameters(self) -> Array | None:
         """Standard parameters (p,) with the inertial parameters of the description; all others are zero.
 
-        `None` if the description has no inertial parameters, or lacks those of a link with geometry: the others alone
-        give no torque to compare with.
+        `None` if the description has no inertial parameters, or lacks those of a link with geometry. The torque of
+        the other links alone would be wrong.
         """
         inertial = self.robot.inertial_vector
         if inertial is None or not self.has_rigid_bodies or links_without_inertia(self.robot):

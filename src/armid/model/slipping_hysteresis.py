@@ -1,8 +1,9 @@
 """Model whose hysteresis elements all slip in the direction of motion: its torque depends on the states alone.
 
 Hysteresis depends on the earlier motion. As soon as a coordinate has moved by twice the width of an element, however,
-the deflection of the element is at its limit, like Coulomb friction. The torque of a motion is therefore the same
-with both, except within this distance after a reversal, where friction that slips is the larger one.
+the deflection of the element is at its limit, like Coulomb friction. The torques with hysteresis and with slipping
+elements are therefore equal, except within this distance after a reversal, where the friction of slipping elements is
+larger.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ class _Slipping:
 
 
 def slipping(model: DynamicsModel) -> DynamicsModel:
-    """Model with the same parameters whose hysteresis elements always slip; the model itself if it has no hysteresis.
+    """Replaces hysteresis elements by elements that always slip; a model without hysteresis is returned unchanged.
 
     Args:
         model: Arm and torque terms.
@@ -57,7 +58,7 @@ def _slipping(law: Law) -> Law:
 
 
 def _replaced(expression: Expression, state: Expression) -> Expression:
-    """Expression with another one in place of the symbol `state`."""
+    """Replaces the symbol `state` in an expression by another expression."""
     if not expression.arguments:
         return state if expression.head == "state" else expression
     return Expression(expression.head, tuple(_replaced(each, state) for each in expression.arguments))

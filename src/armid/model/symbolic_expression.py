@@ -198,8 +198,8 @@ FUNCTIONS: dict[str, Function] = {
         np.minimum, (lambda x: _step(x[1] - x[0]), lambda x: _step(x[0] - x[1])), "min({}, {})", r"\min({}, {})"
     ),
 }
-"""Functions of expressions, by name. The exponent of `pow` must not depend on the symbol by which is
-differentiated."""
+"""Functions of expressions, by name. The exponent of `pow` must not depend on the symbol with respect to which the
+derivative is taken."""
 
 LATEX_SYMBOLS = {"q": "q", "dq": r"\dot{q}", "ddq": r"\ddot{q}", "load": r"\tau_{\mathrm{load}}", "state": "z"}
 

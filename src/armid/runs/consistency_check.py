@@ -30,10 +30,10 @@ from armid.validation.smallest_mass_matrix import Pose, worst_along, worst_pose
 from armid.validation.thesis_constraints import Constraint, thesis_constraints
 
 HEAVIEST = 10.0
-"""Default of the largest mass that a link of the nearest consistent body may have [kg]."""
+"""Default upper bound of the mass of a link in the nearest consistent parameters [kg]."""
 
 HEAVIER = 2.0
-"""Factor on the mass of the heaviest link that gives the largest mass, for descriptions with heavy links."""
+"""Ratio of this upper bound to the mass of the heaviest link, for descriptions with heavy links."""
 
 TERM_OF_SYMBOL: Mapping[str, type[Term]] = {"FV": Viscous, "FS": Coulomb, "FO": Offset, "IA": RotorInertia}
 PHYSICAL = ("m", "rx", "ry", "rz", "Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz")
@@ -196,7 +196,7 @@ def certify_run(run: Run, *, motion: Motion | None = None, heaviest: float | Non
 
 
 def _own_bodies(run: Run, standard: StandardFit) -> Finding:
-    """Finding about the links that a run has estimated, which are one of many sets with the same base parameters."""
+    """Finding about the links that a run has estimated: other links would have the same base parameters."""
     places = [standard.names.index(f"M_{link + 1}") for link in range(run.model.n)]
     masses = ", ".join(f"{standard.values[k]:.4g}" for k in places)
     evidence = (

@@ -15,7 +15,8 @@ from armid.robot.robot import Robot
 from armid.runs.run import Run
 
 SAME = 1e-6
-"""Largest difference of placements [m], axes and coefficients of two arms that count as one: rounding in files."""
+"""Largest difference of placements [m], axes and coefficients at which two arms count as the same; files are
+rounded."""
 
 
 def estimated_torque(run: Run, robot: Robot) -> EstimatedTorque | None:
@@ -29,8 +30,8 @@ def estimated_torque(run: Run, robot: Robot) -> EstimatedTorque | None:
         robot: The arm.
 
     Returns:
-        Model and values; `None` if the run is about an arm of another geometry, or has not determined all parameters
-        that the torque under this gravity needs.
+        Model and values; `None` if the arm of the run has another geometry, or if the run has not determined all
+        parameters on which the torque under this gravity depends.
     """
     if not _same_geometry(run.robot.tree, robot.tree):
         return None
@@ -44,7 +45,7 @@ def estimated_torque(run: Run, robot: Robot) -> EstimatedTorque | None:
 
 
 def _same_geometry(one: Tree, other: Tree) -> bool:
-    """True if two arms have the same joints at the same places, whatever their gravity."""
+    """True if two arms have the same joints at the same places; gravity may differ."""
     return one.n == other.n and all(
         np.allclose(getattr(one, name), getattr(other, name), rtol=0.0, atol=SAME)
         for name in ("parent", "prismatic", "axis", "rotation", "translation")

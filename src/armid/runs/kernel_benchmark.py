@@ -1,4 +1,4 @@
-"""Benchmarks of the kernel: CPU time on one thread, relative to Pinocchio and to NumPy's lstsq.
+"""Benchmarks of the compiled kernel: CPU time on one thread, relative to Pinocchio and to NumPy's lstsq.
 
 As a program it runs in a separate process with a single BLAS thread, and prints one JSON object.
 """
@@ -109,7 +109,7 @@ def _pinocchio(model: DynamicsModel) -> tuple[Any, Any]:
 
 
 def _regressor(model: DynamicsModel, base: BaseParameters, motion: Motion) -> dict[str, Any]:
-    """Base regressor, computed in tiles that fit the cache, against a loop of Pinocchio calls."""
+    """Base regressor, computed in tiles that fit the processor cache, compared with a loop of Pinocchio calls."""
     pin: Any = import_module("pinocchio")
 
     source = column_source(model, base)
@@ -132,7 +132,7 @@ def _regressor(model: DynamicsModel, base: BaseParameters, motion: Motion) -> di
 
 
 def _least_squares(model: DynamicsModel, base: BaseParameters, motion: Motion, torque: Array) -> list[dict[str, Any]]:
-    """Least squares with standard deviations, unfiltered against the peer, filtered against unfiltered."""
+    """Least squares with standard deviations: unfiltered compared with NumPy, filtered compared with unfiltered."""
     pin: Any = import_module("pinocchio")
 
     arm, data = _pinocchio(model)

@@ -94,7 +94,7 @@ def load_new_recordings(
 def read_new_recordings(
     run: Run, paths: Sequence[str], reading: Mapping[str, Any]
 ) -> tuple[tuple[tuple[RecordingChoice, Recording], ...], tuple[Finding, ...]]:
-    """Reads recordings that did not train a run, with the run's log format; with findings.
+    """Reads recordings that did not train a run, with the run's log format; returns them with findings.
 
     Args:
         run: The run.
@@ -147,7 +147,7 @@ def _deviation(reading: LogFormat, n: int) -> Array:
 
 
 def load_columns(run: Run) -> tuple[Array, Array]:
-    """Matrices from ten payload parameters in the tip frame to base parameters (b, 10) and to the link's (10, 10).
+    """Matrices from ten payload parameters in the tip frame to base parameters (b, 10) and link frame (10, 10).
 
     Raises:
         RobotError: The tip is fixed to the base, or its link carries further joints.

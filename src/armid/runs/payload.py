@@ -46,7 +46,7 @@ class Payload:
         new_recordings: New recordings and the run.
         place: Link that carries the payload, and frame of its parameters.
         load: The payload.
-        misfit: Residuals of the recordings with the payload, beside those of a fit to these recordings alone.
+        misfit: Residuals of the recordings with the payload, compared with those of a fit of these recordings alone.
         known: Mask of the parameters that were given, shape (10,).
         gains: Corrections of the drive gains, if the payload was known.
         findings: Findings of recordings and estimate.
@@ -199,7 +199,7 @@ def _payload_findings(
 
 
 def _gains_beyond(new_recordings: NewRecordings, gains: DriveGains) -> list[Finding]:
-    """Finding of drive gains far outside of their stated deviation."""
+    """Finding about drive gains whose correction is far larger than the stated standard deviation."""
     stated = new_recordings.new.scale_deviation
     size = np.maximum(np.abs(gains.correction), np.abs(1.0 / (1.0 + gains.correction) - 1.0))
     joints = np.flatnonzero(gains.determined & (stated > 0.0) & (size > FAR_GAIN * stated))

@@ -1,4 +1,4 @@
-"""Link that carries a payload, and the test of whether it is that link."""
+"""Link that carries a payload, and the test whether the torque agrees with a load on this link."""
 
 from __future__ import annotations
 
@@ -64,12 +64,12 @@ def fit_finding(
     own: NDArray[np.bool_],
     known: Array | None,
 ) -> tuple[PayloadMisfit, Finding | None]:
-    """Tests whether a load on its link explains the new recordings; if not, a finding names the link that does.
+    """Tests whether a load on the given link explains the new recordings; otherwise a finding names a better link.
 
     Args:
         new_recordings: The recordings with the payload.
-        place: Link that is said to carry the payload.
-        own: Base parameters with separate values in the new recordings, shape (b,).
+        place: Link that carries the payload according to the user.
+        own: Mask of the base parameters with separate values in the new recordings, shape (b,).
         known: Known parameters of the payload, NaN for unknown ones, shape (10,); `None` if all are unknown.
 
     Returns:
@@ -106,7 +106,7 @@ def _finding(
     best: str | None,
     better: PayloadMisfit | None,
 ) -> Finding:
-    """Finding of a load that does not explain the torque."""
+    """Finding about a load that does not explain the torque."""
     joints = np.flatnonzero(found.significant)
     ratio = found.residual[joints] / found.alone[joints]
     times = f"{ratio.min():.1f}" if ratio.max() - ratio.min() < 0.05 else f"{ratio.min():.1f} to {ratio.max():.1f}"

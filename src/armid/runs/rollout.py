@@ -25,7 +25,7 @@ MOST_LOST = 0.5
 """Largest share of windows that may be lost; with more, there is no median error."""
 
 LOST, INDEFINITE = ROLL_OUT_CODES = ("roll-out-lost", "roll-out-indefinite")
-"""Codes of findings on lost windows: a joint ran away, or the mass matrix became indefinite."""
+"""Codes of findings about lost windows: the motion diverged, or the mass matrix became indefinite."""
 
 GAINS = ("proportional", "derivative", "integral")
 

@@ -184,7 +184,7 @@ def _score(prepared: Prepared, problem: EstimationProblem, name: str, unseen: Un
 
 
 def _quick(method: Estimator) -> Estimator:
-    """Method with a single start instead of several, because its estimate is only used for a comparison."""
+    """Estimator with a single start instead of several, because its estimate is only used for a comparison."""
     return method.with_one_start() if isinstance(method, MultiStartEstimator) else method
 
 

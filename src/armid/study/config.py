@@ -116,7 +116,7 @@ class RecordingChoice:
 
 
 PER_RECORDING = ("friction_per_recording", "offset_per_recording")
-"""Keys of options with which each recording has parameters of its own."""
+"""Keys of the options with which each recording has separate parameters."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -36,7 +36,7 @@ USUAL = ProcessingOptions()
 """Default processing options."""
 
 FAR_OUTSIDE = ("position-limits", "position-sign", "position-offset", "degrees", "joint-order")
-"""Codes of findings that say why a joint is far outside its limits, of which the reader has only a suspicion."""
+"""Codes of findings that give the cause of positions far outside the limits; the reader can only suspect it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,7 +150,7 @@ def _standstill(recording: Recording, processing: ProcessingOptions) -> list[Fin
 
 
 def _of_currents(evidence: LogEvidence) -> tuple[Finding, ...]:
-    """Checks a log of currents, by checks that need no torque, and compares drive gains with the description."""
+    """Findings for a log of currents: those of checks that need no torque, and about drive gains."""
     state = evidence.state
     scale = None if state is None else explain_scale(state)
     if scale is not None:
@@ -204,7 +204,7 @@ def findings_of_each(
 
 
 def merged(recordings: Sequence[RecordingChoice], findings: Sequence[tuple[int, Finding]]) -> list[Finding]:
-    """Findings with the names of the recordings that they are on, equal ones once."""
+    """Findings with the names of their recordings; equal findings become one."""
     names = labels(recordings)
     return together((names[k], finding) for k, finding in findings)
 
@@ -330,7 +330,7 @@ def _implied_rate(log: Recording) -> float | None:
 
 
 def _told_once(findings: Sequence[tuple[int, Finding]], kinds: Sequence[str] = ("",)) -> list[tuple[int, Finding]]:
-    """Findings without the reader's suspicion about a joint far outside its limits where its cause is known.
+    """Findings without the reader's suspicion about a joint far outside its limits if its cause is known.
 
     Args:
         findings: Findings, each with the index of its recording.
@@ -346,6 +346,6 @@ def _told_once(findings: Sequence[tuple[int, Finding]], kinds: Sequence[str] = (
 
 
 def _says_why(cause: Finding) -> bool:
-    """True if a finding says why a joint is far outside its limits."""
+    """True if a finding gives the cause of positions far outside the limits."""
     severities = ("error", "warning") if cause.code == "joint-order" else ("error",)
     return cause.code in FAR_OUTSIDE and cause.severity in severities

@@ -87,7 +87,7 @@ def drift_finding(model: DynamicsModel, fit: Fit) -> Finding | None:
 
 
 def far_findings(standard: StandardParameters | None, fit: Fit) -> list[Finding]:
-    """Findings about link masses far from the description: those that the data determine, and the others.
+    """Findings about link masses far from the description: one for masses that the data determine, one for others.
 
     A mass that the data determine does not follow the prior, so another prior is no remedy for it.
     """
@@ -156,7 +156,7 @@ def listed_masses(names: Sequence[str], found: Array, described: Array, which: N
 
 
 def excitation_finding(information: Information, robot: Robot, observations: Observations) -> Finding | None:
-    """Finding about a motion that hardly separates some parameters, as the doctor reports it, or `None`."""
+    """Finding about a motion with which some parameters can hardly be distinguished, or `None`."""
     _, values, directions = np.linalg.svd(unit_columns(stack(total(information))[0])[0], full_matrices=False)
     condition = float(values[0] / values[-1])
     if condition <= WEAK_CONDITION:
@@ -187,10 +187,10 @@ def few_blocks_finding(fit: Fit) -> Finding | None:
 
 
 def weak_finding(information: Information, observations: Observations, fit: Fit, *, chosen: bool) -> Finding | None:
-    """Finding about weak data, with which prior, constraints or selected friction determine much, or `None`.
+    """Finding about weak data, so that prior, constraints or selected friction determine parameters, or `None`.
 
-    Methods without a prior refuse parameters that the data do not determine. Methods with a prior estimate them
-    nevertheless.
+    Estimators without a prior raise an error if the data do not determine a parameter. Estimators with a prior
+    estimate it nevertheless.
 
     Args:
         information: Information of the training recordings.
@@ -285,7 +285,7 @@ def negative_finding(model: DynamicsModel, fit: Fit) -> Finding | None:
 
 
 def contradicted(validation: Validation, findings: Sequence[Finding]) -> Validation:
-    """Validation that fails where the recordings have an error, also without validation recordings.
+    """Validation that fails if there is a finding of severity `error` about the recordings.
 
     Such an error makes most of an estimate wrong. Training and validation recordings with the same fault, such as a
     wrong unit or order of channels, agree with each other, so that no error on held-out motion shows it.

@@ -26,7 +26,7 @@ def as_chosen(choice: EstimationChoice, selection: FrictionSelection, *, describ
 
 
 def with_selection_prior(choice: EstimationChoice, weight: float | None, *, described: bool) -> EstimationChoice:
-    """Estimation options with the prior of the friction selection, unless the study sets the method's prior.
+    """Estimation options with the prior of the friction selection, unless the study sets the prior of the estimator.
 
     Args:
         choice: Options of the study.

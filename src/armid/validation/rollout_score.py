@@ -16,7 +16,7 @@ from armid.model.dynamics_model import DynamicsModel
 from armid.validation.rollout import Feedback, Windows, roll_out
 
 MOST_WINDOWS = 200
-"""Largest number of windows of a recording; of more windows, an evenly spaced selection is used."""
+"""Largest number of windows of a recording; if there are more, an evenly spaced selection is used."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -106,7 +106,7 @@ class Validation(Displayed):
 
     @property
     def subject(self) -> str:
-        """Motion that the verdict is about; without held-out motion, the training motion alone can fail."""
+        """Name of the motion to which the verdict refers: training motion if no motion is held out."""
         on_training = not self.recordings and self.verdict != "not judged"
         return "training motion (no motion is held out)" if on_training else "held-out motion"
 

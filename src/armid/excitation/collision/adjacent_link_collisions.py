@@ -60,7 +60,7 @@ class AdjacentPair:
         pair: Names of the two bodies.
         bodies: Indices of the two bodies among the shapes.
         joint: Index of the joint between their links.
-        kept: Required distance [m].
+        kept: Required distance between the two bodies [m].
         free: Ranges of the joint's position in which the bodies keep this distance, in ascending order [rad or m].
         constant: Whether the distance is the same at `ROUGH` positions, as across the gap of a flange; it is then
             measured only at as many positions of a motion.
@@ -123,7 +123,7 @@ class AdjacentLinks:
 
 
 NO_ADJACENT = AdjacentLinks((), (), np.zeros((0, 2)))
-"""No pairs."""
+"""Value for an arm without pairs of adjacent links that are checked."""
 
 
 def adjacent_links(
@@ -197,7 +197,7 @@ class _AdjacentBodies:
         return distances(self.shapes, np.array([self.bodies]), self.poses(q))[:, 0]
 
     def clear(self, q: Array, kept: float) -> NDArray[np.bool_]:
-        """Tests whether the bodies keep a distance [m] at positions (k,) of the joint; faster than `apart`."""
+        """Tests for a distance of at least `kept` [m] at positions (k,) of the joint; this is faster than `apart`."""
         return ~too_close(self.shapes, np.array(self.bodies), kept, self.poses(q))
 
     def hulls(self, q: Array) -> Array:
@@ -248,7 +248,7 @@ def spread_positions(q: Array, count: int = POSITIONS) -> NDArray[np.intp]:
 def _judged(
     looked: _AdjacentBodies, q: Array, bound: Array, margin: float, label: BodyPair
 ) -> AdjacentPair | IgnoredPair:
-    """Required distance of a pair and the positions that keep it, or the reason why the pair is not checked.
+    """Required distance of a pair and the positions with at least this distance, or why the pair is not checked.
 
     Args:
         looked: The two bodies.
@@ -310,7 +310,7 @@ def _intervals(is_clear: Callable[[float], bool], q: Array, clear: NDArray[np.bo
 
 
 def _common(free: Sequence[Interval], pairs: Sequence[AdjacentPair]) -> list[Interval]:
-    """Ranges of a joint's position that are among given ones and free for all pairs."""
+    """Intersection of given ranges of a joint's position with the free ranges of all pairs."""
     found = list(free)
     for each in pairs:
         shared = [(max(a, c), min(b, d)) for a, b in found for c, d in each.free]

@@ -53,7 +53,7 @@ class IgnoredPair:
 
     @property
     def account(self) -> str:
-        """The pair, and in parentheses the share of poses or the option or file that excludes it."""
+        """Text with the pair, and in parentheses the share of poses, or the option or file that excludes it."""
         return f"{self.pair} ({self.reason or f'{100.0 * self.share:.0f} %'})"
 
     @property
@@ -64,11 +64,11 @@ class IgnoredPair:
 
 
 def pairs_by_reason(skipped: Sequence[IgnoredPair]) -> dict[str, list[str]]:
-    """Pairs that are not checked, by the reason; several bodies of the same two links are counted.
+    """Pairs that are not checked, by the reason; several pairs of bodies of the same two links become one entry.
 
     Returns:
-        For each reason the names of bodies or links, with the share of random poses in which they overlap where that
-        is the reason.
+        For each reason the names of bodies or links; if overlap is the reason, with the share of random poses in
+        which they overlap.
     """
     found: dict[str, dict[BodyPair, list[IgnoredPair]]] = {}
     for each in skipped:

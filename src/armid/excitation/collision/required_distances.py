@@ -1,4 +1,4 @@
-"""Required distance of each pair of bodies: the margin; less, if the bodies are close by construction; or none.
+"""Required distance of each pair of bodies: the margin, less for bodies that are close by construction, or none.
 
 Bodies two joints apart may be only a few millimetres apart by construction, in all or most poses. They cannot keep
 the margin, but they can collide. Their required distance is therefore half of their usual distance. Pairs that

@@ -1,7 +1,7 @@
 """Interior-point descent that does not leave the limits, for problems with collision constraints.
 
-Inside an obstacle the gradient of the distance may point further into it, so that a sequential quadratic method that
-steps into a body does not leave it again. The first stage of a short descent therefore minimises
+Inside an obstacle the gradient of the distance may point further into the obstacle. A sequential quadratic method
+that steps into a body may therefore not leave it again. The first stage of a short descent therefore minimises
 
     f(x) - μ Σ log(1 - u_k(x)),
 

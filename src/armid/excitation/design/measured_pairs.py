@@ -105,7 +105,7 @@ class MeasuredPairs:
         return states.pullback_positions(by_q)
 
     def between(self, states: States, step: float) -> Array:
-        """Bound of the rise between points of a grid, from the speeds of the two joints, shape (m,)."""
+        """Upper bound of the rise of the utilisation between points of a grid, from the joint speeds, shape (m,)."""
         rises = [
             sum(
                 float(states.speed_bound[j] * np.abs(np.diff(each.distance, axis=k)).max() / each.step[k])
@@ -119,7 +119,7 @@ class MeasuredPairs:
 def measured_pairs(
     collision: CollisionOptions, robot: Robot, limits: Limits, start: Array
 ) -> tuple[MeasuredPairs, ...]:
-    """Channel of the pairs of `collision.measured` that the search must keep apart; none where nothing limits it.
+    """Channel of the pairs of `collision.measured` that the search must keep apart; empty if there are none.
 
     Args:
         collision: Pairs of bodies that must be kept apart.

@@ -64,7 +64,7 @@ Progress = Callable[["SearchCandidate", float, int], None]
 
 
 TINY = 1e-4
-"""Standard deviation of the unknowns of a very small motion, which tells which limit excludes any motion [rad/s]."""
+"""Standard deviation of the unknowns of a very small motion [rad/s]; a limit that it violates excludes any motion."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -353,7 +353,7 @@ def search(
 
 
 def _check_first(incumbent: _Incumbent, first: Array) -> None:
-    """Raises an error if the start pose violates a limit, or if the first motion (n k,) is none."""
+    """Raises an error if the start pose violates a limit, or if the first motion (n k,) does not move any joint."""
     still, tiny = 0.0 * first, TINY * np.random.default_rng(0).normal(size=len(first))
     if max_utilisation(incumbent.problem, incumbent.grid, first) > 1.0 + 1e-6:
         remedy = _most_violated(incumbent, still)

@@ -77,7 +77,7 @@ class States:
         )
 
     def _rise(self, order: int) -> Array:
-        """Bound of the rise of the derivative of a given order between points of the grid, shape (n,)."""
+        """Upper bound of the rise of the derivative of a given order between points of the grid, shape (n,)."""
         step = self.basis.period / len(self.derivatives[0])
         return step**2 / 8.0 * self.basis.peaks_between(self.x, order + 2)
 
@@ -126,7 +126,7 @@ class ConstraintChannel(Protocol):
         ...
 
     def between(self, states: States, step: float) -> Array:
-        """Bound of the rise of each value between points of a grid with a given step [s], shape (m,)."""
+        """Upper bound of the rise of each utilisation between points of a grid with a given step [s], shape (m,)."""
         ...
 
 
@@ -174,7 +174,7 @@ class RangeLimit:
         return gradient.reshape(len(self.joints), -1)
 
     def between(self, states: States, step: float) -> Array:
-        """Bound of the rise between points: step²/8 times the bound of the second derivative, shape (m,)."""
+        """Upper bound of the rise between points: step²/8 times the bound of the second derivative, shape (m,)."""
         rise = step**2 / 8.0 * states.basis.peaks_between(states.x, self.order + 2)
         return rise[list(self.joints)] / self.half
 

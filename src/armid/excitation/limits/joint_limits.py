@@ -130,7 +130,7 @@ def soft_limits_used(robot: Robot, limits: Limits) -> Finding | None:
 
 
 def limits_wider_than_described(robot: Robot, limits: Limits) -> Finding | None:
-    """Finding that names limits wider than those of the description; `None` where there are none.
+    """Finding about limits that are wider than those of the description; `None` if there are none.
 
     Args:
         robot: The arm.

@@ -97,7 +97,7 @@ class Torque:
         return np.array(rows)
 
     def between(self, states: States, step: float) -> Array:
-        """Bound of the rise of the utilisation between points of a grid, shape (m,).
+        """Estimate of the largest rise of |torque| / limit between neighbouring points of a grid, shape (m,).
 
         The torque of the rigid links rises by at most step²/8 times the bound of its second derivative. The torque of
         the other terms may jump when a joint reverses. Therefore the links' torque at each point is also added to the

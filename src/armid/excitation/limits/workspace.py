@@ -94,7 +94,7 @@ class Workspace:
         return states.pullback_positions(point_gradient(states.tree, states.poses, mask, points, forces))
 
     def between(self, states: States, step: float) -> Array:
-        """Bound of the rise of the utilisation between points of a grid, from the speed of the tip, shape (m,)."""
+        """Upper bound of the rise of the utilisation between points of a grid, from the speed of the tip, (m,)."""
         mask = carried_by(states.tree, [states.robot.tip.parent])
         speed = point_speed(states.tree, states.poses, mask, self._tip(states)[:, None], states.speed_bound)
         return np.full(len(self.labels), 0.5 * step * float(speed.max()) / SCALE)

@@ -8,7 +8,7 @@ from armid.errors import ModelError
 
 
 def require_width(what: str, width: float) -> None:
-    """Raises an error if a width is negative, infinite or not a number.
+    """Raises an error unless a width is a finite number that is not negative.
 
     Raises:
         ModelError: The width is negative, infinite or not a number.

@@ -1,9 +1,9 @@
-"""Part of a term in the automatic selection of friction, `terms = "auto"`, as data that the selection reads.
+"""Properties of a torque term for the automatic selection of friction, `terms = "auto"` in a study.
 
 A candidate is a friction law with one shape, such as the Stribeck effect at one velocity. An option of a family is a
-set of candidates that a joint gets together. Families are tried in their order: first what explains most of the
-friction of real arms, last what can imitate gravity or an offset. `VELOCITY` and `ASYMMETRY` have several terms;
-other families are in the file of their term.
+set of candidates that a joint gets together. Families are tried in a fixed order: first those that explain most of
+the friction of real arms, last those that can imitate gravity or an offset. `VELOCITY` and `ASYMMETRY` contain
+several terms; other families are defined in the module of their term.
 """
 
 from __future__ import annotations
@@ -20,12 +20,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Candidate:
-    """A friction law with one shape.
+    """Candidate of the selection: a friction law with one shape.
 
     Attributes:
         term: Name of the torque term.
-        shape: Its shape; 0 where the term has no shape.
-        slope: Whether it stands for the derivative of the law by the logarithm of the shape, not for the law itself.
+        shape: Shape of the law; 0 if the term has no shape.
+        slope: True if the candidate is the derivative of the law with respect to the logarithm of the shape, instead
+            of the law itself.
     """
 
     term: str
@@ -42,16 +43,20 @@ class CandidateFamily:
     """Candidates for one kind of friction.
 
     Attributes:
-        name: Name of the kind.
+        name: Name of the kind of friction.
         options: Sets of candidates that a joint gets together.
         order: Position among the families; those with smaller numbers are tried first.
-        shared: Whether the joints of one arm are alike in it, so that the evidence of all joints counts for each.
-        position: Whether it could imitate gravity or an offset, and must therefore gain in other poses too.
+        shared: True if this friction is similar in all joints of an arm, so that one option is selected from the
+            errors
+            of all joints together.
+        position: True if the friction could imitate gravity or an offset, so that it must reduce the error in
+            other poses, too.
         rounds: Largest number of options that a joint may get one after another.
-        margin: Standard errors by which a gain must exceed zero.
-        min_gain: Smallest gain that justifies a term, as a share of the remaining squared error.
-        reselect: Whether the family is selected again once all others have been: near standstill most friction laws
-            resemble each other.
+        margin: Number of standard errors by which a gain must exceed zero.
+        min_gain: Smallest gain (reduction of the squared held-out error, as a share) with which a term is
+            accepted.
+        reselect: True if the family is selected again after all others: near standstill most friction laws are
+            similar.
     """
 
     name: str
@@ -66,7 +71,7 @@ class CandidateFamily:
 
 
 VELOCITY = CandidateFamily("velocity", order=30, rounds=2, min_gain=0.03, reselect=True)
-"""Laws of the velocity beside Coulomb and viscous friction."""
+"""Laws of the velocity in addition to Coulomb and viscous friction."""
 
 ASYMMETRY = CandidateFamily("asymmetry", order=50, position=True, min_gain=0.05)
 """Friction that depends on the direction."""
@@ -74,22 +79,23 @@ ASYMMETRY = CandidateFamily("asymmetry", order=50, position=True, min_gain=0.05)
 
 @dataclass(frozen=True, slots=True)
 class AutomaticChoice:
-    """Part of a term in the automatic selection of friction.
+    """Properties of a torque term for the automatic selection of friction.
 
     Attributes:
-        make: Makes the term from the shapes that joints were given, the width of the model's Coulomb friction, and
-            the names of these joints; `None` for all.
-        options: What a joint may get, each with its family; candidates of other terms may be among them.
-        saturation: Ratio of joint speed to the shape above which a law of the velocity is saturated. A joint that was
-            never so fast is not offered the law: below saturation it resembles viscous friction, and would
-            extrapolate wrongly.
-        one_shape: Whether a joint can have the term only once, with one shape.
-        resolution: What the band must resolve of a term that acts for a short time after a reversal: the `height` of
-            a law of the velocity, or the `transition` of a hysteresis element.
-        log_slope: Derivative of the law's expression by the logarithm of its shape, from expression and shape; with
-            it the shape is refined by least squares once the term is selected.
-        revolute_only: Whether only revolute joints may have it.
-        is_sum: Whether a joint has a sum of its shapes, from which single ones, but not the largest, may be dropped.
+        make: Function that makes the term from its shapes, the width of the model's Coulomb friction, and the names
+            of the joints; `None` for all joints.
+        options: Options that a joint may get, each with its family; they may contain candidates of other terms.
+        saturation: Ratio of joint speed to shape above which a law of the velocity is saturated. The law is no
+            candidate for a joint that was never so fast: below saturation it resembles viscous friction, and its
+            extrapolation would be wrong.
+        one_shape: True if a joint can have the term only once, with one shape.
+        resolution: Quantity that must remain after the low-pass filter, for a term that acts for a short time after a
+            reversal: the `height` of a law of the velocity, or the `transition` of a hysteresis element.
+        log_slope: Function that gives the derivative of the law with respect to the logarithm of its shape, from
+            expression and shape. It is used to refine the shape by least squares after the selection.
+        revolute_only: True if only revolute joints may have the term.
+        is_sum: True if the term is a sum over several shapes, of which single ones, but not the largest, may be
+            removed.
     """
 
     make: Callable[[tuple[float, ...], float, tuple[str, ...] | None], Term]
@@ -110,11 +116,11 @@ def one_by_one(
     Args:
         family: Family of the options.
         term: Name of the term.
-        shapes: Its shapes; one without a shape if not given.
+        shapes: Shapes of the term; if not given, one option without a shape.
     """
     return tuple((family, (Candidate(term, shape),)) for shape in shapes)
 
 
 def automatic_choice(term: type[Term]) -> AutomaticChoice | None:
-    """Part of a term in the automatic selection of friction; `None` for one that is only selected by name."""
+    """Properties of a term for the automatic selection of friction; `None` if a study must name the term."""
     return getattr(term, "automatic", None)

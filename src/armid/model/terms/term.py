@@ -45,9 +45,9 @@ class Law:
 class Term(Protocol):
     """Torque term: a frozen dataclass whose fields are its shapes, for instance widths or knots.
 
-    A term may have three things more: `automatic`, its part in the automatic selection of friction
-    (`armid.model.terms.selection_candidates`); `describe`, its shapes in words; and `smooths_sign = True` if its
-    shape `width` only smooths a sign, which a simulation sharpens.
+    A term may have three further members: `automatic`, its properties for the automatic selection of friction
+    (`armid.model.terms.selection_candidates`); `describe`, a text with its shapes; and `smooths_sign = True` if its
+    shape `width` only smooths a sign, which a simulation replaces by the exact sign.
 
     Attributes:
         name: Name of the torque term in a study.
@@ -62,19 +62,19 @@ class Term(Protocol):
 
 @runtime_checkable
 class DescribedTerm(Protocol):
-    """Torque term that has shapes, or whose name needs more words."""
+    """Torque term with a description, because it has shapes or its name is not clear enough."""
 
     def describe(self, length: str) -> str:
-        """The term with its shapes in words.
+        """Describes the term with its shapes.
 
         Args:
-            length: Unit of its joints' positions, `rad` or `m`.
+            length: Unit of the joint positions, `rad` or `m`.
         """
         ...
 
 
 def listed(shapes: Iterable[float]) -> str:
-    """Text of shapes, three digits each."""
+    """Text with a list of shapes, with three digits each."""
     return ", ".join(f"{shape:.3g}" for shape in shapes)
 
 

@@ -1,4 +1,4 @@
-"""Last step of a design: bodies that are checked as they are, certified limits, and preflight report."""
+"""Last step of a design: distances of the bodies themselves, certified limits, and preflight report."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ Stage = Callable[[str], None]
 """Callback with the name of a stage of a design."""
 
 DRAWN, DRAWN_BY = 0.1, (0.97, 0.94, 0.88, 0.85)
-"""Smallest factor, and factors of the first steps and of all further ones, by which joints between bodies that touch
-as they are move less about the start pose. The search keeps such bodies apart only approximately."""
+"""Smallest factor of the amplitude of joints between bodies that touch, and the factors of the first steps; the last
+one is used for all further steps. The search keeps these bodies apart only approximately."""
 
 TRIED = 50.0
 """Rate at which these bodies are tested first [Hz]; then they are tested at `RATE`."""
@@ -27,9 +27,9 @@ TRIED = 50.0
 def certified_plan(
     problem: DescentProblem, x: Array, collision: CollisionOptions | None, unchecked: str, stage: Stage
 ) -> tuple[Array, Preflight]:
-    """Plan with certified limits, in which joints move less while the bodies between them are too close as they are.
+    """Plan with certified limits; amplitudes of joints are reduced as long as bodies that they move are too close.
 
-    If that does not separate the bodies, the report names them.
+    If this does not separate the bodies, the preflight report names them.
 
     Args:
         problem: Criterion and all limits of the design.

@@ -100,7 +100,7 @@ class SearchBudget:
 
 
 def constrained_limits(robot: Robot, constraints: DesignConstraints) -> Limits:
-    """Limits of the joints, within the envelope where there is one."""
+    """Limits of the joints; if there is an envelope, velocity and acceleration are limited to it."""
     limits = limits_of(robot, constraints.given, acceleration=constraints.acceleration, jerk=constraints.jerk)
     if constraints.envelope is None:
         return limits

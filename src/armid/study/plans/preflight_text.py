@@ -33,8 +33,8 @@ MEASURED = "distances between the shapes of the description, their convex hulls,
 def mark_of(report: Preflight) -> str:
     """Mark before the verdict.
 
-    It is that of a warning also where limits are wider than described, and where bodies touch whose pair the user has
-    excluded.
+    It is also `!`, the mark of a warning, if limits are wider than described, or if bodies touch whose pair the user
+    has excluded.
     """
     doubtful = report.wider is not None or any(each.unexpected for each in report.touching)
     return MARKS["weak" if report.verdict == "pass" and doubtful else report.verdict]

@@ -1,4 +1,4 @@
-"""Constraint on the torque of a plan, and findings on the masses that it is computed with."""
+"""Constraint on the torque of a plan, and findings about the masses from which the torque is computed."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ COUNTED = {
 
 
 def _counted(robot: Robot) -> str:
-    """Sentence that tells which values of the description the torque is computed from."""
+    """Sentence with the values of the description from which the torque is computed."""
     parts: list[str] = []
     for term, values in described_drives(robot).items():
         name, units = COUNTED[term]
@@ -109,13 +109,13 @@ def _counted(robot: Robot) -> str:
 
 
 def _contained(estimate: EstimatedTorque) -> str:
-    """Sentence that tells which terms of an estimate the torque contains."""
+    """Sentence with the terms of an estimate that the torque contains."""
     slipping = "; hysteresis counts as slipping in the direction of motion" if "hysteresis" in estimate.terms else ""
     return f"torque is computed from {estimate.origin}, with all of its terms: {', '.join(estimate.terms)}{slipping}"
 
 
 def torque_lacks(robot: Robot, constraints: DesignConstraints, torque: Torque | None) -> str:
-    """Friction and rotor inertia that a torque which is compared with limits does not contain; empty if it has all.
+    """Names of friction and rotor inertia if the torque that is compared with limits lacks them; otherwise empty.
 
     Args:
         robot: The arm.
@@ -132,7 +132,7 @@ def torque_lacks(robot: Robot, constraints: DesignConstraints, torque: Torque | 
 
 
 def _stuck_joints(robot: Robot, limits: Limits, margin: float) -> dict[str, str]:
-    """Joints whose described Coulomb friction takes all torque that a plan may use; with both values as text."""
+    """Joints whose described Coulomb friction exceeds the torque that a plan may use, with both values as text."""
     friction = described_drives(robot)["coulomb"]
     return {
         joint.name: f"{force:g} of {effort:g} {joint.effort_unit}"
@@ -184,7 +184,7 @@ def _unjudged(joints: Sequence[str], robot: Robot) -> Finding:
 
 
 def pose_holds(goal: CriterionGoal, torque: Torque | None) -> Holds:
-    """Test whether the joints can hold a pose with a reserve of torque."""
+    """Function that tests whether the joints can hold a pose with a reserve of torque."""
     if torque is None:
         return any_pose
 

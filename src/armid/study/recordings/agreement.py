@@ -27,35 +27,39 @@ from armid.study.recordings.labels import labels
 CODE = "recordings-disagree"
 
 WORSE = 1.2
-"""Least ratio of the residuals of a joint in a recording without and with a scale of torque that is reported."""
+"""Smallest ratio of the residuals of a joint without and with a torque scale at which the scale is reported."""
 
 OTHERWISE = 1.5
-"""Least ratio of the residual of a recording in the common fit to that of the recording alone, from which it is
-reported although scales of torque do not explain it. Between recordings of one arm it was at most 1.11."""
+"""Smallest ratio of the residual of a recording in the common fit to that of a fit of the recording alone, at which
+the recording is reported although torque scales do not explain the difference. Between recordings of one arm it was
+at most 1.11."""
 
 LARGE = 0.08
-"""Least residual in the common fit, relative to the torque, for such a recording. Recorded parts of five seconds had
-ratios of up to 2.2, since separate fits follow the noise, but residuals of 5 %; with a load of 2.8 kg it was 15 %."""
+"""Smallest residual of such a recording in the common fit, relative to the torque. Parts of five seconds had ratios
+(see `OTHERWISE`) of up to 2.2, because separate fits follow the noise, but residuals of 5 %. With a load of 2.8 kg
+the residual was 15 %."""
 
 SCALED = 1.15
-"""Scale of a torque, or one over it, from which it is reported."""
+"""Torque scale, or its inverse, from which it is reported."""
 
 WRONG = 1.3
-"""Scale of a torque, or one over it, from which it is an error."""
+"""Torque scale, or its inverse, from which the finding is an error."""
 
 SURE = 5.0
-"""Least distance of a scale from one, in standard deviations. These do not contain the error of the friction model,
-which shifted the scale of hardly loaded joints of recorded arms by up to 4.4."""
+"""Smallest difference between a torque scale and one, in standard deviations, that is significant. The standard
+deviations do not include the error of the friction model. It shifted the scale of joints with little load on recorded
+arms by up to 4.4."""
 
 EXPLAINED = 0.9
-"""Least share of the disagreement that scales of torque must explain. They explained 0.66 to 0.85 of another load."""
+"""Smallest share of the disagreement that torque scales must explain. If the cause was another load, they explained
+0.66 to 0.85."""
 
 LEFT = 1.5
-"""Largest residual with scales of torque, relative to separate fits, at which scales explain the disagreement. Of a
-load of 10 kg they explained 97 %, and left 3.7."""
+"""Largest ratio of the residual with torque scales to that of separate fits at which the scales explain the
+disagreement. For a load of 10 kg they explained 97 %, but the ratio was 3.7."""
 
 ALIKE = 0.8
-"""Share of the largest decrease of the cost from which a recording may also be the one that is wrong."""
+"""Share of the largest decrease of the cost from which another recording may be the wrong one, too."""
 
 TRIED = 3
 """Largest number of recordings of which scales are computed at a time."""
@@ -63,7 +67,7 @@ TRIED = 3
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Odd:
-    """Recording that contradicts the others, with its scales of torque, and that with the largest excess."""
+    """Recording that contradicts the others, with its torque scales, and the recording with the largest excess."""
 
     agreement: Agreement
     scales: TorqueScales
@@ -73,7 +77,7 @@ class _Odd:
 def disagreement_findings(
     model: DynamicsModel, base: BaseParameters, information: Information, choices: Sequence[RecordingChoice]
 ) -> list[Finding]:
-    """Findings about training recordings that contradict the others in the scale of the torque or otherwise.
+    """Findings about training recordings that contradict the others, in the scale of the torque or in another way.
 
     Args:
         model: Arm and torque terms.
@@ -149,7 +153,7 @@ def scaled_joints(scale: Array, deviation: Array) -> NDArray[np.bool_]:
 
 
 def _factor(scale: Array) -> Array:
-    """Scale or one over it, whichever is larger; infinite for one of another sign."""
+    """Larger one of a scale and its inverse; infinite for a negative scale."""
     positive = np.where(scale > 0.0, scale, np.finfo(float).tiny)
     return np.maximum(positive, 1.0 / positive)
 
@@ -157,7 +161,7 @@ def _factor(scale: Array) -> Array:
 def _scale_finding(
     model: DynamicsModel, scale: Array, deviation: Array, other: NDArray[np.bool_], name: str, against: str
 ) -> Finding:
-    """Finding about scales of torque."""
+    """Finding about joints whose torque has another scale."""
     listed = ", ".join(
         f"{model.robot.joint_names[j]} {scale[j]:.3g} ± {2.0 * deviation[j]:.1g}" for j in np.flatnonzero(other)
     )

@@ -1,7 +1,8 @@
 """Coulomb friction: τ = FS · sgn(q̇), or FS · tanh(q̇ / width) if the width is not zero.
 
-On arms that rest, the sign follows the noise of the encoder, which doubles the error. Where the true friction is a
-sign, a width costs a newton metre. So the width is a shape of the term, and 0 gives the sign with sgn(0) = 0.
+If the arm rests, the sign of the velocity is that of the encoder noise, which doubles the torque error. If the true
+friction has an exact sign, a width causes an error of about a newton metre. So the width is a shape of the term, and
+width 0 gives the exact sign with sgn(0) = 0.
 """
 
 from __future__ import annotations

@@ -25,7 +25,7 @@ BETWEEN = (0.002, 0.005, 0.02, 0.05)
 """Deflections between those of `WIDTHS`, for recordings that show the difference."""
 
 FINEST = (0.0014, 0.007, 0.014, 0.035, 0.07)
-"""Deflections between the widest steps of both, one at a time."""
+"""Deflections between those of `WIDTHS` and `BETWEEN`, which are tried one at a time."""
 
 FAMILY = CandidateFamily("hysteresis", order=10, shared=True, margin=2.5)
 FINER_FAMILY = CandidateFamily("finer hysteresis", order=60, min_gain=0.02)
@@ -33,7 +33,7 @@ FINEST_FAMILY = CandidateFamily("finest hysteresis", order=70, rounds=2, min_gai
 
 
 def _elements(family: CandidateFamily, widths: Sequence[float]) -> tuple[CandidateFamily, Option]:
-    """Option of several elements together."""
+    """Family and option in which a joint gets several elements together."""
     return family, tuple(Candidate("hysteresis", width) for width in widths)
 
 

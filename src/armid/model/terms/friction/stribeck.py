@@ -16,7 +16,8 @@ from armid.model.terms.term import Law, single_joint_laws
 from armid.robot.robot import Robot
 
 VELOCITIES = (0.02, 0.05, 0.1, 0.2, 0.4)
-"""Velocities that the automatic selection tries [rad/s or m/s]: factors of two, since the fit is flat in them."""
+"""Velocities that the automatic selection tries [rad/s or m/s]: in factors of two, because the residual depends
+little on this velocity."""
 
 
 @dataclass(frozen=True, slots=True)
