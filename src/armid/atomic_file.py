@@ -1,4 +1,4 @@
-"""Replacement of a file as a whole or not at all; all writers of armid use it."""
+"""Replacement of a file, completely or not at all; all writers of armid use it."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from armid.errors import OutputError
 
 
 def replace_file(path: Path | str, content: bytes | str) -> Path:
-    """Writes `content` to `path` whole or not at all, through a temporary file in the same folder.
+    """Writes `content` to `path`, completely or not at all, with a temporary file in the same folder.
 
     Raises:
-        OutputError: The folder cannot be made or written, or the disk is full; nothing is left behind.
+        OutputError: The folder cannot be made or written, or the disk is full. The temporary file is then removed.
     """
     path = Path(path)
     data = content.encode() if isinstance(content, str) else content

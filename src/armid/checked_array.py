@@ -14,10 +14,10 @@ def array(value: ArrayLike, shape: tuple[int | None, ...], name: str, *, finite:
     """Read-only float64 copy of `value`, with its shape and finiteness checked.
 
     Args:
-        value: Anything NumPy reads as numbers.
-        shape: Expected length of each axis; `None` accepts any.
+        value: Numbers in any form that NumPy can convert.
+        shape: Expected length of each axis; `None` accepts any length.
         name: Name of the array in messages.
-        finite: Whether to refuse NaN and infinity.
+        finite: True if NaN and infinity are refused.
 
     Raises:
         ArmidError: The value is not numeric, has another shape, or is not finite.

@@ -1,7 +1,7 @@
 """Saving and loading of values.
 
-A value is a frozen dataclass whose fields are numbers, strings, arrays, other values, or tuples and dicts of
-these. `save` writes any of them to one file (a NumPy archive with a JSON header, never a pickle), `load` reads it.
+A value is a frozen dataclass whose fields are numbers, strings, arrays, other values, or tuples and dicts of these.
+`save` writes a value to one file (a NumPy archive with a JSON header, never a pickle), and `load` reads it.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ T = TypeVar("T")
 
 
 def save(value: Any, path: Path | str) -> Path:
-    """Saves a value to one file: an uncompressed `.npz` whose member `value.json` describes the rest.
+    """Saves a value to one file: an uncompressed `.npz` whose member `value.json` describes the other members.
 
     Args:
         value: A frozen dataclass of armid.
-        path: Path of the file, written whole or not at all.
+        path: Path of the file, which is written completely or not at all.
     """
     arrays: dict[str, NDArray[Any]] = {}
     header = {"type": type(value).__name__, "value": _pack(value, arrays)}
@@ -44,7 +44,7 @@ def load(kind: type[T], path: Path | str) -> T:
     """Loads a value saved by `save`.
 
     Raises:
-        ArmidError: The file is not one of armid's, or holds another type.
+        ArmidError: The file was not written by `save`, or contains a value of another type.
     """
     try:
         with open(path, "rb") as stream, np.load(stream, allow_pickle=False) as archive:
@@ -64,7 +64,7 @@ def load(kind: type[T], path: Path | str) -> T:
 
 
 def _pack(value: Any, arrays: dict[str, NDArray[Any]]) -> Any:
-    """JSON form of a value; arrays move to `arrays` and leave `{"array": name}` behind."""
+    """JSON form of a value, with `{"array": name}` for each array; the arrays are added to `arrays`."""
     if isinstance(value, np.ndarray):
         name = f"array_{len(arrays)}"
         arrays[name] = value
@@ -83,12 +83,12 @@ def _pack(value: Any, arrays: dict[str, NDArray[Any]]) -> Any:
 
 
 def _stored(field: dataclasses.Field[Any]) -> str:
-    """Name of a field in a file, which stays when the field is renamed."""
+    """Name of a field in a file, which does not change if the field is renamed."""
     return field.metadata.get("stored", field.name)
 
 
 def _unpack(kind: Any, value: Any, arrays: dict[str, NDArray[Any]]) -> Any:
-    """The value of type `kind` from its JSON form."""
+    """Value of type `kind` from its JSON form and the arrays."""
     origin, arguments = typing.get_origin(kind), typing.get_args(kind)
     if isinstance(value, dict) and set(typing.cast("dict[str, Any]", value)) == {"array"}:
         return arrays[value["array"]]

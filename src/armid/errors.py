@@ -1,7 +1,7 @@
 """Errors that say what was asked, what was found, what is possible and what to do.
 
-Everything armid raises on bad input derives from `ArmidError`, so that a program can catch one type and the
-command line can print one message. `Finding` is the milder form: evidence recorded in an artefact.
+All errors that armid raises for bad input derive from `ArmidError`. So a program needs to catch only one type, and
+the command line can print one message. A `Finding` is not raised: it is an observation that is stored with a result.
 """
 
 from __future__ import annotations
@@ -45,8 +45,8 @@ class RecordingError(ArmidError):
         problem: What was asked and what was found instead, one sentence.
         possible: What would have been accepted.
         remedy: What to do, an imperative sentence.
-        source: File of the recording, which the sentence follows; `None` where the sentence names it.
-        code: Code of the doctor's finding for this fault; empty where there is none.
+        source: File of the recording, which the message names first; `None` if the sentence names it.
+        code: Code of the doctor's finding for this fault; empty if there is none.
     """
 
     def __init__(
@@ -59,11 +59,11 @@ class RecordingError(ArmidError):
 
 
 class ModelError(ArmidError):
-    """Torque terms that do not fit the robot, or base parameters that two independent ways disagree on."""
+    """Torque terms that do not fit the robot, or base parameters for which two independent computations differ."""
 
 
 class StudyError(ArmidError):
-    """A study that contradicts itself or names something unknown."""
+    """A study that contradicts itself, or that contains an unknown name."""
 
 
 class EstimationError(ArmidError):
@@ -86,9 +86,9 @@ class MissingExtraError(ArmidError):
     """An optional dependency that is not installed.
 
     Args:
-        package: The import name that is missing.
-        purpose: What needs it.
-        extra: The extra of armid that brings it.
+        package: Import name of the missing package.
+        purpose: Purpose for which it is needed.
+        extra: Extra of armid that installs it.
     """
 
     def __init__(self, package: str, purpose: str, extra: str) -> None:
@@ -105,7 +105,7 @@ class Finding:
     Attributes:
         code: Short stable name, for instance `description-rounded`.
         severity: `error` stops the work, `warning` questions the result, `info` explains it.
-        channel: Joint, link, column or file that it concerns; empty when it concerns all.
+        channel: Joint, link, column or file that it concerns; empty if it concerns all.
         evidence: Observation, with numbers.
         remedy: Action to take; empty if none is needed.
     """

@@ -1,7 +1,7 @@
-"""Catalogue of one kind of thing: the single list of its members, each imported when it is first used.
+"""Catalogue of objects of one kind: the single list of these objects, each of which is imported at first use.
 
-A row is text, `package.module:Object` or, where the module itself is the member, `package.module`. So the command
-line can list and complete names without importing a member.
+A row is a text: `package.module:Object`, or `package.module` if the module itself is the object. So the command line
+can list and complete names without importing the objects.
 """
 
 from __future__ import annotations
@@ -15,10 +15,10 @@ T = TypeVar("T")
 
 
 class Catalogue(Mapping[str, T], Generic[T]):
-    """Members of a kind by name, in the order of its rows.
+    """Objects of one kind by name, in the order of the rows.
 
     Args:
-        rows: By name: where the member is, or the member itself.
+        rows: For each name, the place of the object as text, or the object itself.
     """
 
     def __init__(self, rows: Mapping[str, str | T]) -> None:
@@ -39,10 +39,10 @@ class Catalogue(Mapping[str, T], Generic[T]):
 
     @contextmanager
     def extended(self, rows: Mapping[str, str | T]) -> Generator[None]:
-        """Context in which further rows are in the catalogue, after its own; one with a known name replaces it.
+        """Context in which the catalogue has further rows at its end; a row with a known name replaces the old one.
 
         Args:
-            rows: As in the catalogue.
+            rows: Further rows, in the form of those of the catalogue.
         """
         before = self._rows
         self._rows = {**before, **rows}

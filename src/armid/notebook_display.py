@@ -19,13 +19,14 @@ MOST_ROWS = 200
 """Largest number of rows of an HTML table; with more a notebook becomes slow."""
 
 FEW_ROWS = 6
-"""Rows of the text at a prompt: with title, titles of columns and notes ten lines at most."""
+"""Largest number of rows of the text at a prompt. With title, titles of columns and notes, it has at most ten
+lines."""
 
 MOST_DIGITS = 15
 """Largest number of decimals or significant digits of an end of an interval; a float has no more."""
 
 WIDEST = 28
-"""Largest number of characters of a cell of that text."""
+"""Largest number of characters of a cell in the text at a prompt."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +36,7 @@ class Summary:
     Attributes:
         title: Title, one line.
         columns: Titles of the columns.
-        rows: Cells, one text a column.
+        rows: Rows of the table, with one text for each column.
         note: Remark below the table; may be empty.
     """
 
@@ -46,7 +47,7 @@ class Summary:
 
 
 class Displayed:
-    """Value that a notebook shows as a table, and a prompt as the first lines of it.
+    """Value that a notebook shows as a table, and that a prompt shows as the first rows of this table.
 
     A dataclass of this kind is declared with `repr=False`, so that it inherits `__repr__`.
     """
@@ -78,7 +79,7 @@ def names_apart(paths: Iterable[str]) -> dict[str, str]:
 
 
 def spans(*channels: NDArray[np.float64]) -> tuple[tuple[str, ...], ...]:
-    """Range of each quantity of each joint as text, one row a joint.
+    """Ranges of the quantities as text, with one row for each joint.
 
     Args:
         channels: Quantities, each of shape (N, n); values that are not finite are ignored.
@@ -137,13 +138,13 @@ def percent(value: float) -> str:
 
 
 def interval_text(low: float, high: float, *, decimals: int | None = None, digits: int = 5) -> str:
-    """Ends of an interval, with as many digits more as tell them apart: `0.00798 … 0.00803`; a dash without ends.
+    """Ends of an interval, with enough digits to be different: `0.00798 … 0.00803`; a dash if there are no ends.
 
     Args:
         low: Lower end.
         high: Upper end.
-        decimals: Least number of decimals; if not given, the ends have significant digits.
-        digits: Least number of significant digits.
+        decimals: Smallest number of decimals; if not given, `digits` is used.
+        digits: Smallest number of significant digits.
     """
     if not low <= high:
         return "–"

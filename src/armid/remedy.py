@@ -15,7 +15,7 @@ NOTE = "  # "
 """Beginning of the comment behind lines of a study."""
 
 TABLE = re.compile(r"in \[(\w+)\](?:: (.*))?")
-"""Comment that names the table of lines, and may say more."""
+"""Pattern of a comment that names the table of the study to which the lines belong; more text may follow."""
 
 ASSIGNMENT = re.compile(r'\b[a-z_]+ = (?:"[^"]*"|[-+.\de]*\d|\[[^\[\]]*\]|\{[^{}]*\})')
 """A key of a study with its value, within a sentence."""
@@ -35,18 +35,18 @@ class Assignment:
 
 
 def setting(key: str, value: Any) -> Assignment:
-    """A key with its value, as TOML has it."""
+    """Makes a key of a study with its value, in the syntax of TOML."""
     return Assignment(toml_line(key, value), {key: value})
 
 
 class Remedy(str, TextValue):
-    """Action to take: the text, which it equals, and the settings of a study in it.
+    """Action to take: a string that also knows the settings of a study in its text.
 
     Attributes:
-        parts: Sentences and settings, in their order; lines of a study are settings alone.
-        note: Comment behind lines of a study.
-        table: Table of the study that the lines belong to, where that is not `[[recording]]`.
-        judged: Whether the finding says what left-out motion tells about the remedy.
+        parts: Sentences and settings, in their order; a remedy of lines of a study consists of settings only.
+        note: Comment behind the lines of a study.
+        table: Table of the study to which the lines belong, if it is not `[[recording]]`.
+        judged: True if the finding gives the result of the test of the remedy on left-out motion.
     """
 
     __slots__ = ("judged", "note", "parts", "table")
@@ -57,7 +57,7 @@ class Remedy(str, TextValue):
     judged: bool
 
     def __new__(cls, *parts: str | Assignment, note: str = "", table: str = "", judged: bool = False) -> Remedy:
-        """Makes the text of the parts."""
+        """Makes the string from its parts."""
         texts = [part.text if isinstance(part, Assignment) else str(part) for part in parts]
         lines = all(isinstance(part, Assignment) for part in parts)
         remedy = super().__new__(cls, ("\n" if lines else "").join(texts) + _comment(note, table))
@@ -65,12 +65,12 @@ class Remedy(str, TextValue):
         return remedy
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """The parts, of which a copy is made."""
+        """Parts of the remedy, from which copies and pickles are made."""
         return _remedy, (self.parts, self.note, self.table, self.judged)
 
     @classmethod
     def read(cls, text: str) -> Remedy:
-        """The remedy that a text of a stored finding stands for."""
+        """Makes the remedy from the text of a stored finding."""
         if isinstance(text, Remedy):
             return text
         code, _, note = text.partition(NOTE)
@@ -88,7 +88,7 @@ class Remedy(str, TextValue):
 
     @classmethod
     def joined(cls, remedies: Iterable[str]) -> Remedy:
-        """Several remedies as one, each once."""
+        """Joins several remedies; equal ones occur once."""
         every = list(dict.fromkeys(remedies))
         if len(every) == 1:
             return cls.read(every[0])
@@ -99,7 +99,7 @@ class Remedy(str, TextValue):
 
     @property
     def keys(self) -> dict[str, Any]:
-        """Keys of the study with their values; none where the remedy is a sentence."""
+        """Keys of the study with their values; empty if the remedy is a sentence."""
         keys: dict[str, Any] = {}
         for part in self.parts:
             if not isinstance(part, Assignment):
@@ -108,7 +108,7 @@ class Remedy(str, TextValue):
         return keys
 
     def marked(self) -> Remedy:
-        """The remedy of a finding that says what left-out motion tells about it."""
+        """The same remedy for a finding that gives the result of its test on left-out motion (`judged`)."""
         return Remedy(*self.parts, note=self.note, table=self.table, judged=True)
 
 
@@ -122,7 +122,7 @@ def _comment(note: str, table: str) -> str:
 
 
 def _keys(text: str) -> dict[str, Any]:
-    """Keys of TOML; none where the text is something else."""
+    """Keys and values of a text in TOML; empty if the text is not TOML."""
     try:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError:

@@ -1,4 +1,4 @@
-"""Values that a file holds as their text."""
+"""Values that are stored in files as text."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from typing import Self
 
 
 class TextValue(ABC):
-    """Value that a file holds as its text, from which `read` makes it again."""
+    """Value that is stored in files as its text `str(value)`; `read` makes the value from this text."""
 
     __slots__ = ()
 
     @classmethod
     @abstractmethod
     def read(cls, text: str) -> Self:
-        """The value that `str` gave this text for."""
+        """Makes the value from its text."""

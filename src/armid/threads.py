@@ -1,6 +1,6 @@
-"""Settings of the process: BLAS on one thread, and freed memory kept for the next array.
+"""Settings of the process: BLAS on one thread, and freed memory that is kept for the next array.
 
-An arm's matrices are small, and threads would wait for each other.
+The matrices of an arm are small, so several threads of BLAS would mostly wait for each other.
 """
 
 from __future__ import annotations
@@ -20,13 +20,14 @@ if TYPE_CHECKING:
 ONE_THREAD: dict[str, str] = dict.fromkeys(
     ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS"), "1"
 )
-"""Environment variables that limit the threads of BLAS; read when NumPy is loaded."""
+"""Environment variables that limit the number of BLAS threads; BLAS reads them when NumPy is imported."""
 
 MAPPED, KEPT = 32 << 20, 256 << 20
-"""Size from which an array gets memory of its own from the system, and freed memory that is kept [bytes]."""
+"""Size from which the system allocates the memory of an array separately, and size of freed memory that is kept
+[bytes]."""
 
 MALLOPT_TRIM, MALLOPT_MAP = -1, -3
-"""Numbers of these two settings in the GNU C library."""
+"""Numbers of the settings `M_TRIM_THRESHOLD` and `M_MMAP_THRESHOLD` in the GNU C library."""
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -36,17 +37,17 @@ _process = SimpleNamespace(limited=False)
 
 
 def prefer_one_thread() -> None:
-    """Sets the variables for this process before NumPy is loaded; existing values stay."""
+    """Sets the variables of `ONE_THREAD` for this process before NumPy is imported; keeps existing values."""
     for name, count in ONE_THREAD.items():
         os.environ.setdefault(name, count)
     _process.limited = "numpy" not in sys.modules and all(os.environ[name] == "1" for name in ONE_THREAD)
 
 
 def keep_freed_memory() -> None:
-    """Lets the GNU C library keep freed memory in this process; without effect on other systems.
+    """Lets the GNU C library keep freed memory in this process; it has no effect with other libraries.
 
-    By default it returns the memory of large arrays at once, and the system clears each page when it is used again,
-    which takes a sixth of the CPU time of an identification.
+    By default the library returns the memory of large arrays at once, and the system clears each page when it is used
+    again, which takes a sixth of the CPU time of an identification.
     """
     if sys.platform != "linux":
         return
@@ -77,7 +78,7 @@ def one_blas_thread(stage: Callable[P, R]) -> Callable[P, R]:
 
 @cache
 def _controller(scipy: bool) -> ThreadpoolController:
-    """The BLAS libraries of this process; SciPy brings its own when it is loaded, hence the argument."""
+    """Controller of the BLAS libraries of this process; SciPy loads a separate one, hence the argument."""
     del scipy
     from threadpoolctl import ThreadpoolController
 

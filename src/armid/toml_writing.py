@@ -8,9 +8,9 @@ from typing import Any
 
 
 def to_toml(record: Mapping[str, Any]) -> str:
-    """TOML of tables by name; a list of tables becomes an array of tables.
+    """TOML text of tables by name; a list of tables becomes an array of tables.
 
-    Null and empty values are left out, except an empty text, which removes a channel where it is its name.
+    Null and empty values are left out, except an empty text: as the name of a channel it removes the channel.
     """
     parts: list[str] = []
     for name, table in record.items():
@@ -21,7 +21,7 @@ def to_toml(record: Mapping[str, Any]) -> str:
 
 
 def toml_line(key: str, value: Any) -> str:
-    """One key with its value."""
+    """Line of TOML with one key and its value."""
     return f"{_key(key)} = {_value(value)}"
 
 

@@ -44,7 +44,8 @@ SHAPE_FINDINGS = (
 SHORT_FORMS = {
     "columns-guessed": "Columns and units were chosen by names of columns; armid doctor lists them, to paste.",
 }
-"""Lines that stand for information which names all columns, by code; the page of a run tells all of it."""
+"""Short lines that replace findings of severity `info` which name all columns, by code; the page of a run gives the
+whole text."""
 
 SHORT_TITLES = {"validation": "valid.", "earlier run": "earlier"}
 """Short titles for tables with a column for each recording; with them a table fits 80 characters."""

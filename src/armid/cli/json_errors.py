@@ -14,7 +14,7 @@ BAD_INPUT = 2
 """Exit code for bad input, and for a wrong command line."""
 
 ASKED = "armid.json"
-"""Key in the parser's context that tells whether `--json` is on the command line."""
+"""Key of the parser's context whose value is true if `--json` is on the command line."""
 
 
 def write_error(problem: str, possible: str = "", remedy: str = "") -> None:
@@ -49,9 +49,10 @@ class Group(TyperGroup):
 
 @contextmanager
 def _as_json(asked: bool) -> Generator[None]:
-    """Write what the parser refuses as a JSON object, if asked, and raise it again.
+    """Write errors of the parser as JSON objects, if asked, and raise them again.
 
-    Its exceptions are told by their attributes, because versions of typer use different versions of click.
+    The exceptions of the parser are recognised by their attributes, because versions of typer use different versions
+    of click.
     """
     try:
         yield

@@ -81,7 +81,7 @@ Verbose = Annotated[
     bool,
     typer.Option("--verbose", "-v", help="Also print every parameter with its interval, and all guessed columns."),
 ]
-Threads = Annotated[int, typer.Option("--threads", min=1, help="Threads of the kernel.")]
+Threads = Annotated[int, typer.Option("--threads", min=1, help="Number of threads of the compiled kernel.")]
 
 
 def robot_choice(

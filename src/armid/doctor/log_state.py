@@ -49,7 +49,7 @@ class LogState:
     Attributes:
         model: Arm and torque terms.
         base: Base parameters of the model.
-        log: The recording at a moderate rate.
+        log: The recording at a moderate sampling rate.
     """
 
     model: DynamicsModel

@@ -1,9 +1,9 @@
-"""Information of observations, computed in one pass without storing the regressor at full rate.
+"""Information of observations, computed in one pass without storing the regressor at the full sampling rate.
 
 Without a filter, the rows of all samples are added to the factors directly. With a filter, the torque and all columns
 of the regressor pass the same filter: first a linear-phase decimation in the kernel, then the sharp filter. Both work
 on one segment after another, so the memory does not grow with the length of the recording. Hysteresis states are
-computed before filtering, once for the whole run at full rate.
+computed before filtering, once for the whole run at the full sampling rate.
 """
 
 from __future__ import annotations

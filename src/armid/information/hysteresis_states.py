@@ -1,4 +1,4 @@
-"""Hysteresis states along a run at full rate, and the mask of the rows in which they are unknown.
+"""Hysteresis states along a run at the full sampling rate, and the mask of the rows in which they are unknown.
 
 The initial states of a run are unknown. Until the motion determines the states, the columns that depend on them are
 wrong, and a filter transfers this error to neighbouring rows. These rows are used neither for the estimate nor for
@@ -27,7 +27,7 @@ def with_hysteresis_states(model: DynamicsModel, run: ObservedRun, band: Band) -
 
     Args:
         model: Arm and torque terms.
-        run: One contiguous run at full rate.
+        run: One contiguous run at the full sampling rate.
         band: Filter of the columns.
 
     Returns:

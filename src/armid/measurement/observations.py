@@ -1,4 +1,4 @@
-"""Observations for estimation: contiguous runs at full rate and the band in which torque and model are compared."""
+"""Observations for estimation: contiguous runs at the full sampling rate, and the band of torque and model."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class ObservedRun:
     entry for each row.
 
     Attributes:
-        motion: Motion at full rate, N samples.
+        motion: Motion at the full sampling rate, N samples.
         torque: Joint torque, shape (N, n) [N·m or N].
         rate: Samples per second [Hz].
         step: Samples from one row of the output grid to the next.

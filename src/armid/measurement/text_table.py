@@ -287,7 +287,7 @@ def _check_widths(rows: Sequence[str], numbers: Sequence[int], width: int, delim
 
 
 def _rows_behind(count: int) -> str:
-    """Clause with the number of rows behind a faulty line, which tells a line in the middle from a cut end."""
+    """Clause with the number of rows behind a faulty line; it shows whether the end of the file is cut off."""
     if not count:
         return ", and it is the last row"
     return f", and {plural(count, 'row')} follow{'s' if count == 1 else ''} it"

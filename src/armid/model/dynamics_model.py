@@ -4,7 +4,7 @@
 
 Parameters are ordered link by link: the ten inertial parameters in the order of Pinocchio, then the parameters of the
 other torque terms. Laws with hysteresis depend on the earlier motion. The method `remember` computes their states
-along a contiguous run at full rate.
+along a contiguous run at the full sampling rate.
 """
 
 from __future__ import annotations

@@ -16,7 +16,7 @@ NEGLIGIBLE = 0.01
 
 
 def placeholder_masses(masses: Array) -> NDArray[np.bool_]:
-    """Mask of the masses (K,) [kg] of an arm's links that only stand for a mass that nobody gave."""
+    """Mask of the masses (K,) [kg] of an arm's links that are placeholders for unknown masses."""
     return masses < min(PLACEHOLDER, NEGLIGIBLE * float(masses.max(initial=0.0)))
 
 

@@ -145,7 +145,7 @@ def _periodic(setting: Setting, recording: Recording) -> Fitted:
 def _edges(rows: _Rows, recording: Recording) -> None:
     """Adds rows for several treatments of the ends of the mean period; the thesis does not state its treatment."""
     mean, group = mean_of(recording), "one-sided filter"
-    rows.run(group, "printed-padded", "as printed, ends padded, 100 rows a second", mean, PADDED)
+    rows.run(group, "printed-padded", "as printed, ends padded, 100 rows per second", mean, PADDED)
     every = replace(PADDED, decimate=0.0)
     rows.run(group, "printed-every-row", "the same with every row", mean, every)
     quiet = mean_of(recorded(rows.setting, seed=1, noise=False))

@@ -116,7 +116,7 @@ def _of_model(dynamics: Dynamics, reduction: Reduction, audit: Audit) -> tuple[E
         ),
         Erratum(
             identity.number, "… + d_n² (β_XX + β_YY)_{n−2}", "… + d_n² (β_XX + β_ZZ)_{n−2}",
-            "largest difference of the two sides, over the largest β_M", identity.error, identity.right_error,
+            "largest difference of the two sides, divided by the largest β_M", identity.error, identity.right_error,
         ),
         Erratum(
             "(3.31c)", "an index as a factor; a vector of two times one of three", "Y of M_n, a zero row first",
@@ -124,7 +124,7 @@ def _of_model(dynamics: Dynamics, reduction: Reduction, audit: Audit) -> tuple[E
         ),
         Erratum(
             "(A.1), M_7", f"Y_M7 = {lines['M_7'].printed}", lines["M_7"].right,
-            "largest error of the column, over the largest entry",
+            "largest error of the column, divided by the largest entry",
             lines["M_7"].printed_error, lines["M_7"].right_error,
         ),
         Erratum(
@@ -136,12 +136,12 @@ def _of_model(dynamics: Dynamics, reduction: Reduction, audit: Audit) -> tuple[E
             "lines whose label is not the removed column's", float(wrong_labels), 0.0, typesetting=True,
         ),
         Erratum(
-            "(3.42)", "d/dt (∂β_i/∂q_j)", "d/dt (∂β_i/∂q̇_j)", "largest error of Y, over its largest entry",
+            "(3.42)", "d/dt (∂β_i/∂q_j)", "d/dt (∂β_i/∂q̇_j)", "largest error of Y, divided by its largest entry",
             dynamics.printed_derivative_error, dynamics.regressor_error,
         ),
         Erratum(
             "(3.43)", "y_12, y_13, … right of the diagonal", "y_21, y_31, …: row j, column i",
-            "largest entry of these blocks, over the largest of Y", *dynamics.triangle,
+            "largest entry of these blocks, divided by the largest of Y", *dynamics.triangle,
         ),
         Erratum(
             "§3.2.1", "Y is 84 × 7", "Y is 7 × 84", "rows of Y", float(reduction.columns),

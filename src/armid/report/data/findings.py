@@ -24,7 +24,7 @@ def evidence_words(finding: Finding) -> str:
 def remedy_words(finding: Finding) -> str:
     """Remedy as a sentence with code in backticks; it may consist of lines of a study, with a note after `#`.
 
-    The code stands last, since long code becomes a block of its own, behind which no sentence can go on.
+    The code is at the end, because long code becomes a separate block, after which a sentence cannot continue.
     """
     remedy = finding.remedy
     if not isinstance(remedy, Remedy) or not remedy.keys:

@@ -89,10 +89,10 @@ def _steps(rows: tuple[Step, ...]) -> Table:
         for e in (step.errors,)
     ]
     note = (
-        "All, inertial, friction: norm of the base parameters' error over the norm of the truth. Table A.2: RMS over "
-        "all joints of predicted less true torque. Residual: RMS in the method's own band. The thesis does not state "
-        "how it treats the ends of the recording; with padding the data contain the transient of a filter of order "
-        "20 at 3 Hz."
+        "All, inertial, friction: norm of the base parameters' error, divided by the norm of the truth. Table A.2: "
+        "RMS over all joints of predicted minus true torque. Residual: RMS in the method's own band. The thesis does "
+        "not state how it treats the ends of the recording; with padding the data contain the transient of a filter "
+        "of order 20 at 3 Hz."
     )
     return Table("steps", "Algorithm 3 as printed, and corrections", columns, cells, note)
 

@@ -201,7 +201,7 @@ def _dependences(lines: tuple[Dependence, ...]) -> Table:
     note = (
         "From the copy of the text in use. A name denotes its column of Y. ▼ marks labels of another column than the "
         "removed one, many of them perhaps errors of typesetting; where the label is a column, the sum is compared "
-        "with that column. Errors are over the largest entry of the two sides."
+        "with that column. Errors are divided by the largest entry of the two sides."
     )
     return Table("a-1", "(A.1): columns that are removed", columns, rows, note)
 
@@ -220,7 +220,9 @@ def _identities(found: tuple[Identity, ...]) -> Table:
                     _verdict(each.right_error),
                 ]
             )
-    note = "A name denotes its β. Error: largest difference of the sides over the largest left side, all links."
+    note = (
+        "A name denotes its β. Error: largest difference of the sides, divided by the largest left side, all links."
+    )
     return Table("identities", "Identities in the derivation of (A.1), checked with β", columns, rows, note)
 
 
