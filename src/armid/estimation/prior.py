@@ -5,7 +5,7 @@
   physically consistent bodies. For small changes it is half the squared relative change.
 - `euclidean`: half the squared change of the parameters. Changes are divided by the mean mass of the links in the
   description and, for moments, by powers of their radius of gyration.
-- `mass`: the size of all bodies (masses, and second moments / `LENGTH`²), divided by ten kilograms. It changes a
+- `mass`: the size of all bodies (masses, and second moments / LENGTH²), divided by ten kilograms. It changes a
   parameter with a standard deviation of s kg by s / 10 standard deviations: hardly if the data determine the
   parameter, and to the smallest possible body if they do not.
 
@@ -204,7 +204,7 @@ def project_covariance(precision: Array, regrouping: Array) -> Array:
 
 
 def size_of_bodies(standard: StandardParameters) -> Array:
-    """Coefficients (p,) of the size of all bodies: the sum of masses and of second moments / `LENGTH`² [kg]."""
+    """Coefficients (p,) of the size of all bodies: the sum of masses and of second moments / LENGTH² [kg]."""
     result = np.zeros(len(standard.names))
     traces = np.trace(PSEUDO_INERTIA_OF[:, :3, :3], axis1=1, axis2=2) / LENGTH**2
     for own in standard.inertial:
