@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -33,6 +34,15 @@ def coarse_log(robot: Robot, rate: float, late: float) -> Recording:
     return simulate(truth_of(robot), Excitation(2 * np.pi / 10.0, a, b, np.zeros(robot.n)), options, seed=1).recording
 
 
+def held_log(robot: Robot, rate: float) -> Recording:
+    """Log whose torque leads by half a sample, as one that a controller holds until its next sample."""
+    a, b = 0.15 * np.random.default_rng(3).normal(size=(2, robot.n, 5))
+    late = SensorChannel(noise=1e-5, delay=0.5 / rate)
+    sensing = Sensing(rate, late, SensorChannel(noise=0.05), replace(late, noise=1e-3))
+    options = LabOptions(mode="inverse-dynamics", repetitions=2, sensing=sensing)
+    return simulate(truth_of(robot), Excitation(2 * np.pi / 10.0, a, b, np.zeros(robot.n)), options, seed=1).recording
+
+
 def delays(found: tuple[Finding, ...]) -> list[tuple[float, float]]:
     """Delay of the remedy of each finding, and its standard deviation [ms]."""
     told = [f for f in found if f.code == "channel-delay"]
@@ -51,6 +61,17 @@ def test_noise_of_positions_hides_no_delay(name: str, rate: float, late: int):
     ((value, deviation),) = delays(diagnose_recording(robot, coarse_log(robot, rate, late), LogFormat()))
     assert abs(value - late) < 3.0 * deviation + 0.1  # three deviations, and 0.1 ms of bias by the noise
     assert deviation < 2.0  # a tenth of 20 ms
+
+
+@pytest.mark.parametrize(("name", "rate"), [("ur5e", 500.0), ("panda", 500.0), ("panda", 250.0)])
+def test_a_torque_that_is_held_is_a_warning_that_names_the_cause(name: str, rate: float):
+    robot = load_robot(name)
+    found = diagnose_recording(robot, held_log(robot, rate), LogFormat())
+    ((value, deviation),) = delays(found)
+    (told,) = [f for f in found if f.code == "channel-delay"]
+    assert abs(value + 500.0 / rate) < 3.0 * deviation + 0.1  # as above
+    assert "holds until its next sample" in told.evidence
+    assert told.severity == ("warning" if rate == 500.0 else "error")
 
 
 def test_coarse_encoders_are_no_delay():

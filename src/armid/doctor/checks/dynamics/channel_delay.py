@@ -80,14 +80,24 @@ RISE = 0.1
 """Stribeck velocity of the model in the wider band [rad/s]. Without a Stribeck term, the increase of friction near
 rest could look like a delay."""
 
-LEAST = 1e-3
-"""Shortest delay that is a fault [s]. A 1 kHz controller holds its torque for 1 ms, so that the torque seems to lead
-by 0.5 ms."""
+LEAST = 2e-4
+"""Shortest delay that is reported [s], if it is significant and explains as much of the residual as a longer one. A
+controller at 500 Hz that logs the torque that it holds for 2 ms has a lead of 1 ms, which makes intervals too narrow
+where the torque has little noise."""
+
+SHORT = 1.5e-3
+"""Longest delay that is a warning and not an error [s]: half a step of the usual controllers."""
+
+HALF_STEP = 0.2
+"""Largest difference between a lead and half a sample, in samples, for which a held torque is named as its cause."""
 
 AGREE, CONTRADICT = 2.0, 3.0
 """Two limits for the difference between the delay from all rows and the delay from rows away from reversals, in
 standard deviations of the latter. Up to the first, the delay is measured on all rows; from the second, a delay that
 is significant only on all rows is rejected."""
+
+HELD = " A torque that the controller holds until its next sample runs ahead by half a sample."
+"""Usual cause of a lead by half a sample."""
 
 DIGITS = 5
 """Decimals of a reported delay in seconds: a twentieth of a sample at 5 kHz."""
@@ -206,8 +216,8 @@ def _with_reversals(delay: float, deviation: float, moving: float, spread: float
 
 
 def _severity(delay: float, deviation: float) -> Literal["error", "warning"]:
-    """Severity of a delay: a warning if it is uncertain, otherwise an error."""
-    return "error" if abs(delay) > SURE_OF_ERROR * deviation else "warning"
+    """Severity of a delay: a warning if it is uncertain or short, otherwise an error."""
+    return "error" if abs(delay) > max(SHORT, SURE_OF_ERROR * deviation) else "warning"
 
 
 def _delay_without_friction(after: LogState) -> tuple[float, float]:
@@ -256,6 +266,7 @@ def _delay_text(delay: float, deviation: float, gain: float, rate: float) -> str
     return (
         f"Torque {word} the positions by {1e3 * abs(delay):.2f} ± {1e3 * deviation:.2f} ms "
         f"({abs(delay) * rate:.1f} samples); with the delay removed, the residual is {1 - np.exp(-gain):.0%} smaller."
+        + (HELD if abs(delay * rate + 0.5) < HALF_STEP else "")
     )
 
 
