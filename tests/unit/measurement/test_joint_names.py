@@ -58,6 +58,33 @@ def test_a_part_of_the_names_is_counted():
     assert "--lock A5 --lock A6 --lock A7" in caught.value.remedy
 
 
+@pytest.mark.parametrize(
+    "form", ["{joint}_{quantity}", "{quantity}.{joint}", "actual_{quantity}/{joint}", "/{joint}/{quantity}"]
+)
+def test_joints_without_a_column_are_named(form: str):
+    with pytest.raises(
+        RecordingError, match="No column holds the position of A7; the log has positions of 6"
+    ) as caught:
+        read([f"A{k}" for k in range(1, 7)], form=form)
+    assert "--lock A7 " in caught.value.remedy and "--only A1,A2,A3,A4,A5,A6" in caught.value.remedy
+
+
+def test_a_limb_whose_first_joint_was_not_recorded_is_selected_by_its_pattern():
+    robot = load_robot("ur5e")
+    with pytest.raises(RecordingError, match="No column holds the position of shoulder_pan_joint, shoul") as caught:
+        select(columns(UR[3:]), LogFormat(), Path("log.csv"), robot)
+    assert "--only 'wrist_*'" in caught.value.remedy
+    select(columns(UR[3:]), LogFormat(), Path("log.csv"), robot.lock(UR[:3]))
+
+
+def test_joints_without_effort_are_named():
+    names = [name for name in columns([f"A{k}" for k in range(1, 8)]) if name != "A7_effort"]
+    (finding,) = (
+        f for f in select(names, LogFormat(), Path("log.csv"), IIWA).findings if f.code == "effort-possible"
+    )
+    assert "not A7." in finding.evidence and "log the effort of A7" in finding.remedy
+
+
 def test_numbered_names_of_another_arm_are_a_warning():
     (finding,) = read([f"panda_joint{k}" for k in range(1, 8)]).findings
     assert finding.severity == "warning" and "none match" in finding.evidence

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import re
+import shlex
 from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
+from fnmatch import fnmatchcase
+from itertools import takewhile
 from pathlib import Path
 
 from armid.errors import RecordingError
@@ -14,6 +17,7 @@ from armid.measurement.columns.column_name_parsing import (
     OTHER,
     QUANTITIES,
     WORDS,
+    named,
     quantity_of,
     split_unit,
     words,
@@ -60,8 +64,9 @@ def refuse_other_joints(
     labels: Sequence[str],
     numbered: Sequence[str],
     path: Path,
+    incomplete: RecordingError | None = None,
 ) -> None:
-    """Refuses a log whose columns name joints that are not joints of the description.
+    """Refuses a log whose columns name joints that are not joints of the description, or only some of these.
 
     Names that differ only in a number are numbered channels. They are refused if there are more or fewer channels
     than joints and the names contain the name of another arm.
@@ -73,17 +78,23 @@ def refuse_other_joints(
         labels: Names of its joints in the file.
         numbered: Columns of positions that would be read by their numbers.
         path: The file.
+        incomplete: Error for a log with some of the joints; `None` if it has all or none of them.
 
     Raises:
         RecordingError: The log names other joints; the message lists both and the columns to name.
     """
     stated = stated_joints(names, "q")
+    known = (*labels, *robot.described_joints)
+    if incomplete is not None and all(any(same_joint(label, name) for label in known) for name in stated):
+        raise incomplete
     stems = Counter(_stem(name) for name in stated)
     by_word = [name for name in stated if stems[_stem(name)] == 1]
     fitting = len(numbered) in (robot.n, len(robot.described_joints))
     words_differ = len(by_word) >= 2 and not (fitting and len(numbered) > len(by_word))
     other_series = not fitting and other_arm(numbered, labels, robot.name) != ""
     if log_format.joints or not (words_differ or other_series):
+        if incomplete is not None:
+            raise incomplete
         return
     columns = {quantity: stated_joints(names, quantity) for quantity in ("q", "dq", "ddq", "effort")}
     if not columns["effort"]:
@@ -94,6 +105,59 @@ def refuse_other_joints(
         possible=f"columns of positions: {', '.join(stated.values())}",
         remedy=_remedy(columns, log_format, robot, labels),
     )
+
+
+def missing_joints(names: Sequence[str], robot: Robot, labels: Sequence[str], path: Path) -> RecordingError | None:
+    """Error for a log with columns of positions of some of the arm's joints; `None` if it has all or none of them.
+
+    Args:
+        names: All columns.
+        robot: The arm.
+        labels: Names in the file of the joints that move.
+        path: The file.
+    """
+    columns = columns_of_joints(names, labels, ("q",))
+    missing = [joint for joint, label in zip(robot.joint_names, labels, strict=True) if label not in columns]
+    recorded = [joint for joint in robot.joint_names if joint not in missing]
+    if not recorded or not missing:
+        return None
+    locked = ""
+    if len(missing) <= min(len(recorded), LISTED):
+        still = f"{', '.join(missing)} stood still, lock {'it' if len(missing) == 1 else 'them'}"
+        locks = " ".join(f"--lock {joint}" for joint in missing)
+        locked = f"if {still}: {locks} (with =VALUE behind the name if not at 0); or "
+    return RecordingError(
+        f"{path}: No column holds the position of {_listed(missing)}; the log has positions of {len(recorded)} of "
+        f"the {robot.n} joints of {robot.name}: {_listed(recorded)}.",
+        possible=f"columns of positions: {_listed(list(columns.values()))}",
+        remedy=f"{locked}select the recorded joints: --only {shlex.quote(_selection(recorded, robot))}, or --tip "
+        "with another link. In a study, lock, only and tip are keys of [robot].",
+    )
+
+
+def columns_of_joints(names: Sequence[str], labels: Sequence[str], quantities: Collection[str]) -> dict[str, str]:
+    """First column of the given quantities for each joint that has one, by the name of the joint in the file.
+
+    Args:
+        names: Columns.
+        labels: Names of the joints in the file.
+        quantities: Quantities, of `q`, `dq`, `ddq`, `effort` and `current`.
+    """
+    longest = sorted(labels, key=lambda label: -len(words(label)))
+    found: dict[str, str] = {}
+    for column in names:
+        for each in named(column, longest):
+            if each.quantity in quantities and isinstance(each.channel, str) and each.channel:
+                found.setdefault(each.channel, column)
+    return {label: found[label] for label in labels if label in found}
+
+
+def _selection(joints: Sequence[str], robot: Robot) -> str:
+    """Names of joints for an option, as a pattern if one selects exactly these of the description."""
+    same = takewhile(lambda letters: len(set(letters)) == 1, zip(*joints, strict=False))
+    pattern = "".join(letters[0] for letters in same) + "*"
+    selected = [name for name in robot.described_joints if fnmatchcase(name, pattern)]
+    return pattern if len(joints) > 1 and selected == list(joints) else ",".join(joints)
 
 
 def comparison(in_log: Sequence[str], labels: Sequence[str], robot: str, *, what: str = "names joints") -> str:

@@ -16,7 +16,7 @@ from armid.checked_array import Array
 from armid.errors import Finding, RecordingError
 from armid.measurement.columns.clocks import Values, evenly_growing, unit_of_step
 from armid.measurement.columns.column_guessing import ClockRequest, Guess, guess_columns
-from armid.measurement.columns.joint_name_comparison import other_arm, refuse_other_joints
+from armid.measurement.columns.joint_name_comparison import missing_joints, other_arm, refuse_other_joints
 from armid.measurement.columns.units import factors, hold_current, overruled, stated_units, unit_fields
 from armid.measurement.columns.unread import ambiguous_columns, effort_possible, no_such_column, positions_missing
 from armid.measurement.log_format import PRESETS, QUANTITIES, LogFormat
@@ -96,7 +96,8 @@ def select(
         chosen |= guess.columns
     labels = _labels(log_format, robot)[0]
     if robot is not None and not guess.joints and (not chosen["q"] or "q" in guess.columns):
-        refuse_other_joints(names, log_format, robot, labels, chosen["q"], path)
+        incomplete = None if chosen["q"] else missing_joints(names, robot, labels, path)
+        refuse_other_joints(names, log_format, robot, labels, chosen["q"], path, incomplete)
     if not chosen["q"]:
         clocks: dict[str, float] = {}
         if values is not None and _lacks_clock(chosen, log_format):

@@ -11,6 +11,7 @@ from armid.errors import Finding, RecordingError
 from armid.measurement.columns.clocks import ClockRequest, unit_of_step
 from armid.measurement.columns.column_guessing import shortened
 from armid.measurement.columns.column_name_parsing import split_unit, words
+from armid.measurement.columns.joint_name_comparison import columns_of_joints
 from armid.measurement.log_format import PRESETS, LogFormat
 from armid.measurement.suggested_log_format import naming
 from armid.remedy import Remedy, setting
@@ -41,11 +42,17 @@ def effort_possible(
     if not unread:
         return ()
     listed = unread if len(unread) <= NAMED else [*unread[: NAMED - 1], f"… {unread[-1]}"]
+    partly = columns_of_joints(unread, labels, ("effort", "current"))
+    without = [label for label in labels if label not in partly]
     evidence = f"No column was read as effort; unread columns: {', '.join(listed)}."
     sets = channel_sets(unread, labels, len(chosen["q"]))
     remedy = (
         naming(log_format, {"effort": pattern_of(sets[0], names)}, "if they hold torque or current") if sets else ""
     )
+    if partly and without:
+        missing = ", ".join(without[:NAMED])
+        evidence += f" Some joints have a column of effort, but not {missing}."
+        remedy = f"log the effort of {missing}, too, or lock joints that stood still (--lock, or lock in [robot])"
     if len(sets) > 1:
         evidence += f" These sets have one column for each joint: {'; '.join(shortened(each) for each in sets)}."
     return (Finding("effort-possible", "info", "effort", evidence, remedy),)
