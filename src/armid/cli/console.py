@@ -26,7 +26,7 @@ from armid.notebook_display import names_apart
 from armid.remedy import Remedy
 from armid.study.compare_methods import MethodTable
 from armid.study.progress import Progress as ReportProgress
-from armid.validation.torque_errors import Score, Validation
+from armid.validation.torque_errors import Check, Score, Validation
 
 WIDTH_IN_A_PIPE = 120
 """Width of output that does not go to a terminal, unless the variable `COLUMNS` gives one [characters]."""
@@ -299,14 +299,26 @@ def print_verdict(console: Console, validation: Validation) -> None:
     count = f" ({passed} of {len(validation.checks)} checks passed)" if validation.checks else ""
     subject = validation.subject
     console.print(f"verdict on {subject}: [bold {colour}]{validation.verdict}[/]{count}")
-    checks = Table.grid(padding=(0, 1))
-    for check in sorted(validation.checks, key=lambda check: check.ok):
-        mark = "[green]ok[/]" if check.ok else "[red]fail[/]"
-        relation = f"{check.value:.3g} {'≤' if check.ok else '>'} {check.bound:.3g}"
-        checks.add_row("", mark, relation, escape(check.name))
-    if validation.checks:
-        console.print(checks)
+    _print_checks(console, validation.checks)
     if validation.verdict == "not judged":
         console.print(
             '  no validation recording: give one with --validate RECORDING, or role = "validate" in the study'
         )
+
+
+def print_contradictions(console: Console, contradictions: Sequence[Check]) -> None:
+    """Prints the failed verdict on recordings that have errors; nothing if they have none."""
+    if contradictions:
+        console.print("verdict on the recordings: [bold red]fail[/]")
+        _print_checks(console, contradictions)
+
+
+def _print_checks(console: Console, checks: Sequence[Check]) -> None:
+    """Prints checks, failed ones first."""
+    table = Table.grid(padding=(0, 1))
+    for check in sorted(checks, key=lambda check: check.ok):
+        mark = "[green]ok[/]" if check.ok else "[red]fail[/]"
+        relation = f"{check.value:.3g} {'≤' if check.ok else '>'} {check.bound:.3g}"
+        table.add_row("", mark, relation, escape(check.name))
+    if checks:
+        console.print(table)

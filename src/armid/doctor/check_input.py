@@ -10,6 +10,7 @@ from typing import Literal
 import numpy as np
 
 from armid.doctor.downsample import downsample
+from armid.doctor.known_links import KnownLinks
 from armid.doctor.log_state import LogState
 from armid.doctor.remedy_trial import RemedyTrial, try_remedy
 from armid.doctor.stuck_channels import stuck_stretches, without_stuck
@@ -29,6 +30,9 @@ ROUNDS = 3
 ROWS = 3
 """Smallest number of rows for each parameter of a joint with which a model is fitted. With fewer rows, the fit
 follows the noise, and friction of the wrong sign can seem significant."""
+
+LESS_ALIKE = 0.01
+"""Decrease of the mean correlation with the torque of a run from which a correction contradicts the run."""
 
 WIDTH = 0.02
 """Velocity over which the doctor's model smooths Coulomb friction [rad/s]."""
@@ -81,6 +85,7 @@ class LogEvidence:
         model: Model of the study, if there is one; its terms are used.
         explains: Functions that explain the log by a fault; they are tried if the model does not fit the log.
         saturation: Share of a joint's torque limit from which the study excludes rows, if it gives one.
+        known: Links that are compared with the log instead of those of the description.
     """
 
     robot: Robot
@@ -91,6 +96,7 @@ class LogEvidence:
     model: DynamicsModel | None = None
     explains: Sequence[Explain] = ()
     saturation: float | None = None
+    known: KnownLinks | None = None
 
     @cached_property
     def state(self) -> LogState | None:
@@ -105,7 +111,7 @@ class LogEvidence:
         usual = (RigidBody(), Viscous(), Coulomb(width=WIDTH), Offset(), RotorInertia())
         plain = tuple(term for term in study_terms if term.name == "coupling" or term.name in {u.name for u in usual})
         model = DynamicsModel(self.robot, plain + tuple(term for term in usual if term.name not in names))
-        state = LogState(model, find_base_parameters(model), log)
+        state = LogState(model, find_base_parameters(model), log, self.known)
         counted = state.rows.mask.sum(axis=0)
         enough = all(
             rows > ROWS * len(parameters) for rows, parameters in zip(counted, state.rows.parameters, strict=True)
@@ -158,8 +164,16 @@ class LogEvidence:
 
     def _holds(self, before: LogState, each: Explanation) -> bool:
         """True if held-out motion supports an explanation, or does not contradict one that has other evidence."""
+        if each.severity == "error" and self._contradicts_run(before, each.after):
+            return False
         trial = self._trial(before, each)
         return trial.helps if each.by_error_alone else not trial.harms
+
+    def _contradicts_run(self, before: LogState, after: LogState) -> bool:
+        """True if a log agrees less with the links of a run after a correction, which then corrects no fault."""
+        if self.known is None or before.nominal is None or after.nominal is None:
+            return False
+        return after.nominal.alike < before.nominal.alike - LESS_ALIKE
 
     def trial_of(self, accepted: Explanation) -> RemedyTrial:
         """Held-out errors without and with an accepted explanation."""

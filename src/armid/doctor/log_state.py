@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from armid import kernel
 from armid.checked_array import Array
 from armid.doctor.downsample import DownsampledLog
+from armid.doctor.known_links import DESCRIPTION, KnownLinks, torque_with_load
 from armid.doctor.quick_fit import QuickFit, QuickRows, make_rows, solve, solve_joint
 from armid.information.filtering import in_band
 from armid.information.regressor_columns import ColumnSource, column_source
@@ -31,6 +32,8 @@ POSES = 40
 class DescriptionComparison:
     """Comparison of measured and described torque, joint by joint, after friction and offset are projected out.
 
+    The description is that of the arm, or the links of an earlier run.
+
     Attributes:
         scale: Factor from described to measured torque, shape (n,).
         correlation: Correlation of described and measured torque, shape (n,).
@@ -41,6 +44,11 @@ class DescriptionComparison:
     correlation: Array
     size: Array
 
+    @property
+    def alike(self) -> float:
+        """Mean correlation of the joints, weighted by the described torque."""
+        return float(self.size @ self.correlation / self.size.sum()) if self.size.any() else 0.0
+
 
 @dataclass(frozen=True, eq=False)
 class LogState:
@@ -50,11 +58,13 @@ class LogState:
         model: Arm and torque terms.
         base: Base parameters of the model.
         log: The recording at a moderate sampling rate.
+        known: Links that are compared with the log instead of those of the description.
     """
 
     model: DynamicsModel
     base: BaseParameters
     log: DownsampledLog
+    known: KnownLinks | None = None
 
     @cached_property
     def source(self) -> ColumnSource:
@@ -75,7 +85,7 @@ class LogState:
 
     def on(self, log: DownsampledLog) -> LogState:
         """The same model with another log."""
-        after = LogState(self.model, self.base, log)
+        after = LogState(self.model, self.base, log, self.known)
         after.__dict__["source"] = self.source  # where `cached_property` keeps it
         return after
 
@@ -182,17 +192,32 @@ class LogState:
         joint_rows = [k for k, symbol in enumerate(self.symbols(j)) if symbol in JOINT_SYMBOLS]
         return self.rows.columns[j][joint_rows].T
 
+    @property
+    def reference(self) -> str:
+        """Name in sentences of the links that are compared with the log."""
+        return DESCRIPTION if self.known is None else self.known.source
+
+    @cached_property
+    def described(self) -> Array | None:
+        """Standard parameters (p,) with the links that are compared with the log; `None` if they are not known."""
+        if self.known is None:
+            return self.model.nominal_parameters()
+        theta = np.zeros(len(self.model.parameters))
+        theta[self.model.inertial_columns] = self.known.bodies.ravel()
+        return theta
+
     @cached_property
     def nominal(self) -> DescriptionComparison | None:
         """Comparison with the torque of the description; `None` if the description contains no inertias."""
-        theta = self.model.nominal_parameters()
+        theta = self.described
         if theta is None:
             return None
-        described = self.rigid_torque(theta)
+        friction = [np.linalg.qr(self.joint_columns(j) * self.rows.mask[:, [j]])[0] for j in range(self.rows.n)]
+        described = self._with_load(self.rigid_torque(theta), friction)
         scale, correlation, size = np.zeros((3, self.rows.n))
-        for j in range(self.rows.n):
+        for j, whole in enumerate(friction):
             included = self.rows.mask[:, j]
-            Q = np.linalg.qr(self.joint_columns(j)[included])[0]
+            Q = whole[included]
             x, y = described[included, j], self.rows.torque[included, j]
             x, y = x - Q @ (Q.T @ x), y - Q @ (Q.T @ y)
             power = float(x @ x)
@@ -200,6 +225,25 @@ class LogState:
             if power > 0.0 and (y @ y) > 0.0:
                 scale[j], correlation[j] = x @ y / power, x @ y / np.sqrt(power * (y @ y))
         return DescriptionComparison(scale, correlation, size)
+
+    def _with_load(self, described: Array, friction: Sequence[Array]) -> Array:
+        """Described torque (M, n), with the load that explains the log if the known links may carry one.
+
+        Args:
+            described: Torque of the links, shape (M, n).
+            friction: Orthonormal columns of each joint's friction, offset and rotor inertia, n of shape (M, k).
+        """
+        if self.known is None or self.known.loaded is None:
+            return described
+        own = self.model.inertial_columns.reshape(-1, 10)[self.known.loaded]
+        to_base, mask = self.base.regrouping[:, own], self.rows.mask
+        columns = [
+            (to_base[parameters].T @ x).T * mask[:, [j]]
+            for j, (parameters, x) in enumerate(zip(self.rows.parameters, self.rows.columns, strict=True))
+        ]
+        return torque_with_load(
+            described * mask, columns, friction, self.rows.torque * mask, self.fit.sigma, self.known.usual_load
+        )
 
     @cached_property
     def dissipation(self) -> Array:

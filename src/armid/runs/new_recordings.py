@@ -12,7 +12,10 @@ from numpy.typing import NDArray
 
 from armid.checked_array import Array
 from armid.dataclass_files import load
+from armid.doctor.checks.dynamics.rotor_inertia_missing import CODE as ROTOR_INERTIA_MISSING
+from armid.doctor.known_links import KnownLinks
 from armid.errors import Finding, RobotError, StudyError
+from armid.estimation.estimate_record import torque_parameters
 from armid.estimation.friction_per_recording import changing_parameters
 from armid.estimation.problem import EstimationProblem, build_problem
 from armid.information.information import Information
@@ -20,11 +23,16 @@ from armid.maths.inertia import transform
 from armid.measurement.log_format import LogFormat
 from armid.measurement.recording import Recording
 from armid.model.base_parameters import BaseParameters
+from armid.remedy import Remedy, setting
 from armid.robot.robot import Robot
 from armid.runs.run import Run
 from armid.study.config import RecordingChoice
+from armid.study.diagnosis import findings_of_each, merged
 from armid.study.recordings.processed import ProcessedRecording, joined_observations, process_each
 from armid.study.recordings.reading import read_choice
+
+ReadRecording = tuple[RecordingChoice, Recording]
+"""Recording that was read, with its path, role and log format."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -38,7 +46,8 @@ class NewRecordings:
         new: Information of the new recordings about the same base parameters.
         samples: Estimation problem of the new recordings, with their samples.
         recordings: The new recordings, processed.
-        findings: Findings of run, reading and processing.
+        held_out: New recordings for validation, processed.
+        findings: Findings of run, reading, doctor and processing.
     """
 
     run: Run
@@ -47,6 +56,7 @@ class NewRecordings:
     new: Information
     samples: EstimationProblem
     recordings: tuple[ProcessedRecording, ...]
+    held_out: tuple[ProcessedRecording, ...]
     findings: tuple[Finding, ...]
 
     @property
@@ -56,15 +66,23 @@ class NewRecordings:
 
 
 def load_new_recordings(
-    run: Run, paths: Sequence[str], reading: Mapping[str, Any], *, gain_deviation: float | None = None
+    run: Run,
+    paths: Sequence[str],
+    reading: Mapping[str, Any],
+    *,
+    held_out: Sequence[str] = (),
+    gain_deviation: float | None = None,
+    loaded: int | None = None,
 ) -> NewRecordings:
-    """Reads and processes new recordings of the arm of a run.
+    """Reads, checks and processes new recordings of the arm of a run.
 
     Args:
         run: The run.
         paths: Recordings.
         reading: Fields of the log format that differ from that of the run's first recording.
+        held_out: Recordings for validation.
         gain_deviation: Relative standard deviation of every drive gain, instead of the value of the run.
+        loaded: Number of the link that may carry a load; by default that of the tip.
 
     Raises:
         StudyError: A recording has trained the run or is given twice, or the run has no drive gains.
@@ -76,25 +94,34 @@ def load_new_recordings(
             "gains has no meaning.",
             remedy="leave --gain-deviation out.",
         )
-    recordings, findings = read_new_recordings(run, paths, reading)
+    recordings, read = read_new_recordings(run, paths, reading)
+    unseen, read_unseen = _read_held_out(run, held_out, recordings)
     processed = process_each(recordings, run.processing, run.robot)
     observations = joined_observations(processed)
     base = run.estimate.base
     earlier = load(Information, Path(run.folder) / "information.npz")
-    found = tuple(finding for each in processed for finding in each.findings)
+    of_processing = tuple(finding for each in processed for finding in each.findings)
+    told = check_new_recordings(run, (*recordings, *unseen), (*read, *read_unseen), of_processing, loaded)
     deviation = _deviation(recordings[0][0].reading, run.robot.n)
     if gain_deviation is not None:
         deviation = np.full(run.robot.n, gain_deviation)
     samples = build_problem(run.model, observations, base=base, scale_deviation=deviation)
     return NewRecordings(
-        run, base, earlier, samples.information, samples, processed, (*new_recording_findings(run), *findings, *found)
+        run,
+        base,
+        earlier,
+        samples.information,
+        samples,
+        processed,
+        process_each(unseen, run.processing, run.robot),
+        (*new_recording_findings(run), *told, *of_processing),
     )
 
 
 def read_new_recordings(
     run: Run, paths: Sequence[str], reading: Mapping[str, Any]
-) -> tuple[tuple[tuple[RecordingChoice, Recording], ...], tuple[Finding, ...]]:
-    """Reads recordings that did not train a run, with the run's log format; returns them with findings.
+) -> tuple[tuple[ReadRecording, ...], tuple[tuple[Finding, ...], ...]]:
+    """Reads recordings that did not train a run, with the run's log format; returns them with findings on each.
 
     Args:
         run: The run.
@@ -106,8 +133,8 @@ def read_new_recordings(
         RecordingError: A recording cannot be read or has other joints.
     """
     how = replace(run.reading, **{"exclude": (), "start": None, **reading})
-    recordings: list[tuple[RecordingChoice, Recording]] = []
-    findings: list[Finding] = []
+    recordings: list[ReadRecording] = []
+    findings: list[tuple[Finding, ...]] = []
     seen = dict.fromkeys(run.trained_on, run.folder)
     for path in paths:
         choice = RecordingChoice(str(Path(path).absolute()), reading=how)
@@ -119,9 +146,98 @@ def read_new_recordings(
                 remedy="give only recordings that were made after the run, and each of them once.",
             )
         seen[recording.sha256] = path
-        findings += found
+        findings.append(found)
         recordings.append((choice, recording))
     return tuple(recordings), tuple(findings)
+
+
+def _read_held_out(
+    run: Run, paths: Sequence[str], training: Sequence[ReadRecording]
+) -> tuple[tuple[ReadRecording, ...], tuple[tuple[Finding, ...], ...]]:
+    """Reads validation recordings that were not used for any estimate, like the first new recording."""
+    recordings: list[ReadRecording] = []
+    findings: list[tuple[Finding, ...]] = []
+    for path in paths:
+        choice = replace(training[0][0], path=str(Path(path).absolute()), role="validate")
+        recording, found = read_choice(choice, ".", run.robot)
+        if recording.sha256 in {*run.trained_on, *(each.sha256 for _, each in training)}:
+            raise StudyError(
+                f"{path} cannot be used for validation, because the same data are used for training (sha256 "
+                f"{recording.sha256[:12]}…).",
+                remedy="give a recording that was used neither by the run nor by the recalibration.",
+            )
+        recordings.append((choice, recording))
+        findings.append(found)
+    return tuple(recordings), tuple(findings)
+
+
+def check_new_recordings(
+    run: Run,
+    recordings: Sequence[ReadRecording],
+    read: Sequence[Sequence[Finding]],
+    processing: Sequence[Finding] = (),
+    loaded: int | None = None,
+) -> tuple[Finding, ...]:
+    """Findings of the readers and of the doctor on new recordings of the arm of a run.
+
+    The doctor compares the recordings with the links of the run, which may carry a load, and not with the
+    description: the run knows the arm better, and no description contains the load.
+
+    Args:
+        run: The run.
+        recordings: The recordings.
+        read: Findings of the reader on each recording.
+        processing: Findings of the processing, which are not repeated.
+        loaded: Number of the link that may carry a load; by default that of the tip.
+    """
+    found = findings_of_each(run.model, recordings, read, processing, known_links(run, loaded))
+    return tuple(
+        _without_rotors(run, finding) if finding.code == ROTOR_INERTIA_MISSING else finding
+        for finding in merged([choice for choice, _ in recordings], found)
+    )
+
+
+def _without_rotors(run: Run, finding: Finding) -> Finding:
+    """Finding of rotor inertia that the model of a run lacks, with what it means for the run."""
+    evidence = (
+        f"{finding.evidence} The model of {run.folder} has no rotor inertia, so in a new estimate it would count as "
+        "inertia of links or load. The effort may be measured on another side of the gears than that of the run: on "
+        "that of the motors instead of that of the joints."
+    )
+    terms = Remedy.read(finding.remedy).keys.get("terms", ["default", "rotor-inertia"])
+    known = any(each.code == finding.code for each in run.estimate.findings)  # from the recordings of the run, too
+    remedy = Remedy(
+        "give recordings whose effort is measured as that of the run, or identify the arm from recordings like these "
+        "with ",
+        setting("terms", terms),
+        ".",
+    )
+    return replace(finding, severity="warning" if known else finding.severity, evidence=evidence, remedy=remedy)
+
+
+def known_links(run: Run, loaded: int | None = None) -> KnownLinks | None:
+    """Links of a run, with which the doctor compares new recordings; `None` if the run has no rigid bodies.
+
+    Where the run has base parameters only, the bodies are those of the description with changes that give the torque
+    of the run.
+
+    Args:
+        run: The run.
+        loaded: Number of the link that may carry a load; by default that of the tip, or else the last link.
+    """
+    model, estimate = run.model, run.estimate
+    if not model.has_rigid_bodies:
+        return None
+    theta = torque_parameters(estimate.base, estimate.fit)
+    described = model.nominal_parameters()
+    if estimate.fit.standard is None and described is not None:
+        shifted = described.copy()
+        shifted[estimate.base.kept] += theta[estimate.base.kept] - estimate.base.values_of(described)
+        theta = shifted
+    tip = run.robot.tip.parent
+    last = tip if tip >= 0 else run.robot.n - 1
+    bodies = theta[model.inertial_columns].reshape(-1, 10)
+    return KnownLinks(bodies, f"the run {run.folder}", last if loaded is None else loaded)
 
 
 def new_recording_findings(run: Run) -> list[Finding]:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armid.checked_array import Array
-from armid.errors import Finding, StudyError
+from armid.errors import EstimationError, Finding, StudyError
 from armid.estimation.update.payload import LOAD_NAMES, DriveGains, PayloadEstimate, estimate_gains, estimate_payload
 from armid.estimation.update.payload_misfit import PayloadMisfit
 from armid.estimation.update.stacked_problem import stack_problems
@@ -18,8 +18,10 @@ from armid.model.terms.rigid_body import rigid_body_units
 from armid.runs.new_recordings import NewRecordings, load_new_recordings
 from armid.runs.payload_link import PayloadLink, fit_finding, payload_link
 from armid.runs.run import Run
-from armid.study.plausibility import few_blocks_finding
-from armid.study.storage.records import finding_record
+from armid.study.diagnosis import diagnosed_error
+from armid.study.plausibility import contradictions, few_blocks_finding
+from armid.study.storage.records import judgement_record
+from armid.validation.torque_errors import Check
 
 FAR = 3.0
 """Distance between estimate and nearest real body, in standard deviations, from which it is reported."""
@@ -65,6 +67,11 @@ class Payload:
         """The ten parameters in the frame of the link, shape (10,)."""
         return self.place.to_link @ self.load.values
 
+    @property
+    def contradictions(self) -> tuple[Check, ...]:
+        """Failed checks about errors in the recordings, which make the result wrong."""
+        return contradictions(self.findings)
+
 
 def find_payload(
     run: Run,
@@ -97,17 +104,21 @@ def find_payload(
     """
     known = _known(run, mass, com, reading.get("drive_gain", run.reading.drive_gain))
     place = payload_link(run, link)
-    new_recordings = load_new_recordings(run, paths, reading, gain_deviation=gain_deviation)
+    carrier = [each.name for each in run.robot.links].index(place.link)
+    new_recordings = load_new_recordings(run, paths, reading, gain_deviation=gain_deviation, loaded=carrier)
     own = new_recordings.changing & (not same_friction)
-    joined = stack_problems(
-        new_recordings.earlier, run.estimate.fit, new_recordings.new, own, place.columns, new_recordings.samples
-    )
     deviation = new_recordings.new.scale_deviation
-    if known is None:
-        load, gains = estimate_payload(joined), None
-    else:
-        load, gains = estimate_gains(joined, known, np.where(deviation > 0.0, deviation, np.inf))
-    misfit, unexplained = fit_finding(new_recordings, place, own, known)
+    try:
+        joined = stack_problems(
+            new_recordings.earlier, run.estimate.fit, new_recordings.new, own, place.columns, new_recordings.samples
+        )
+        if known is None:
+            load, gains = estimate_payload(joined), None
+        else:
+            load, gains = estimate_gains(joined, known, np.where(deviation > 0.0, deviation, np.inf))
+        misfit, unexplained = fit_finding(new_recordings, place, own, known)
+    except EstimationError as error:
+        raise diagnosed_error(error, new_recordings.findings) from error
     findings = (
         *new_recordings.findings,
         *(() if unexplained is None else (unexplained,)),
@@ -259,7 +270,7 @@ def payload_record(payload: Payload) -> dict[str, Any]:
         "recordings": [
             {"path": each.choice.path, "sha256": each.recording.sha256} for each in payload.new_recordings.recordings
         ],
-        "warnings": [finding_record(finding) for finding in payload.findings],
+        **judgement_record(payload.findings),
     }
 
 

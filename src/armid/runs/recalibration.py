@@ -12,20 +12,20 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from armid.errors import ArmidError, Finding, StudyError
+from armid.doctor.checks.dynamics.rotor_inertia_missing import CODE as ROTOR_INERTIA_MISSING
+from armid.errors import ArmidError, EstimationError, Finding, StudyError
 from armid.estimation.estimate_record import Estimate, InputDigest
 from armid.estimation.update.recalibration import ParameterChange, recalibrate_fit
 from armid.estimation.whitened_system import minimum_norm_solution
 from armid.hashes import digest, sha256_of_file
 from armid.information.information import Information, stack, total
-from armid.measurement.recording import Recording
 from armid.runs.new_recordings import NewRecordings, link_columns, load_new_recordings
 from armid.runs.run import Run
 from armid.study.config import EstimationChoice, RecordingChoice, Study, parse_robot, resolve_model
+from armid.study.diagnosis import diagnosed_error
 from armid.study.identify import Result
-from armid.study.plausibility import few_blocks_finding, negative_finding
-from armid.study.recordings.processed import ProcessedRecording, process_each
-from armid.study.recordings.reading import read_choice
+from armid.study.plausibility import contradicted, few_blocks_finding, negative_finding
+from armid.study.recordings.processed import ProcessedRecording
 from armid.study.score_recordings import score_recordings
 from armid.threads import one_blas_thread
 from armid.validation.torque_errors import Score, validate
@@ -86,7 +86,7 @@ def recalibrate(
         ArmidError: The recordings do not fit the run, or do not determine the parameters.
     """
     began = time.perf_counter()
-    new_recordings = load_new_recordings(run, paths, reading)
+    new_recordings = load_new_recordings(run, paths, reading, held_out=held_out)
     tool = link_columns(run)[1] if changed == "tool" else None
     own = np.ones(new_recordings.base.count, dtype=np.bool_) if changed == "all" else new_recordings.changing
     if not own.any() and tool is None:
@@ -94,10 +94,13 @@ def recalibrate(
             f"By default only friction is estimated again, but the model of {run.folder} has no friction.",
             remedy="use --tool if the tool has changed, or --all to estimate all parameters again.",
         )
-    found = recalibrate_fit(
-        new_recordings.earlier, run.estimate.fit, new_recordings.new, own, tool, new_recordings.samples
-    )
-    unseen = process_each([_held_out(new_recordings, path) for path in held_out], run.processing, run.robot)
+    try:
+        found = recalibrate_fit(
+            new_recordings.earlier, run.estimate.fit, new_recordings.new, own, tool, new_recordings.samples
+        )
+    except EstimationError as error:
+        raise diagnosed_error(error, new_recordings.findings) from error
+    unseen = new_recordings.held_out
     again = any(each.role == "earlier run" for each in run.estimate.made_from)
     estimate = replace(
         run.estimate,
@@ -134,7 +137,7 @@ def _result(
     run = new_recordings.run
     training, _ = score_recordings(run.model, estimate, new_recordings.recordings)
     scores, found = score_recordings(run.model, estimate, unseen)
-    validation = validate(run.robot.joint_names, scores, estimate)
+    validation = contradicted(validate(run.robot.joint_names, scores, estimate), new_recordings.findings)
     recordings = tuple(each.choice for each in (*new_recordings.recordings, *unseen))
     study = replace(_study(run), recordings=recordings)
     # The earlier training recordings took part in the estimate and must not validate it; their files may be missing.
@@ -144,22 +147,6 @@ def _result(
     )
     estimate = replace(estimate, findings=(*estimate.findings, *found))
     return Result(study, run.robot, run.model, information, estimate, validation, (*training, *known))
-
-
-def _held_out(new_recordings: NewRecordings, path: str) -> tuple[RecordingChoice, Recording]:
-    """Reads a validation recording that was not used for any estimate."""
-    choice = replace(new_recordings.recordings[0].choice, path=str(Path(path).absolute()), role="validate")
-    recording, _ = read_choice(choice, ".", new_recordings.run.robot)
-    if recording.sha256 in {
-        *new_recordings.run.trained_on,
-        *(each.recording.sha256 for each in new_recordings.recordings),
-    }:
-        raise StudyError(
-            f"{path} cannot be used for validation, because the same data are used for training (sha256 "
-            f"{recording.sha256[:12]}…).",
-            remedy="give a recording that was used neither by the run nor by the recalibration.",
-        )
-    return choice, recording
 
 
 def _study(run: Run) -> Study:
@@ -189,7 +176,9 @@ def _assumption_findings(new_recordings: NewRecordings, result: Result, changed:
     before = float(np.linalg.norm(new_recordings.run.estimate.fit.residual_rms[seen]))
     error = float(np.linalg.norm(new[seen]))
     larger = changed != "all" and error > SAME_ERROR * before
-    least = _least_error(new_recordings.new, seen) if larger else 0.0
+    told = new_recordings.findings
+    faults = dict.fromkeys(f.code for f in told if f.severity == "error" or f.code == ROTOR_INERTIA_MISSING)
+    least = _least_error(new_recordings.new, seen) if larger and not faults else 0.0
     if larger and error <= SAME_ERROR * least:
         found.append(
             Finding(
@@ -210,8 +199,11 @@ def _assumption_findings(new_recordings: NewRecordings, result: Result, changed:
                 "warning",
                 "",
                 f"The torque error on the new recordings is {error:.3g}, but was {before:.3g} in the earlier "
-                "run, so other parameters than the estimated ones seem to have changed.",
-                f"try {further}.",
+                "run, so other parameters than the estimated ones seem to have changed"
+                + (", or the recordings have a fault." if faults else "."),
+                f"first see {', '.join(faults)}; an estimate of more parameters would hide it."
+                if faults
+                else f"try {further}.",
             )
         )
     fit = result.estimate.fit

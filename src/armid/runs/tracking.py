@@ -22,13 +22,19 @@ from armid.information.accumulate import accumulate_information
 from armid.information.information import Information, select
 from armid.measurement.observations import Observations, ObservedRun
 from armid.measurement.processing.pipeline import process_recordings
-from armid.measurement.recording import Recording
 from armid.model.parameter_name import ParameterName
 from armid.model.terms.rigid_body import rigid_body_units
-from armid.runs.new_recordings import load_columns, new_recording_findings, read_new_recordings
+from armid.runs.new_recordings import (
+    ReadRecording,
+    check_new_recordings,
+    load_columns,
+    new_recording_findings,
+    read_new_recordings,
+)
 from armid.runs.recalibration import Changed
 from armid.runs.run import Run
 from armid.study.progress import Progress, no_progress
+from armid.study.storage.records import judgement_record
 from armid.threads import one_blas_thread
 
 THRESHOLD = 3.0
@@ -69,7 +75,7 @@ class TrackedRun:
         before: RMS torque error in each block with the values of the run, shape (K, n) [N·m or N].
         normalized_innovation: Normalised innovation, shape (K, n).
         events: Blocks in which the normalised innovation exceeded `THRESHOLD`.
-        findings: Findings of run, reading and processing.
+        findings: Findings of run, reading, doctor and processing.
     """
 
     names: tuple[ParameterName, ...]
@@ -113,8 +119,10 @@ def track(
         raise StudyError(f"The times `memory` and `block` must be above 0 s; found {memory:g} s and {block:g} s.")
     tell = progress or no_progress
     tell("recordings", 0.0)
-    recordings, findings = read_new_recordings(run, paths, reading)
-    observations, found = _observed(run, [each for _, each in recordings], block)
+    recordings, read = read_new_recordings(run, paths, reading)
+    observations, found = _observed(run, recordings, block)
+    tell("doctor", 0.0)
+    findings = check_new_recordings(run, recordings, read, found)
     base = run.estimate.base
     tell("information", 0.0)
     new = accumulate_information(
@@ -142,7 +150,9 @@ def track(
     return _update_all(run, state, new, ends, lengths, units, (*new_recording_findings(run), *findings, *found), tell)
 
 
-def _observed(run: Run, recordings: Sequence[Recording], block: float) -> tuple[Observations, tuple[Finding, ...]]:
+def _observed(
+    run: Run, recordings: Sequence[ReadRecording], block: float
+) -> tuple[Observations, tuple[Finding, ...]]:
     """Observations of recordings in blocks of some seconds, without rows of joints at rest, and the findings."""
     # Periods averaged or taken together would hide what changes from one to the next.
     edges = "drop" if run.processing.edges == "periodic" else run.processing.edges
@@ -150,7 +160,7 @@ def _observed(run: Run, recordings: Sequence[Recording], block: float) -> tuple[
     standstill = "keep" if run.processing.standstill == "keep" else "moving"
     processing = replace(run.processing, edges=edges, average=False, standstill=standstill)
     limits = [joint.effort_limit for joint in run.robot.joints]
-    observed, found = process_recordings(recordings, processing, effort_limits=limits)
+    observed, found = process_recordings([each for _, each in recordings], processing, effort_limits=limits)
     if not any(one.mask.any() for one in observed.runs):
         raise StudyError(
             "The recordings have no row in which a joint moves, and joints at rest do not show their friction.",
@@ -234,6 +244,7 @@ def track_record(found: TrackedRun) -> dict[str, Any]:
         "error_of_the_run": found.before,
         "surprise": found.normalized_innovation,
         "events": [{"time": e.time, "joint": e.joint, "surprise": e.normalized_innovation} for e in found.events],
+        **judgement_record(found.findings),
     }
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from armid.doctor import CHECKS, SEVERITIES, LogEvidence, checks_of, effects, examine, explanations_of
 from armid.doctor.check_definition import Scope
 from armid.doctor.checks.signals.motor_side import explain as explain_scale
+from armid.doctor.known_links import KnownLinks
 from armid.doctor.position_unit import reconsidered
 from armid.errors import ArmidError, EstimationError, Finding, RecordingError
 from armid.measurement.convention_conversion import to_robot_convention, understood
@@ -183,6 +184,7 @@ def findings_of_each(
     recordings: Sequence[tuple[RecordingChoice, Recording]],
     read: Sequence[Sequence[Finding]],
     trained: Sequence[Finding] = (),
+    known_links: KnownLinks | None = None,
 ) -> list[tuple[int, Finding]]:
     """Findings of the reader and of the doctor, each with the index of its recording.
 
@@ -191,6 +193,7 @@ def findings_of_each(
         recordings: Recordings with their roles.
         read: Findings of the reader on each recording.
         trained: Findings about all training recordings together, which are not repeated.
+        known_links: Links that are compared with the recordings instead of those of the description.
     """
     common = {finding.code for finding in trained if finding.severity != "info"}
     known_codes = [
@@ -200,7 +203,7 @@ def findings_of_each(
     ]
     of_readers = [(k, finding) for k, found in enumerate(read) for finding in found]
     kinds = [_kind(choice) for choice, _ in recordings]
-    return _told_once([*of_readers, *run_checks(model, recordings, known_codes)], kinds)
+    return _told_once([*of_readers, *run_checks(model, recordings, known_codes, known_links)], kinds)
 
 
 def merged(recordings: Sequence[RecordingChoice], findings: Sequence[tuple[int, Finding]]) -> list[Finding]:
@@ -214,6 +217,7 @@ def run_checks(
     model: DynamicsModel,
     recordings: Sequence[tuple[RecordingChoice, Recording]],
     known_codes: Sequence[Collection[str]] = (),
+    known_links: KnownLinks | None = None,
 ) -> list[tuple[int, Finding]]:
     """Checks recordings during an identification, before the estimate, or for a run.
 
@@ -221,6 +225,7 @@ def run_checks(
         model: Arm and torque terms of the study.
         recordings: Recordings with their roles.
         known_codes: Codes of findings that are already reported for each recording.
+        known_links: Links that are compared with the recordings instead of those of the description.
 
     Returns:
         Index of a recording and a finding about it.
@@ -236,7 +241,9 @@ def run_checks(
         explains, checks = explanations_of(), checks_of(("recording", "format"))
         if kind in faulty and choice.role == "train":
             explains, checks = explains if faulty[kind] else explanations_of(each_alone), checks_of(each_alone)
-        evidence = reconsidered(LogEvidence(model.robot, recording, choice.reading, recording, (), model, explains))
+        evidence = reconsidered(
+            LogEvidence(model.robot, recording, choice.reading, recording, (), model, explains, known=known_links)
+        )
         known = known_codes[k] if known_codes else ()
         found = (*evidence.noted, *examine(evidence, checks))
         result += [(k, finding) for finding in found if finding.code not in known]

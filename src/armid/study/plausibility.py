@@ -284,6 +284,20 @@ def negative_finding(model: DynamicsModel, fit: Fit) -> Finding | None:
     )
 
 
+def contradictions(findings: Sequence[Finding]) -> tuple[Check, ...]:
+    """Failed checks, one for each kind of error in the recordings; empty if they have no error.
+
+    Args:
+        findings: Findings on the recordings.
+    """
+    codes = {*effects(), "recordings-disagree"}
+    errors = [each.code for each in findings if each.severity == "error" and each.code in codes]
+    return tuple(
+        Check(f"errors in the recordings ({code})", float(errors.count(code)), 0.0, False)
+        for code in dict.fromkeys(errors)
+    )
+
+
 def contradicted(validation: Validation, findings: Sequence[Finding]) -> Validation:
     """Validation that fails if there is a finding of severity `error` about the recordings.
 
@@ -294,12 +308,7 @@ def contradicted(validation: Validation, findings: Sequence[Finding]) -> Validat
         validation: Scores, checks and verdict.
         findings: Findings on the recordings.
     """
-    codes = {*effects(), "recordings-disagree"}
-    errors = [each.code for each in findings if each.severity == "error" and each.code in codes]
-    if not errors:
+    checks = contradictions(findings)
+    if not checks:
         return validation
-    checks = [
-        Check(f"errors in the recordings ({code})", float(errors.count(code)), 0.0, False)
-        for code in dict.fromkeys(errors)
-    ]
     return replace(validation, verdict="fail", checks=(*validation.checks, *checks))

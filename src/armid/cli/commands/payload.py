@@ -94,6 +94,8 @@ def payload(
     if path is not None and not json:
         sys.stdout.write(f"\nwritten to {path}\n")
     print_findings(found.findings)
+    if found.contradictions:
+        raise typer.Exit(1)
 
 
 def _report(payload: Payload) -> None:
@@ -101,11 +103,12 @@ def _report(payload: Payload) -> None:
     from rich.markup import escape
     from rich.table import Table
 
-    from armid.cli.console import output_console
+    from armid.cli.console import output_console, print_contradictions
     from armid.cli.identification_result import intervals_line
     from armid.runs.payload import payload_record
 
     console, record = output_console(), payload_record(payload)
+    print_contradictions(console, payload.contradictions)
     console.print(_body(payload))
     if payload.load.distance > 0.0:
         console.print(

@@ -53,6 +53,7 @@ def track(
     from armid.runs.run import load_run
     from armid.runs.tracking import track as stage
     from armid.runs.tracking import track_record, track_table
+    from armid.study.plausibility import contradictions
     from armid.study.storage.atomic_folder import refuse, whole_folder
     from armid.study.storage.records import to_json
 
@@ -75,10 +76,12 @@ def track(
             replace_file(draft / "track.json", to_json(record) + "\n")
     if json:
         sys.stdout.write(to_json(record) + "\n")
-        return
-    _report(earlier, tracked, tool=tool)
-    if out is not None:
-        sys.stdout.write(f"\ntrack written to {out}\n")
+    else:
+        _report(earlier, tracked, tool=tool)
+        if out is not None:
+            sys.stdout.write(f"\ntrack written to {out}\n")
+    if contradictions(tracked.findings):
+        raise typer.Exit(1)
 
 
 def _report(run: Run, tracked: TrackedRun, *, tool: bool) -> None:
@@ -87,9 +90,11 @@ def _report(run: Run, tracked: TrackedRun, *, tool: bool) -> None:
     from rich.markup import escape
     from rich.table import Table
 
-    from armid.cli.console import output_console
+    from armid.cli.console import output_console, print_contradictions
+    from armid.study.plausibility import contradictions
 
     console = output_console()
+    print_contradictions(console, contradictions(tracked.findings))
     table = Table(title=f"{escape(run.robot.name)}: torque error, all joints, and estimates")
     shown = ["M", "MX", "MY", "MZ"] if tool else _most_changed(run, tracked, 4)
     at = [tracked.names.index(name) for name in shown]

@@ -21,6 +21,7 @@ from armid.estimation.standard_parameter_resolution import StandardFit
 from armid.measurement.log_format import LogFormat
 from armid.model.base_formulas import base_formulas, groupings
 from armid.study.config import Study
+from armid.study.plausibility import contradictions
 from armid.validation.torque_errors import Validation
 
 LIST_OF_NUMBERS = re.compile(r'\[\n([^][{}"]*?)\n *\]')
@@ -212,6 +213,12 @@ def finding_record(finding: Finding) -> dict[str, Any]:
         "remedy": finding.remedy,
         "message": message,
     }
+
+
+def judgement_record(findings: Sequence[Finding]) -> dict[str, Any]:
+    """Findings on recordings that no validation judges, with the verdict `fail` if one is an error."""
+    verdict = "fail" if contradictions(findings) else "not judged"
+    return {"verdict": verdict, "warnings": [finding_record(finding) for finding in findings]}
 
 
 def validation_record(validation: Validation) -> dict[str, Any]:

@@ -57,15 +57,16 @@ def check(evidence: LogEvidence) -> list[Finding]:
         return []
     larger = f", and the measured torque is about {typical:.2g} times as large" if typical > LARGE else ""
     listed = ", ".join(f"{names[j]} {nominal.correlation[j]:.2f}" for j in np.flatnonzero(compared))
+    cause = f"The log or {state.reference} is of another arm, the torque is without gravity, or springs or weights "
+    cause += f"are missing in {state.reference}."
     return [
         Finding(
             CODE,
             "error" if larger else "warning",
             "",
-            "The torque does not have the shape of the torque of the description: beside friction and rotor inertia "
-            f"they correlate with {alike:.2f} ({listed}){larger}. The log or the description is of another arm, "
-            "the torque is without gravity, or springs or weights are missing in the description.",
-            "find out if the description is that of the recorded arm, and if the torque contains gravity",
+            f"The torque does not have the shape of the torque of {state.reference}: beside friction and rotor "
+            f"inertia they correlate with {alike:.2f} ({listed}){larger}. {cause}",
+            f"find out if {state.reference} is that of the recorded arm, and if the torque contains gravity",
         )
     ]
 

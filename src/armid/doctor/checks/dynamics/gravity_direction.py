@@ -93,7 +93,7 @@ def explain(state: LogState) -> Explanation | None:
         return _by_description(state, judged, strength)
     numbers = ", ".join(f"{x + 0.0:.4g}" for x in np.round(g, 2))
     model = _turned(state, g)
-    after = LogState(model, find_base_parameters(model), state.log)
+    after = LogState(model, find_base_parameters(model), state.log, state.known)
     return Explanation(
         CODE,
         max(state.fit.cost - after.fit.cost, OPPOSITE),
@@ -117,7 +117,7 @@ def _by_description(state: LogState, judged: LogState, strength: float) -> Expla
         judged: The log with the rows on which directions are compared.
         strength: Norm of gravity [m/s²].
     """
-    if judged.nominal is None or judged.rows.n > FEW:
+    if judged.nominal is None or judged.rows.n > FEW or judged.known is not None:  # a load agrees with any gravity
         return None
     loaded = int(np.argmax(judged.nominal.size))
     now = float(judged.nominal.correlation[loaded])
@@ -125,7 +125,7 @@ def _by_description(state: LogState, judged: LogState, strength: float) -> Expla
         return None
     candidates: list[tuple[float, tuple[float, ...], LogState]] = []
     for g in np.vstack([np.eye(3), -np.eye(3)]) * strength:
-        after = LogState(_turned(judged, g), judged.base, judged.log)
+        after = LogState(_turned(judged, g), judged.base, judged.log, judged.known)
         after.__dict__["rows"] = judged.rows  # torque and friction, which no gravity changes
         if after.nominal is not None:
             candidates.append((float(after.nominal.correlation[int(np.argmax(after.nominal.size))]), tuple(g), after))
@@ -139,12 +139,12 @@ def _by_description(state: LogState, judged: LogState, strength: float) -> Expla
         OPPOSITE,
         "error",
         "",
-        f"The correlation of the torque with the torque of the description is {now:.2f}, but {best:.2f} if gravity "
-        "is "
+        f"The correlation of the torque with the torque of {judged.reference} is {now:.2f}, but {best:.2f} if "
+        "gravity is "
         f"({', '.join(f'{x + 0.0:.4g}' for x in g)}) m/s²; "
         "joint zeros that are rotated by the same angle would have the same effect.",
         lambda _: _remedy((np.array(g), *rivals)),
-        LogState(model, find_base_parameters(model), state.log),
+        LogState(model, find_base_parameters(model), state.log, state.known),
     )
 
 

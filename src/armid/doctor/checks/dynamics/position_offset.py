@@ -112,7 +112,7 @@ def _explanation(state: LogState, judged: LogState) -> Explanation | None:
         ", ".join(names[j] for j in np.flatnonzero(sure)),
         f"With offsets of {listed} rad added to the positions, the residual{where} is "
         f"{1 - np.exp(-max(gain, 0.0)):.0%} smaller"
-        + (", and the masses agree better with the description." if known else "."),
+        + (f", and the masses agree better with {state.reference}." if known else "."),
         lambda evidence: lines(joint_offset=np.round(_given(evidence, state.rows.n) + only, 3) + 0.0),
         corrected,
     )
@@ -156,8 +156,8 @@ def offsets_of(state: LogState) -> tuple[Array, Array, LogState]:
 def _prior(state: LogState) -> tuple[Array, Array]:
     """Prior from the description: precision (b, b) and base parameters (b,); zeros if it contains no inertias."""
     b, model = state.base.count, state.model
-    theta = model.nominal_parameters()
-    if theta is None:
+    theta = state.described
+    if theta is None or (state.known is not None and (state.known.bodies[:, 0] <= 0.0).any()):  # not real bodies
         return np.zeros((b, b)), np.zeros(b)
     deviation = np.full(len(theta), FREE)
     for columns in model.inertial_columns.reshape(-1, 10):
@@ -166,6 +166,9 @@ def _prior(state: LogState) -> tuple[Array, Array]:
         deviation[columns[1:4]] = MASS * np.abs(body[1:4]) + SPREAD * body[0]
         shift = SPREAD * (2.0 * float(np.linalg.norm(body[1:4])) + SPREAD * body[0])  # shift of the centre
         deviation[columns[4:]] = INERTIA * np.abs(body[4:]).max() + shift
+    if state.known is not None and state.known.loaded is not None:
+        own = model.inertial_columns.reshape(-1, 10)[state.known.loaded]
+        deviation[own] = np.hypot(deviation[own], state.known.usual_load)
     deviation = np.maximum(deviation, 1e-6)
     spread = state.base.regrouping * deviation
     covariance = spread @ spread.T

@@ -24,6 +24,10 @@ GAIN = 0.04
 SURE = 8.0
 """Number of standard deviations by which a rotor inertia must be positive."""
 
+MISSES = float(np.log(2.0))
+"""The same for an error in a recording that is compared with a run: half of what the model of the run misses is rotor
+inertia, which then counts as friction, load or links."""
+
 ADDED = "armid identify adds rotor inertia where the study names no terms."
 
 
@@ -44,15 +48,16 @@ def check(evidence: LogEvidence) -> list[Finding]:
     shown = next((found for each in judged if (found := _rotors(each)) is not None), None)
     if shown is None:
         return []
-    joints, text = shown
+    joints, text, gain = shown
     if evidence.model is None:
         return [Finding(CODE, "info", ", ".join(joints), f"{text} {ADDED}")]
     remedy = lines(table="model", terms=[*_term_names(evidence), "rotor-inertia"])
-    return [Finding(CODE, "warning", ", ".join(joints), text, remedy)]
+    misses = evidence.known is not None and gain > MISSES
+    return [Finding(CODE, "error" if misses else "warning", ", ".join(joints), text, remedy)]
 
 
-def _rotors(state: LogState) -> tuple[list[str], str] | None:
-    """Joints with rotor inertia and a sentence about it; `None` where the rows do not show any."""
+def _rotors(state: LogState) -> tuple[list[str], str, float] | None:
+    """Joints with rotor inertia, a sentence about it and the gain by it; `None` where the rows do not show any."""
     without = _without_rotors(state)
     gain = solve(without).cost - state.fit.cost
     values, deviation = state.fit.values, state.fit.deviation
@@ -66,7 +71,7 @@ def _rotors(state: LogState) -> tuple[list[str], str] | None:
         return None
     listed = ", ".join(f"{state.base.names[k]} {values[k]:.3g} ± {deviation[k]:.1g}" for k in shown)
     text = f"With rotor inertia the residual is {1 - np.exp(-gain):.0%} smaller: {listed} kg·m². {trial}"
-    return [symbols[k].joint for k in shown], text
+    return [symbols[k].joint for k in shown], text, float(gain)
 
 
 def _term_names(evidence: LogEvidence) -> list[str]:

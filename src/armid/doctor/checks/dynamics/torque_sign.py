@@ -95,7 +95,7 @@ def _evidence(state: LogState, wrong: NDArray[np.intp], gain: float) -> str:
     if state.nominal is not None:
         j = int(np.argmax(np.where(np.isin(np.arange(state.rows.n), wrong), state.nominal.size, -1.0)))
         text += (
-            f"; the correlation of the torque of {names[j]} with the torque of the description is "
+            f"; the correlation of the torque of {names[j]} with the torque of {state.reference} is "
             f"{state.nominal.correlation[j]:.2f}"
         )
     return f"{text}."

@@ -69,12 +69,12 @@ APART = 0.1
 one factor for all joints it was below 0.01; with factors that differ by half it was up to 1.0."""
 
 MOTOR_NOTE = (
-    "gear ratios estimated from the gravity torque of the description; positions are joint positions; use the "
+    "gear ratios estimated from the gravity torque of {reference}; positions are joint positions; use the "
     "maker's values"
 )
-CURRENT_NOTE = "N·m/A, estimated from the gravity torque of the description; use the maker's values"
+CURRENT_NOTE = "N·m/A, estimated from the gravity torque of {reference}; use the maker's values"
 UNIT_NOTE = "N·m per unit of the log"
-ESTIMATED_NOTE = f"{UNIT_NOTE}, estimated from the description; use the maker's values"
+ESTIMATED_NOTE = f"{UNIT_NOTE}, estimated from {{reference}}; use the maker's values"
 
 
 def check(evidence: LogEvidence) -> list[Finding]:
@@ -122,14 +122,15 @@ def _small_share(state: LogState, known: NDArray[np.bool_], typical: float) -> E
     names = state.model.robot.joint_names
     listed = ", ".join(f"{names[j]} 1/{1 / abs(nominal.scale[j]):.3g}" for j in np.flatnonzero(known))
     motor = typical < MOTOR_SCALE
+    note = (MOTOR_NOTE if motor else CURRENT_NOTE).format(reference=state.reference)
     gains = [float(f"{1 / s:.3g}") for s in scale]
     return Explanation(
         MOTOR if motor else CURRENT,
         10.0,  # corrected first, since all other numbers depend on the unit
         "error",
         "effort",
-        f"The effort has the shape of the torque of the description, but is only a small share of it: {listed}.",
-        lambda evidence: _gains(evidence, gains, MOTOR_NOTE if motor else CURRENT_NOTE, deviations),
+        f"The effort has the shape of the torque of {state.reference}, but is only a small share of it: {listed}.",
+        lambda evidence: _gains(evidence, gains, note, deviations),
         after,
     )
 
@@ -151,11 +152,11 @@ def _other_unit(state: LogState, known: NDArray[np.bool_], typical: float) -> Ex
     names = state.model.robot.joint_names
     loaded = int(np.argmax(nominal.size))
     what = (
-        f"The effort has the shape of the torque of the description, but is {typical:.3g} times as large (median of "
-        f"the joints; {names[loaded]}: {nominal.scale[loaded]:.3g})."
+        f"The effort has the shape of the torque of {state.reference}, but is {typical:.3g} times as large (median "
+        f"of the joints; {names[loaded]}: {nominal.scale[loaded]:.3g})."
     )
     unit = next((u for u in UNITS if 1.0 / NEAR_UNIT < typical / u[0] < NEAR_UNIT), None)
-    masses = f"the masses of the description are too {'small' if typical > 1.0 else 'large'}"
+    masses = f"the masses of {state.reference} are too {'small' if typical > 1.0 else 'large'}"
     if unit is not None:
         gains, note, deviations = np.full(state.rows.n, 1.0 / unit[0]), UNIT_NOTE, None
         what += f" It is probably in {unit[1]}, unless {masses}."
@@ -163,7 +164,7 @@ def _other_unit(state: LogState, known: NDArray[np.bool_], typical: float) -> Ex
         gains = np.full(state.rows.n, 1.0 / float(f"{typical:.2g}"))
         own = np.where(known, 1.0 / np.abs(np.where(known, nominal.scale, 1.0)), gains)
         apart = state.conflict - state.with_torque(own).conflict > APART
-        gains, note = own if apart else gains, ESTIMATED_NOTE
+        gains, note = own if apart else gains, ESTIMATED_NOTE.format(reference=state.reference)
         deviations = _deviations(nominal.correlation, known)
         what += (
             " The factor fits no usual unit of torque: the effort may be in raw units of the drive, a motor current, "
@@ -184,7 +185,7 @@ def _other_unit(state: LogState, known: NDArray[np.bool_], typical: float) -> Ex
 
 def has_placeholder_masses(state: LogState) -> bool:
     """True if the masses of the description are placeholders, so that its torque has no known scale."""
-    theta = state.model.nominal_parameters()
+    theta = state.described
     if theta is None:
         return True
     masses = theta[state.model.inertial_columns].reshape(-1, 10)[:, 0]
