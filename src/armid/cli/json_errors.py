@@ -31,7 +31,7 @@ def write_error(problem: str, possible: str = "", remedy: str = "") -> None:
 
 
 class Group(TyperGroup):
-    """All commands; with `--json`, a wrong command line is a JSON object, too, beside the message of the parser."""
+    """All commands; with `--json`, a wrong command line gives a JSON object in addition to the parser's message."""
 
     def make_context(self, info_name: str | None, args: list[str], *rest: Any, **extra: Any) -> Any:
         """Parse what stands before the name of the command."""

@@ -67,7 +67,7 @@ class PhysicalEstimate:
         use: Kind and weight of the prior in the estimate.
         values: The estimate, shape (p,).
         gap: Duality gap of the solution; NaN if the estimator computes none.
-        basis: Derivatives of the parameters (p,) by each unknown, shape (p, x); the identity if not given.
+        basis: Derivative of the p parameters by the x unknowns, shape (p, x); the identity if not given.
         requirements: Requirements of the study on the parameters.
     """
 

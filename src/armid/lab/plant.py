@@ -1,4 +1,4 @@
-"""Simulated arm in MuJoCo, with a friction model of its own and drives that may be elastic.
+"""Simulated arm in MuJoCo, with the friction model of the lab and drives that may be elastic.
 
 MuJoCo computes the acceleration of the rigid bodies for given torques. Friction is applied as a torque, because
 MuJoCo's own friction is a soft constraint, whose sign also depends on the acceleration. The integrator is leapfrog,

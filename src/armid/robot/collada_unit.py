@@ -17,7 +17,7 @@ HEAD = 1 << 18
 
 
 def collada_unit(path: str) -> float:
-    """Unit of length of a Collada file [m]; 1 if the file names none, is no Collada file or cannot be read.
+    """Unit of length of a Collada file [m]; 1 if the file gives none, is not a Collada file or cannot be read.
 
     Args:
         path: Path of a mesh.

@@ -1,6 +1,6 @@
 """Use of visual geometry for links without collision geometry.
 
-Each link of the description is decided on its own, even if it is fixed to another one: the visual geometry of a
+Each link of the description is examined separately, even if it is fixed to another one: the visual geometry of a
 gripper is used although the wrist that carries it has collision geometry, and that of a base beside a table, too.
 """
 
@@ -15,7 +15,7 @@ from armid.robot.robot import Robot
 from armid.robot.shapes import Shape
 
 LIGHT = 0.01
-"""Mass below which a link without geometry is taken for a mere frame, which needs no collision check [kg]."""
+"""Mass below which a link without geometry counts as a frame, which needs no collision check [kg]."""
 
 
 def missing_bodies(robot: Robot) -> list[Finding]:

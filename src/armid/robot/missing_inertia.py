@@ -12,7 +12,8 @@ PLACEHOLDER = 0.01
 """Mass below which that of a moving link may be a placeholder [kg]: simulators refuse a mass of zero."""
 
 NEGLIGIBLE = 0.01
-"""Share of the heaviest link's mass below which it is one: the links of small arms weigh some grams, too."""
+"""Ratio to the mass of the heaviest link below which a mass is a placeholder: links of small arms may weigh only
+grams."""
 
 
 def placeholder_masses(masses: Array) -> NDArray[np.bool_]:

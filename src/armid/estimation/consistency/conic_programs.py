@@ -59,7 +59,7 @@ def nearest(feasible: Feasible, A: Array, y: Array, cost: Array, precision: Arra
     """Minimises ½ |A x - y|² + costᵀ x with x in the cones; returns the attempt with the smallest gap.
 
     Args:
-        feasible: Feasible set.
+        feasible: Feasible set, which contains the cones.
         A: Matrix of the least-squares problem, shape (rows, unknowns).
         y: Right-hand side, shape (rows,).
         cost: Linear cost, shape (unknowns,).

@@ -38,7 +38,7 @@ SMALLEST = 1e-7
 """Lower limit of the diagonal entries of a factor. Without it the search would not end if a body has no thickness."""
 
 FARTHEST = 4.0
-"""Upper limit of the norm of a step, in which a change of a logarithm counts as it is."""
+"""Upper limit of the norm of a step; its entries are changes of logarithms and of the other unknowns."""
 
 DAMPING = 1e-3
 """Initial damping, divided by the objective, for steps in logarithms."""
@@ -65,7 +65,8 @@ class LogCholesky:
 
     Attributes:
         prior: `mass`, as in `physical`, or `none`.
-        starts: Number of searches: the first begins at the description's bodies or plain ones, the others near there.
+        starts: Number of searches: the first begins with the bodies of the description, or with `PLAIN`; in the
+            others, these bodies are changed at random.
         seed: Seed of the other starts.
         evaluations: Largest number of evaluations of a search.
     """

@@ -199,8 +199,8 @@ def _weight_in_samples(rows: float, information: Information) -> tuple[float | N
     """Weight of the prior in independent samples under the selected model, or `None` and the reason.
 
     Args:
-        rows: The weight in rows.
-        information: Information for the selected model.
+        rows: Weight of the prior in units of one row.
+        information: Information about the selected model.
     """
     try:
         return rows / whiten(information).correlation, ""

@@ -10,9 +10,10 @@ Wᵀ g W. In direction i the block has g_i times the stored information. With a 
 
     f_i = min(1 - λ, RETURN g_i)
 
-of the information is forgotten in direction i; the rest of 1 - λ is kept as rows √(1 - λ - f_i) W_i. Where g_i ≥ (1 -
-λ) / RETURN, f_i = 1 - λ and forgetting is exponential; where the block has no information, nothing is forgotten.
-[Lai2024] switches between the two at a threshold; here the transition is linear.
+of the stored information is forgotten in direction i. A share λ is kept in the discounted factors, and the remaining
+share 1 - λ - f_i as rows √(1 - λ - f_i) W_i. Where g_i ≥ (1 - λ) / RETURN, f_i = 1 - λ and forgetting is exponential;
+where the block has no information, nothing is forgotten. [Lai2024] switches between the two at a threshold; here the
+transition is linear.
 """
 
 from __future__ import annotations
@@ -69,7 +70,7 @@ def discount(whole: Array, changing: NDArray[np.bool_], jump: Array) -> Array:
 
     Args:
         whole: All stored information, which determines all parameters, as in `retained_rows`.
-        changing: Parameters that may have changed, shape (b,).
+        changing: Mask of the parameters that may have changed, shape (b,).
         jump: Standard deviations of the change, shape (b,); those of the other parameters are not used.
     """
     c = int(changing.sum())

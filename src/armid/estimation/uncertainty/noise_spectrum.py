@@ -176,7 +176,7 @@ class NoiseModel:
         return packed.reshape(-1, len(scale)), variances
 
     def _diagonal(self) -> Array:
-        """Traces tr(E_a E_c), which are not zero only for levels of the same pair."""
+        """Traces tr(E_a E_c), which are zero for levels of different pairs of joints."""
         count = self.bands.count[:, *self.pairs] * self.multiplicity
         B, P = len(self.basis), count.shape[1]
         result = np.zeros((B, P, B, P))

@@ -139,7 +139,7 @@ def _chosen(
 
 
 def _groups(names: Sequence[str], labels: Sequence[str], *, matrices: bool) -> list[_Group]:
-    """Columns grouped by quantity and form of the name; a second column of a channel starts a group of its own."""
+    """Columns grouped by quantity and form of the name; a second column of a channel starts a separate group."""
     found: dict[_Form, dict[Channel, ColumnName]] = {}
     for column in dict.fromkeys(names):
         for each in named(column, labels):
@@ -159,7 +159,7 @@ def _groups(names: Sequence[str], labels: Sequence[str], *, matrices: bool) -> l
 
 
 def _without_indices(found: Mapping[_Form, dict[Channel, ColumnName]]) -> dict[_Form, dict[Channel, ColumnName]]:
-    """Groups of columns, joined where only an index beside the names of different joints sets their forms apart.
+    """Groups of columns; groups are joined if only an index beside the names of different joints differs.
 
     The name of a joint decides: `wrist_1_joint_4_pos` is a position of `wrist_1_joint`. Groups with columns of the
     same joint stay apart, since their numbers then distinguish two sensors of a joint.

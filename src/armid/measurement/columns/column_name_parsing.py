@@ -235,7 +235,7 @@ def named(column: str, labels: Sequence[str]) -> list[ColumnName]:
 
 
 def clock_of(column: str) -> Clock | None:
-    """Interpretation of a name as that of a time column; `None` if it does not name one."""
+    """Interpretation of a column's name as a clock; `None` if the name is not that of a clock."""
     text, unit = split_time(column)
     parts = words(text)
     ranks = [CLOCKS[word] for word in parts if word in CLOCKS]

@@ -231,7 +231,7 @@ def _remedy(
 
 
 def _in_order(found: Mapping[str, str], joints: Collection[str]) -> list[str]:
-    """Columns of a quantity in the order of the joints; none where one is missing."""
+    """Columns of a quantity in the order of the joints; empty if one is missing."""
     return [found[joint] for joint in joints] if all(joint in found for joint in joints) else []
 
 

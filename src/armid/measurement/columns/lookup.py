@@ -32,7 +32,7 @@ DEFAULTS: Mapping[str, tuple[str, ...]] = {
     "ddq": ("ddq{}", "qdd{}", "ddq", "qdd"),
     "effort": ("tau{}", "effort{}", "torque{}", "tau", "effort", "torque", "i{}"),
 }
-"""Names that are tried, in this order, if the log format gives none; `{}` counts from 1."""
+"""Names that are tried, in this order, if the log format gives none; `{}` stands for the numbers 1, 2, …."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,9 +42,9 @@ class Selection:
     Attributes:
         time: Names of the time columns: none, one, or two (seconds and nanoseconds).
         q: Names of the position columns, one for each channel, or the name of one matrix.
-        dq: The same for velocities; empty if there are none.
-        ddq: The same for accelerations; empty if there are none.
-        effort: The same for efforts; empty if there are none.
+        dq: Names of the velocity columns, as for `q`; empty if there are none.
+        ddq: Names of the acceleration columns, as for `q`; empty if there are none.
+        effort: Names of the effort columns, as for `q`; empty if there are none.
         guessed: Fields of the log format that were guessed from the names of the columns.
         findings: Findings about the guesses.
     """

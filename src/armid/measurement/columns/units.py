@@ -31,7 +31,8 @@ AMPERE = re.compile(r".+[_\s.-]A")
 def hold_current(effort: Sequence[str], q: Sequence[str] = ()) -> bool:
     """Tests whether columns of effort hold motor currents, by their units or words.
 
-    A last letter A is the unit if all columns of effort have it besides the joint, and no position has it.
+    A final letter A is the unit ampere if all columns of effort have it in addition to the joint, and no column of
+    positions has it.
 
     Args:
         effort: Columns of effort.

@@ -148,9 +148,10 @@ def _named(mesh: ET.Element) -> str:
 def inertia_of_triangles(corners: Array, mode: str) -> Array:
     """Ten inertial parameters, at density 1, of the body that triangles bound, shape (10,).
 
-    The body is the sum of pyramids from a common point to the triangles; that of a shell, the triangles themselves.
-    MuJoCo takes the pyramids of `legacy` as positive, so that the sum depends on the point: for the centre of mass it
-    is the centroid of the surface, for mass and inertia the centre of mass.
+    The body is the sum of pyramids from a common point to the triangles; a shell consists of the triangles
+    themselves. In the mode `legacy`, MuJoCo counts all volumes of pyramids as positive, so the sum depends on the
+    common point. For the centre of mass this point is the centroid of the surface; for mass and inertia it is the
+    centre of mass.
 
     Args:
         corners: Corners of each triangle, counterclockwise from outside, shape (F, 3, 3) [m].

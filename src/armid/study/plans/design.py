@@ -100,7 +100,7 @@ def design_plan(
 def _searched(
     problem: DescentProblem, budget: SearchBudget, executor: Executor | None, progress: Progress | None
 ) -> Search:
-    """Search in the given processes, or in processes of its own.
+    """Runs the search in the given processes, or starts processes for it.
 
     Raises:
         KeyboardInterrupt: The user has stopped it, and does not wait for a certificate of the best plan so far.

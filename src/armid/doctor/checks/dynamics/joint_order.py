@@ -249,7 +249,7 @@ def _remedy(evidence: LogEvidence, order: _Order) -> str:
 
 
 def _renamed(evidence: LogEvidence, order: NDArray[np.intp]) -> str | None:
-    """Line of a study that assigns all quantities of the channels to other joints; `None` where it is unknown.
+    """Line of a study that assigns all quantities of the channels to other joints; `None` if it is unknown.
 
     Named channels are those of messages, numbered ones those of matrices.
     """

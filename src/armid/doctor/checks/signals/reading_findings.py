@@ -50,7 +50,7 @@ the doctor checks processing itself."""
 
 
 def check(evidence: LogEvidence) -> list[Finding]:
-    """Reports the findings of these codes, each once."""
+    """Reports the findings of these codes without repetitions."""
     return list(dict.fromkeys(finding for finding in evidence.noted if finding.code in {*EFFECTS, *OF_OTHERS}))
 
 
