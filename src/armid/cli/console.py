@@ -125,7 +125,7 @@ def _shortened(finding: Finding) -> Finding:
     """Finding for the terminal: information that has a short form is printed in one line."""
     if finding.severity != "info" or finding.code not in SHORT_FORMS:
         return finding
-    return replace(finding, channel="", evidence=SHORT_FORMS[finding.code], remedy="")
+    return replace(finding, channel="", evidence=min(SHORT_FORMS[finding.code], finding.evidence, key=len), remedy="")
 
 
 def to_paste(remedy: str) -> bool:

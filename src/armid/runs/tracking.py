@@ -262,6 +262,6 @@ def track_table(found: TrackedRun) -> str:
         delimiter=",",
         header=",".join(names),
         comments="",
-        fmt="%.10g",
+        fmt=["%.15g", *["%.10g"] * (len(names) - 1)],  # a clock in seconds since 1970 needs the digits
     )
     return text.getvalue()

@@ -115,6 +115,8 @@ def test_guessed_columns_take_one_line_unless_they_are_doubted_or_asked_for(caps
     print_findings(guessed)
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith("info columns-guessed") and "armid doctor" in line
+    print_findings([Finding("columns-guessed", "info", "", "The time column was chosen by its name: time is x.", "")])
+    assert "The time column was chosen by its name: time is x." in capsys.readouterr().err
     print_findings(guessed, whole=True)
     assert str(remedy) in capsys.readouterr().err
     print_findings([replace(guessed[0], severity="warning")])

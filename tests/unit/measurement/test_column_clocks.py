@@ -46,6 +46,7 @@ def test_what_has_a_unit_of_time_and_grows_is_the_clock(tmp_path, name, unit):
     assert raw.columns["time"] == (name,)
     np.testing.assert_allclose(settled.time, T, atol=1e-12)
     assert [finding.code for finding in raw.findings] == ["columns-guessed"]
+    assert raw.findings[0].evidence.startswith("The time column was chosen by its name: time is ")
     # What is pasted reads the same.
     np.testing.assert_allclose(read(path, **tomllib.loads(raw.findings[0].remedy))[1].time, T, atol=1e-12)
 

@@ -24,6 +24,13 @@ def test_a_gap_splits_the_run_and_is_named():
         assert np.abs(run.motion.dq - motion(run.motion.time)[1]).max() < 1e-2
 
 
+def test_a_gap_is_told_from_the_start_of_the_log():
+    t = np.r_[clock(5.0), 5.16 + clock(6.0)]
+    for start in (0.0, 1.7e9):  # seconds since 1970 are those of most clocks of computers
+        _, (finding,) = process_recording(recording(start + t), ProcessingOptions(family="none"))
+        assert "from 4.99 s after the start of the log" in finding.evidence
+
+
 def test_a_short_step_is_no_gap_for_a_low_cutoff_but_one_for_none():
     t = np.delete(clock(10.0), slice(500, 501))  # one sample lost: 20 ms, a tenth of a period of 5 Hz
     runs, findings = process_recording(recording(t), ProcessingOptions())

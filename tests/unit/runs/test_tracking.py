@@ -138,6 +138,18 @@ def test_the_table_and_the_record_hold_every_block(run: Run, tmp_path: Path):
     assert float(rows[-1].split(",")[1]) == pytest.approx(record["parameters"][0]["value"][-1], rel=1e-9)
 
 
+def test_times_since_1970_keep_their_digits(run: Run, tmp_path: Path):
+    log = moved(small_arm(), 2, 1).recording
+    assert log.time is not None
+    path = write_recording(replace(log, time=log.time + 1.7e9), tmp_path / "log.npz")
+    found = track(run, [str(path)], {})
+    times = [float(row.split(",")[0]) for row in track_table(found).splitlines()[1:]]
+    np.testing.assert_allclose(
+        times, found.time, rtol=0.0, atol=1e-5
+    )  # a table with tenths of seconds misses by 0.05
+    assert not [each.code for each in found.findings if each.severity == "error"]
+
+
 @pytest.mark.parametrize(("memory", "block"), [(0.0, 1.0), (30.0, 0.0), (30.0, np.inf)])
 def test_times_that_are_none_are_refused(run: Run, memory: float, block: float):
     with pytest.raises(ArmidError, match="above 0 s"):

@@ -110,6 +110,9 @@ def _report(payload: Payload) -> None:
     console, record = output_console(), payload_record(payload)
     print_contradictions(console, payload.contradictions)
     console.print(_body(payload))
+    if payload.place.frame == payload.new_recordings.run.robot.tip.name:
+        link, frame = escape(payload.place.link), escape(payload.place.frame)
+        console.print(f"the load is on the link {link}, which carries the tip frame {frame}; --link names another")
     if payload.load.distance > 0.0:
         console.print(
             "the nearest physically consistent body; the unconstrained estimate is "

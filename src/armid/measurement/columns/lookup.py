@@ -246,7 +246,9 @@ def _findings(
 ) -> tuple[Finding, ...]:
     """Findings about guessed columns and units, with the lines of a study that state them."""
     units = stated_units(chosen, contradicted)
-    sentences = [f"The columns were chosen by their names: {'; '.join(guess.reasons)}."] if guess.columns else []
+    chosen_by = "The time column was chosen by its name" if set(guess.columns) == {"time"} else ""
+    chosen_by = chosen_by or "The columns were chosen by their names"
+    sentences = [f"{chosen_by}: {'; '.join(guess.reasons)}."] if guess.columns else []
     sentences += [f"The units were taken from the names of the columns: {units}."] if units else []
     sentences += [doubt] if doubt else []
     if not sentences:

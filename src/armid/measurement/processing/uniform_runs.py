@@ -158,8 +158,8 @@ def stretches(recording: Recording, cutoff: float | None) -> tuple[list[Stretch]
             "clock-gap",
             "warning",
             recording.source,
-            f"There is no sample for {steps[border - 1]:.3g} s after t = {whole.time[border - 1]:.6g} s, "
-            f"which is {steps[border - 1] / median:.1f} times the median step.",
+            f"There is no sample for {steps[border - 1]:.3g} s, from {whole.time[border - 1] - whole.time[0]:.2f} s "
+            f"after the start of the log; this is {steps[border - 1] / median:.1f} times the median step.",
             "The run was split at this gap; nothing is filtered across it.",
         )
         for border in borders[1:-1]
