@@ -374,6 +374,22 @@ def test_what_is_built_on_a_failed_run_says_so(armid: Armid, tmp_path: Path):
     assert "earlier-run-failed" not in armid("payload", "run", "loaded.npz")[2]
 
 
+@pytest.mark.parametrize(
+    ("others", "severity"), [((), "info"), (("NRMSE of every joint below 1",), "warning")], ids=["gains", "more"]
+)
+def test_a_known_load_repairs_a_run_that_failed_for_its_gains_alone(
+    armid: Armid, tmp_path: Path, others: tuple[str, ...], severity: str
+):
+    failed = shutil.copytree("currents/run", tmp_path / "failed")
+    validation = json.loads((failed / "validation.json").read_text())
+    names = ("errors in the recordings (current-without-gain)", *others)
+    checks = [{"name": name, "value": 1.0, "bound": 0.0, "ok": False} for name in names]
+    (failed / "validation.json").write_text(json.dumps(validation | {"verdict": "fail", "checks": checks}))
+    err = armid("payload", failed, "currents/loaded.npz", "--mass", "0.8")[2]
+    assert f"{severity} earlier-run-failed" in err
+    assert "warning earlier-run-failed" in armid("payload", failed, "currents/loaded.npz")[2]
+
+
 def test_noise_of_new_recordings_is_not_taken_for_a_change(armid: Armid, tmp_path: Path):
     """A log of a lower rate has more noise in the band, which no parameter takes away; a changed tool still shows."""
     warm, tool = recorded(5, friction=0.6), recorded(6, load=True)

@@ -164,9 +164,10 @@ def _check_gains(recording: Recording, log_format: LogFormat) -> None:
             recording,
             f"the effort is a motor current [A]{by_name} but there is no drive gain to convert it to torque.",
             "give the torque at the joint per ampere [N·m/A] in [[recording]]: `drive_gain = […]`, one value for "
-            "each joint. If it is unknown, or if the values are a torque of unknown unit, give `drive_gain = 1` with "
-            "`drive_gain_deviation = 0.3`, and determine the gains afterwards with a load of known mass: armid "
-            "payload RUN LOG --mass KG. If the log has torques as well, name their columns under `columns`.",
+            "each joint. If it is unknown, `armid doctor` estimates it from the masses of the description, with its "
+            "`drive_gain_deviation`, as lines to paste; if the description has no masses, give `drive_gain = 1` with "
+            "`drive_gain_deviation = 10`. Afterwards, a load of known mass determines the gains: armid payload RUN "
+            "LOG --mass KG. If the log has torques as well, name their columns under `columns`.",
         )
 
 

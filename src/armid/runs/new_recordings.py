@@ -25,7 +25,7 @@ from armid.measurement.recording import Recording
 from armid.model.base_parameters import BaseParameters
 from armid.remedy import Remedy, setting
 from armid.robot.robot import Robot
-from armid.runs.run import Run
+from armid.runs.run import Run, failed_checks
 from armid.study.config import RecordingChoice
 from armid.study.diagnosis import findings_of_each, merged
 from armid.study.recordings.processed import ProcessedRecording, joined_observations, process_each
@@ -244,13 +244,14 @@ def new_recording_findings(run: Run) -> list[Finding]:
     """Findings that show why a run may be a bad basis."""
     if run.verdict != "fail":
         return []
+    named = "; ".join(["verdict fail", *failed_checks(run)])
     return [
         Finding(
             "earlier-run-failed",
             "warning",
             "",
-            f"The run {run.folder} did not pass its own validation (verdict fail), so results that are based "
-            "on it may be wrong.",
+            f"The run {run.folder} did not pass its own validation ({named}), so "
+            "results that are based on it may be wrong.",
             "read the report of the run, and identify the arm with a better motion first.",
         )
     ]

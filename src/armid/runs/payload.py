@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armid.checked_array import Array
+from armid.doctor.checks.signals.motor_side import CURRENT
 from armid.errors import EstimationError, Finding, StudyError
 from armid.estimation.update.payload import LOAD_NAMES, DriveGains, PayloadEstimate, estimate_gains, estimate_payload
 from armid.estimation.update.payload_misfit import PayloadMisfit
@@ -17,14 +18,17 @@ from armid.estimation.update.stacked_problem import stack_problems
 from armid.model.terms.rigid_body import rigid_body_units
 from armid.runs.new_recordings import NewRecordings, load_new_recordings
 from armid.runs.payload_link import PayloadLink, fit_finding, payload_link
-from armid.runs.run import Run
+from armid.runs.run import Run, failed_checks
 from armid.study.diagnosis import diagnosed_error
-from armid.study.plausibility import contradictions, few_blocks_finding
+from armid.study.plausibility import RECORDING_ERRORS, contradictions, few_blocks_finding
 from armid.study.storage.records import judgement_record
 from armid.validation.torque_errors import Check
 
 FAR = 3.0
 """Distance between estimate and nearest real body, in standard deviations, from which it is reported."""
+
+GAIN_ERROR = f"{RECORDING_ERRORS} ({CURRENT})"
+"""Failed check of a run whose cause a load of known mass removes."""
 
 FAR_GAIN = 4.0
 """Correction of a drive gain, in stated standard deviations, from which it is reported. With gains drawn from the
@@ -120,12 +124,25 @@ def find_payload(
     except EstimationError as error:
         raise diagnosed_error(error, new_recordings.findings) from error
     findings = (
-        *new_recordings.findings,
+        *(new_recordings.findings if known is None else _with_gains_sought(run, new_recordings.findings)),
         *(() if unexplained is None else (unexplained,)),
         *_payload_findings(new_recordings, load, gains),
     )
     given = np.zeros(10, dtype=np.bool_) if known is None else ~np.isnan(known)
     return Payload(new_recordings, place, load, misfit, given, gains, findings)
+
+
+def _with_gains_sought(run: Run, findings: Sequence[Finding]) -> list[Finding]:
+    """Findings about the new recordings, where a known load determines the gains for which the run failed."""
+    if run.verdict != "fail" or failed_checks(run) != [GAIN_ERROR]:
+        return list(findings)
+    evidence = (
+        f"The run {run.folder} did not pass its own validation, but only because its drive gains contradict the "
+        "masses of the description. The known load determines the gains."
+    )
+    remedy = "give the gains that were found as drive_gain in the study, and identify the arm again."
+    info = Finding("earlier-run-failed", "info", "", evidence, remedy)
+    return [info if each.code == "earlier-run-failed" else each for each in findings]
 
 
 def _known(run: Run, mass: float | None, com: tuple[float, float, float] | None, drive_gain: Any) -> Array | None:

@@ -216,6 +216,12 @@ def _damaged(folder: Path, error: Exception) -> ArmidError:
     )
 
 
+def failed_checks(run: Run) -> list[str]:
+    """Names of the checks that failed in the validation of a run."""
+    record: dict[str, Any] = json.loads((Path(run.folder) / "validation.json").read_text(encoding="utf-8"))
+    return [each["name"] for each in record.get("checks", []) if not each["ok"]]
+
+
 def _verdict(folder: Path) -> str:
     """Verdict of a run's validation."""
     return str(json.loads((folder / "validation.json").read_text(encoding="utf-8"))["verdict"])

@@ -34,6 +34,9 @@ FAR = 20.0
 
 NAMED = 4
 
+RECORDING_ERRORS = "errors in the recordings"
+"""Beginning of the names of checks that fail because of errors in the recordings; a code in brackets follows."""
+
 TELLING = 0.5
 """Share of the information that comes from data, below which a value counts as determined by the prior."""
 
@@ -293,8 +296,7 @@ def contradictions(findings: Sequence[Finding]) -> tuple[Check, ...]:
     codes = {*effects(), "recordings-disagree"}
     errors = [each.code for each in findings if each.severity == "error" and each.code in codes]
     return tuple(
-        Check(f"errors in the recordings ({code})", float(errors.count(code)), 0.0, False)
-        for code in dict.fromkeys(errors)
+        Check(f"{RECORDING_ERRORS} ({code})", float(errors.count(code)), 0.0, False) for code in dict.fromkeys(errors)
     )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tomllib
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -52,3 +53,26 @@ def test_kilonewton_metres_are_named(seed: int):
 def test_a_tiny_share_of_no_unit_is_named():
     (told,) = errors(divided(DESCRIBED[0], 1e6))
     assert told.code == "torque-unit" and "no usual unit" in told.evidence
+
+
+@pytest.mark.parametrize("seed", DESCRIBED)
+def test_gains_that_are_declared_unknown_are_no_error(seed: int):
+    """The deviation allows for the true gain at 10, not at 0.3: there, statement and description disagree."""
+    case = divided(seed, 12.0)
+
+    def severities(**reading: float) -> set[str]:
+        stated = replace(case, reading=replace(case.reading, **reading))
+        found = diagnose_recording(stated.robot, stated.recording, stated.reading)
+        return {f.severity for f in found if f.code == "current-without-gain"}
+
+    assert severities(drive_gain=1.0, drive_gain_deviation=10.0) == {"warning"}
+    assert severities(drive_gain=1.0, drive_gain_deviation=0.3) == {"error"}
+    assert severities(drive_gain=1.0) == severities() == {"error"}
+
+
+@pytest.mark.parametrize("seed", DESCRIBED)
+def test_proposed_gains_agree_with_their_own_deviation(seed: int):
+    case = divided(seed, 12.0)
+    (told,) = errors(case)
+    assert "relative deviations" in told.remedy and "give the same gains to all recordings" in told.remedy
+    assert not errors(replace(case, reading=replace(case.reading, **tomllib.loads(told.remedy))))

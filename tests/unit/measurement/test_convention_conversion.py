@@ -215,7 +215,8 @@ def test_one_drive_gain_counts_for_all_joints():
 def test_a_current_without_gain_is_refused_with_both_ways_out():
     error = refused("current-without-gain", recorded(effort_is_current=True))
     assert "`drive_gain = […]`" in error.remedy and "N·m/A" in error.remedy
-    assert "`drive_gain = 1` with `drive_gain_deviation = 0.3`" in error.remedy
+    assert "`armid doctor` estimates it from the masses" in error.remedy
+    assert "has no masses, give `drive_gain = 1` with `drive_gain_deviation = 10`" in error.remedy
     assert "armid payload RUN LOG --mass KG" in error.remedy
     refused("`drive_gain` is given, but the recording has no effort", recorded(effort=None), drive_gain=[1.0] * 3)
 

@@ -145,7 +145,8 @@ def _reason_of_width(payload: Payload) -> str:
     if not deviation.any():
         return ""
     low, high = 100 * float(deviation.min()), 100 * float(deviation.max())
-    assumed = f"{high:.3g} %" if low == high else f"{low:.3g} to {high:.3g} %"
+    ends = [f"{float(f'{end:.3g}'):g}" for end in dict.fromkeys((low, high))]
+    assumed = f"{' to '.join(ends)} %"
     line = (
         f"intervals are wide by the deviation of the drive gains, {assumed} (drive_gain_deviation, --gain-deviation)"
     )

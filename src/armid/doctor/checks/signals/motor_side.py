@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -13,6 +15,7 @@ from armid.doctor.remedy_trial import try_remedy
 from armid.errors import Finding
 from armid.maths.median import median
 from armid.measurement.suggested_log_format import lines
+from armid.remedy import Remedy
 
 MOTOR, CURRENT, UNIT = "motor-side", "current-without-gain", "torque-unit"
 
@@ -72,14 +75,41 @@ MOTOR_NOTE = (
     "gear ratios estimated from the gravity torque of {reference}; positions are joint positions; use the "
     "maker's values"
 )
-CURRENT_NOTE = "N·m/A, estimated from the gravity torque of {reference}; use the maker's values"
+ESTIMATE = (
+    "relative deviations; estimated from this recording and the masses of {reference}, so give the same gains "
+    "to all recordings of the arm; if they are known, use the maker's values"
+)
+CURRENT_NOTE = f"gains in N·m/A, {ESTIMATE}"
 UNIT_NOTE = "N·m per unit of the log"
-ESTIMATED_NOTE = f"{UNIT_NOTE}, estimated from {{reference}}; use the maker's values"
+ESTIMATED_NOTE = f"gains in {UNIT_NOTE}, {ESTIMATE}"
+
+COVERED = 4.0
+"""Number of stated deviations up to which a gain agrees with the description."""
 
 
 def check(evidence: LogEvidence) -> list[Finding]:
     """Reports motor torques, currents and torques in another unit."""
-    return [finding for code in (MOTOR, CURRENT, UNIT) for finding in evidence.explained(code)]
+    found = [finding for code in (MOTOR, CURRENT, UNIT) for finding in evidence.explained(code)]
+    return [_declared(finding) if _covers(evidence, finding) else finding for finding in found]
+
+
+def _covers(evidence: LogEvidence, finding: Finding) -> bool:
+    """Tests whether the stated deviations of the given gains cover the gains that a finding proposes."""
+    given, stated = evidence.reading.drive_gain, evidence.reading.drive_gain_deviation
+    if given is None or stated is None or evidence.known is not None:  # a run has the same gains
+        return False
+    ratio = np.asarray(Remedy.read(finding.remedy).keys["drive_gain"]) / np.asarray(given)
+    size = np.maximum(np.abs(ratio - 1.0), np.abs(1.0 / ratio - 1.0))
+    return bool((size <= COVERED * np.asarray(stated)).all())
+
+
+def _declared(finding: Finding) -> Finding:
+    """Finding as a warning: whoever states so large a deviation has not forgotten the gains."""
+    evidence = (
+        f"{finding.evidence} The stated deviation of the drive gains allows for it, so this is no error; the "
+        "intervals are as wide as the deviation."
+    )
+    return replace(finding, severity="warning", evidence=evidence)
 
 
 def explain(state: LogState) -> Explanation | None:
