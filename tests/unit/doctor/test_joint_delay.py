@@ -3,13 +3,22 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
 
 from armid.errors import Finding
+from armid.excitation.fourier import Excitation
+from armid.lab.known_arms import truth_of
+from armid.lab.options import LabOptions
+from armid.lab.sensors import Sensing, SensorChannel
+from armid.lab.simulation import simulate
+from armid.measurement.log_format import LogFormat
 from armid.measurement.recording import Recording
+from armid.robot import load_robot
 from armid.study.diagnosis import diagnose_recording
 from sick import Case, sound
 
@@ -51,3 +60,76 @@ def test_torque_that_is_late_is_no_late_position():
     everything: Recording = replace(log, effort=np.roll(log.effort, round(0.03 / float(case.motion.time[1])), axis=0))
     found = diagnose_recording(case.robot, everything, case.reading)
     assert {f.code for f in found if f.severity == "error"} == {"channel-delay"}
+
+
+RATE = 500.0
+
+LATE = [
+    *[("ur5e", joint, milliseconds) for joint in (0, 1, 2) for milliseconds in (12, 20, -30)],
+    ("ur5e", 3, 20),
+    ("iiwa14-r820", 0, 12),
+    ("iiwa14-r820", 1, 12),
+    ("iiwa14-r820", 2, 20),
+    ("iiwa14-r820", 3, -20),
+]
+"""Arm, joint and delay [ms]; joints 0 turn about the vertical and carry no weight."""
+
+
+@cache
+def precise_log(name: str) -> Recording:
+    """Log of an arm with good sensors, whose friction the model contains."""
+    robot = load_robot(name)
+    a, b = 0.25 * np.random.default_rng(3).normal(size=(2, robot.n, 5))
+    sensing = Sensing(RATE, SensorChannel(noise=1e-5), SensorChannel(noise=0.05), SensorChannel(noise=1e-4))
+    options = LabOptions(mode="inverse-dynamics", repetitions=2, sensing=sensing)
+    return simulate(truth_of(robot), Excitation(2 * np.pi / 10.0, a, b, np.zeros(robot.n)), options, seed=1).recording
+
+
+def moved(log: Recording, joints: Sequence[int], milliseconds: float, *channels: str) -> Recording:
+    """The log with channels of some joints late."""
+    samples = round(1e-3 * milliseconds * RATE)
+
+    def changed(values: np.ndarray | None) -> np.ndarray | None:
+        if values is None:
+            return None
+        x = values.copy()
+        x[:, list(joints)] = np.roll(x[:, list(joints)], samples, axis=0)
+        return x
+
+    return replace(log, **{channel: changed(getattr(log, channel)) for channel in channels})
+
+
+def faults(name: str, log: Recording) -> list[Finding]:
+    return [f for f in diagnose_recording(load_robot(name), log, LogFormat()) if f.severity != "info"]
+
+
+@pytest.mark.parametrize(("name", "joint", "milliseconds"), LATE)
+def test_short_delays_are_of_this_joint_and_not_of_all_torques(name: str, joint: int, milliseconds: int):
+    log = moved(precise_log(name), [joint], milliseconds, "q", "dq")
+    (found,) = faults(name, log)
+    assert (found.code, found.severity, found.channel) == (
+        "joint-delay",
+        "error",
+        load_robot(name).joint_names[joint],
+    )
+    word, value, deviation = re.findall(r"are (late|early) by (\d+) ± ([\d.]+) ms", found.evidence)[0]
+    assert word == ("late" if milliseconds > 0 else "early")
+    assert abs(float(value) - abs(milliseconds)) < 3.0 * float(deviation) + 0.5  # three deviations and half a digit
+
+
+def test_the_remedy_names_the_channels_that_are_late():
+    """Only positions are moved where the velocities are in time."""
+    log, name = precise_log("ur5e"), "ur5e"
+    assert not faults(name, log)
+    (both,) = faults(name, moved(log, [2], 20, "q", "dq"))
+    assert both.remedy == "rewrite the log with the positions and velocities of elbow_joint 0.020 s earlier"
+    (alone,) = faults(name, moved(log, [2], 20, "q"))
+    assert alone.remedy == "rewrite the log with the positions of elbow_joint 0.020 s earlier"
+
+
+@pytest.mark.parametrize("name", ["ur5e", "iiwa14-r820"])
+@pytest.mark.parametrize("milliseconds", [-20, 8])
+def test_torques_that_are_all_late_are_no_late_joint(name: str, milliseconds: int):
+    log = precise_log(name)
+    found = faults(name, moved(log, range(log.q.shape[1]), milliseconds, "effort"))
+    assert [f.code for f in found] == ["channel-delay"]

@@ -17,6 +17,7 @@ from armid.doctor.remedy_trial import try_remedy
 from armid.doctor.rows_away_from_reversals import away_from_reversals
 from armid.doctor.stuck_channels import without_stuck
 from armid.errors import Finding
+from armid.maths.birge_ratio import birge_ratio
 from armid.maths.signals.fourier_transform import frequencies, inverse, spectrum
 from armid.maths.spline import spline_slopes
 from armid.measurement.observations import ObservedRun
@@ -312,13 +313,7 @@ def _disagreement(state: LogState) -> float:
     for j in range(rows.n):
         extra[j, :, j] = slopes[:, j]
     fit = solve(rows, extra=extra)
-    late, spread = fit.values[-rows.n :], fit.deviation[-rows.n :]
-    known = spread > 0.0
-    if known.sum() < 2:
-        return 1.0
-    weight = spread[known] ** -2.0
-    mean = weight @ late[known] / weight.sum()
-    return max(1.0, float(np.sqrt(weight @ (late[known] - mean) ** 2 / (known.sum() - 1))))
+    return birge_ratio(fit.values[-rows.n :], fit.deviation[-rows.n :])
 
 
 def _slopes(rows: QuickRows, values: Array) -> Array:

@@ -1,25 +1,29 @@
 """Delay of the positions of one joint.
 
 The torque of the other joints decides: it depends on the position of the joint through weight, inertia and Coriolis
-terms, and not on the friction of the joint, whose stiction can look like a delay of many milliseconds.
+terms, and not on the friction of the joint, whose stiction can look like a delay of many milliseconds. All other
+positions are taken to be in time, so that a joint on a vertical axis, which has no weight, is judged, too.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
+from numpy.typing import NDArray
 
 from armid import kernel
 from armid.checked_array import Array
 from armid.doctor.check_definition import LogCheck
 from armid.doctor.check_input import Explanation, LogEvidence
 from armid.doctor.log_state import LogState
-from armid.doctor.quick_fit import solve
+from armid.doctor.quick_fit import RIDGE, products, solve
 from armid.doctor.remedy_trial import try_remedy
 from armid.doctor.rows_away_from_reversals import away_from_reversals
 from armid.errors import Finding
 from armid.information.filtering import in_band
+from armid.maths.birge_ratio import birge_ratio
 from armid.measurement.observations import ObservedRun
 from armid.model.motion import Motion
 
@@ -29,7 +33,8 @@ STEP = 2e-3
 """Time by which positions are moved for a finite difference of the torque [s]."""
 
 SURE = 6.0
-"""Number of standard deviations by which a delay must differ from zero. On sound logs it was up to 5."""
+"""Number of standard deviations by which a delay must differ from zero. Friction that the model lacks gave up to 8,
+at a delay shorter than `LEAST` that hardly lowered the residual."""
 
 LEAST = 8e-3
 """Shortest delay of one joint that is reported [s]."""
@@ -52,8 +57,35 @@ STEPS, SETTLED = 4, 0.3
 """Largest number of Gauss-Newton steps, and size of a step, in standard deviations, below which the iteration
 ends."""
 
+HINT = 0.01
+"""Smallest decrease of the mean logarithm of the RMS residuals, to first order, for which a delay is refined."""
+
 LOOKED_AT = 2
 """Number of joints whose delay is refined."""
+
+SAME = 0.5
+"""Largest relative difference of the delay if the torque of every joint has a separate delay. For late positions of
+one joint, the difference was up to 0.2; a delay of all torques can look like one of a single joint, and then it was
+0.8 or more."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class JointDelay:
+    """Delay of the positions of one joint.
+
+    Attributes:
+        joint: Index of the joint.
+        seconds: Delay [s].
+        deviation: Standard deviation, enlarged if the torques of the other joints show different delays [s].
+        gain: Decrease of the mean logarithm of the RMS residuals when the delay is removed.
+        after: The log without the delay.
+    """
+
+    joint: int
+    seconds: float
+    deviation: float
+    gain: float
+    after: LogState
 
 
 def check(evidence: LogEvidence) -> list[Finding]:
@@ -68,66 +100,135 @@ def explain(state: LogState) -> Explanation | None:
     judged = away_from_reversals(state)
     if not judged.rows.mask.any():
         return None
-    found = [_refined(judged, int(j)) for j in np.argsort(-_certainty(*delays_of(judged)))[:LOOKED_AT]]
-    best = max((each for each in found if each is not None), key=lambda each: each[2], default=None)
-    if best is None:
+    gains = _first_order_gains(judged)
+    likely = [int(j) for j in np.argsort(-gains)[:LOOKED_AT] if gains[j] > HINT]
+    found = [each for j in likely if (each := _refined(judged, j)) is not None]
+    if not found:
         return None
-    j, delay, gain, deviation = best
-    name = state.model.robot.joint_names[j]
-    after, judged_after = _moved(state, j, delay), _moved(judged, j, delay)
-    word, back = ("late", "earlier") if delay > 0.0 else ("early", "later")
+    best = max(found, key=lambda each: each.gain)
+    name, delay = state.model.robot.joint_names[best.joint], best.seconds
+    word = "late" if delay > 0.0 else "early"
     return Explanation(
         CODE,
-        max(state.fit.cost - after.fit.cost, 0.0),
+        best.gain,  # on the rows on which the delay of all torques is judged, too
         "error",
         name,
         f"The torques of the other joints say that the positions of {name} are {word} by {1e3 * abs(delay):.0f} ± "
-        f"{1e3 * deviation:.1f} ms; with this removed, the residual away from reversals is {1 - np.exp(-gain):.0%} "
-        "smaller.",
-        lambda _: f"rewrite the log with the positions and velocities of {name} {abs(delay):.3f} s {back}",
-        after,
+        f"{1e3 * best.deviation:.1f} ms; with this removed, the residual away from reversals is "
+        f"{1 - np.exp(-best.gain):.0%} smaller.",
+        lambda evidence: _remedy(evidence, best.joint, delay),
+        _moved(state, best.joint, delay),
         by_error_alone=True,
-        trial=try_remedy(judged.rows, judged_after.rows),
+        trial=try_remedy(judged.rows, best.after.rows),
     )
 
 
-def delays_of(state: LogState) -> tuple[Array, Array]:
-    """Delay of the positions of each joint by the torques of the others, and standard deviations, shape (n,) [s].
+def _remedy(evidence: LogEvidence, j: int, delay: float) -> str:
+    """Manual work that removes the delay of a joint [s]; velocities that are in time stay as they are."""
+    log, name = evidence.recording, evidence.robot.joint_names[j]
+    behind = 0.0 if log is None or log.dq is None else _behind(log.q[:, j], log.dq[:, j], evidence.rate)
+    channels = "positions" if abs(behind - delay) < SAME * abs(delay) else "positions and velocities"
+    back = "earlier" if delay > 0.0 else "later"
+    return f"rewrite the log with the {channels} of {name} {abs(delay):.3f} s {back}"
 
-    A separate delay of the torque of each joint is estimated at the same time, so that friction has no effect.
+
+def _behind(q: Array, dq: Array, rate: float) -> float:
+    """Time by which positions are behind the velocities of the same joint [s]."""
+    counted = np.isfinite(q) & np.isfinite(dq)
+    travelled = np.cumsum(np.where(counted, dq, 0.0)) / rate
+    known = np.column_stack([np.ones(len(q)), np.linspace(0.0, 1.0, len(q)), dq])[counted]
+    return -float(np.linalg.lstsq(known, (q - travelled)[counted], rcond=None)[0][-1])
+
+
+def _first_order_gains(state: LogState) -> Array:
+    """Decrease of the mean logarithm of the RMS residuals by a delay of each joint alone, to first order, shape (n,).
+
+    The torque of the joint has a separate delay in both cases, so that its friction has no effect.
     """
-    n, across = state.rows.n, np.arange(state.rows.n)
-    coupled, own = _slopes(state), np.zeros((state.rows.n, *state.rows.torque.shape))
-    coupled[across, :, across] = 0.0
-    own[across, :, across] = state.torque_slope().T
-    fit = solve(state.rows, extra=np.concatenate([coupled, own]))
-    return fit.values[-2 * n : -n], fit.deviation[-2 * n : -n]
+    rows, n, b = state.rows, state.rows.n, state.rows.count
+    late, own = _late_positions(state), _late_torques(state)
+    total = np.zeros((b + 2 * n + 1, b + 2 * n + 1))
+    for j, pairs in enumerate(products(rows, np.concatenate([late, own]))):
+        columns = np.concatenate([rows.parameters[j], np.arange(b, len(total))])
+        total[np.ix_(columns, columns)] += pairs / state.fit.sigma[j] ** 2
+    size = np.sqrt(total.diagonal())
+    total /= np.outer(np.where(size > 0.0, size, 1.0), np.where(size > 0.0, size, 1.0))
+    left = _without(total, np.arange(b))[b:, b:]
+    gains = np.zeros(n)
+    for j in range(n):
+        before = _without(left, np.array([n + j]))[-1, -1]
+        after = _without(left, np.array([j, n + j]))[-1, -1]
+        gains[j] = 0.5 * np.log(before / after) if after > 0.0 else 0.0
+    return gains
 
 
-def _certainty(delay: Array, deviation: Array) -> Array:
-    """Delays divided by their standard deviations, zero where unknown."""
-    return np.where(deviation > 0.0, np.abs(delay) / np.where(deviation > 0.0, deviation, 1.0), 0.0)
+def _without(products_of_columns: Array, columns: NDArray[np.int_]) -> Array:
+    """Products of columns after some of the columns are projected out."""
+    G = products_of_columns
+    inner = G[np.ix_(columns, columns)] + RIDGE * np.eye(len(columns))
+    return G - G[:, columns] @ np.linalg.solve(inner, G[columns])
 
 
-def _refined(state: LogState, j: int) -> tuple[int, float, float, float] | None:
-    """Joint, its delay [s], decrease of `QuickFit.cost` and deviation [s]; `None` if it is not significant."""
+def _refined(state: LogState, j: int) -> JointDelay | None:
+    """Delay of the positions of a joint; `None` if it is not significant or looks like another delay."""
     total, now = 0.0, state
-    delay, deviation = delays_of(state)
+    delay, deviation = _delay_of(state, j, each_torque=False)
+    common, spread = _delay_of(state, j, each_torque=True)
+    if abs(common - delay) > SAME * abs(delay) or abs(common) < SURE * spread:
+        return None
     for _ in range(STEPS):
-        if _certainty(total + delay, deviation)[j] < SURE or abs(total + delay[j]) > LONGEST:
+        if abs(total + delay) < SURE * deviation or abs(total + delay) > LONGEST:
             return None
-        total += float(delay[j])
+        total += delay
         now = _moved(state, j, total)
-        delay, deviation = delays_of(now)
-        if abs(delay[j]) < SETTLED * deviation[j]:
+        delay, deviation = _delay_of(now, j, each_torque=False)
+        if abs(delay) < SETTLED * deviation:
             break
-    gain, spread = state.fit.cost - now.fit.cost, float(deviation[j])
+    gain = state.fit.cost - now.fit.cost
     evidence = gain * float(np.sum(state.rows.mask.sum(axis=0) / state.fit.autocorrelation))
-    if abs(total) < max(LEAST, SURE * spread) or gain < GAIN or evidence < SIGNIFICANT:
+    if abs(total) < max(LEAST, SURE * deviation) or gain < GAIN or evidence < SIGNIFICANT or now.conflict > AGREED:
         return None
-    if now.conflict > AGREED:
-        return None
-    return j, total, gain, spread
+    return JointDelay(j, total, deviation * _disagreement(now, j), gain, now)
+
+
+def _delay_of(state: LogState, j: int, *, each_torque: bool) -> tuple[float, float]:
+    """Delay of the positions of a joint by the torques of the others, and its standard deviation [s].
+
+    Args:
+        state: The log.
+        j: Index of the joint.
+        each_torque: True to estimate a separate delay of the torque of every joint, and not only of this joint.
+    """
+    own = _late_torques(state)
+    fit = solve(state.rows, extra=np.concatenate([_late_positions(state)[[j]], own if each_torque else own[[j]]]))
+    return float(fit.values[state.rows.count]), float(fit.deviation[state.rows.count])
+
+
+def _disagreement(state: LogState, j: int) -> float:
+    """Birge ratio of the delays of a joint's positions from the torque of each other joint alone."""
+    n, b = state.rows.n, state.rows.count
+    others = [k for k in range(n) if k != j]
+    late = _late_positions(state)[j]
+    apart = np.zeros((len(others), *late.shape))
+    for row, k in enumerate(others):
+        apart[row, :, k] = late[:, k]
+    fit = solve(state.rows, extra=np.concatenate([apart, _late_torques(state)[[j]]]))
+    return birge_ratio(fit.values[b:-1], fit.deviation[b:-1])
+
+
+@lru_cache(maxsize=2)
+def _late_positions(state: LogState) -> Array:
+    """Torque of the other joints per second by which the positions of each joint are late, shape (n, M, n)."""
+    slopes, across = _slopes(state), np.arange(state.rows.n)
+    slopes[across, :, across] = 0.0
+    return slopes
+
+
+def _late_torques(state: LogState) -> Array:
+    """Torque of each joint per second by which it is early, shape (n, M, n)."""
+    across, own = np.arange(state.rows.n), np.zeros((state.rows.n, *state.rows.torque.shape))
+    own[across, :, across] = state.torque_slope().T
+    return own
 
 
 def _moved(state: LogState, j: int, seconds: float) -> LogState:

@@ -1,0 +1,22 @@
+"""Birge ratio: scatter of measurements of one quantity compared with their standard deviations."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from armid.checked_array import Array
+
+
+def birge_ratio(values: Array, deviations: Array) -> float:
+    """Scatter of values about their weighted mean divided by the expected scatter; at least 1.
+
+    Args:
+        values: Measurements of one quantity, shape (k,).
+        deviations: Standard deviations, shape (k,); measurements with a deviation of zero are left out.
+    """
+    known = deviations > 0.0
+    if known.sum() < 2:
+        return 1.0
+    weight = deviations[known] ** -2.0
+    mean = weight @ values[known] / weight.sum()
+    return max(1.0, float(np.sqrt(weight @ (values[known] - mean) ** 2 / (known.sum() - 1))))
