@@ -539,6 +539,8 @@ def test_a_missing_clock_is_asked_together_with_missing_torque(tmp_path, steps):
         (("pos_meas_{}", "trq_meas_{}"), (1, 2, 3)),
         (("q{}_rad", "q{}_Nm"), (1, 2, 3)),
         (("q{}", "i_q_{}"), (1, 2, 3)),  # the current that makes torque
+        (("AXIS_ACT{}", "I_MOT{}"), (1, 2, 3)),
+        (("$AXIS_ACT_MEAS.A{}", "$TORQUE_AXIS_ACT[{}]"), (1, 2, 3)),
         (("{}_meas_rad", "{}_trq_Nm"), JOINTS),
         (("{} [deg]", "{} [Nm]"), JOINTS),
     ],

@@ -86,8 +86,12 @@ PAIRS: Mapping[tuple[str, str], str] = {
     ("angular", "position"): "position",
     ("motor", "current"): "current",
     ("time", "stamp"): "timestamp",
+    ("axis", "act"): "position",
+    ("torque", "axis"): "torque",
+    ("vel", "axis"): "vel",
 }
-"""Pairs of words that together have the meaning of one word."""
+"""Pairs of words that together have the meaning of one word; those with `axis` are variables of KUKA's language, such
+as `$AXIS_ACT` and `$TORQUE_AXIS_ACT`."""
 
 MEASURED = frozenset("actual act measured meas msr feedback fbk fb real is ai encoder enc sensor".split())
 COMMANDED = frozenset(
