@@ -20,10 +20,11 @@ from armid.measurement.processing.pipeline import process_recordings
 from armid.measurement.readers import load_recording
 from armid.measurement.recording import Recording
 from armid.model.motion import Motion
+from armid.runs.new_recordings import check_new_recordings
 from armid.runs.run import Run
 from armid.study.config import RecordingChoice
-from armid.study.diagnosis import findings_on
 from armid.study.plans.plan_files import motion_of_plan
+from armid.study.plausibility import contradicted
 from armid.study.recordings.processed import process_each
 from armid.study.recordings.reading import read_choice
 from armid.study.score_recordings import score_recordings
@@ -34,7 +35,7 @@ from armid.validation.torque_errors import Validation, validate
 def validate_run(
     run: Run, paths: Sequence[str], reading: Mapping[str, Any]
 ) -> tuple[Validation, tuple[Finding, ...]]:
-    """Validates a run on recordings that did not train it, with findings.
+    """Validates a run on recordings that did not train it, with findings; it fails if one of them is an error.
 
     Args:
         run: The run.
@@ -59,8 +60,8 @@ def validate_run(
             )
         recordings.append((choice, recording))
     scores, found = score_recordings(run.model, run.estimate, process_each(recordings, run.processing, run.robot))
-    findings = findings_on(run.model, recordings, read_findings)
-    return validate(run.robot.joint_names, scores, run.estimate), (*findings, *found)
+    told = check_new_recordings(run, recordings, read_findings)
+    return contradicted(validate(run.robot.joint_names, scores, run.estimate), told), (*told, *found)
 
 
 def _like(run: Run, changes: Mapping[str, Any]) -> LogFormat:

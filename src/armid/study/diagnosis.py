@@ -164,21 +164,6 @@ def _of_currents(evidence: LogEvidence) -> tuple[Finding, ...]:
     return tuple(f for f in examine(evidence) if f.code in applicable)
 
 
-def findings_on(
-    model: DynamicsModel,
-    recordings: Sequence[tuple[RecordingChoice, Recording]],
-    read: Sequence[Sequence[Finding]],
-) -> list[Finding]:
-    """Findings of the readers and of the doctor about recordings, with their names; each finding occurs once.
-
-    Args:
-        model: Arm and torque terms.
-        recordings: Recordings with their roles.
-        read: Findings of the reader on each recording.
-    """
-    return merged([choice for choice, _ in recordings], findings_of_each(model, recordings, read))
-
-
 def findings_of_each(
     model: DynamicsModel,
     recordings: Sequence[tuple[RecordingChoice, Recording]],

@@ -291,7 +291,7 @@ def test_the_doctor_looks_at_what_a_run_is_judged_by(saved: Path, folder: Path):
     _, findings = validate_run(run, [unseen], {})
     assert [f.code for f in findings if f.severity == "error"] == []
     found, findings = validate_run(run, [unseen], {"torque_sign": -1})
-    assert found.verdict == "fail"
+    assert found.verdict == "fail" and "errors in the recordings (torque-sign)" in [c.name for c in found.checks]
     assert [(f.code, f.remedy) for f in findings if f.severity == "error"] == [("torque-sign", "torque_sign = 1")]
 
 
