@@ -133,3 +133,12 @@ def test_torques_that_are_all_late_are_no_late_joint(name: str, milliseconds: in
     log = precise_log(name)
     found = faults(name, moved(log, range(log.q.shape[1]), milliseconds, "effort"))
     assert [f.code for f in found] == ["channel-delay"]
+    assert "contradict" not in found[0].evidence and found[0].remedy.endswith("# s")
+
+
+def test_a_delay_of_all_torques_that_some_torques_contradict_is_doubtful():
+    """Two positions are late; the torques of joints beside them are not early."""
+    found = faults("iiwa14-r820", moved(precise_log("iiwa14-r820"), [0, 1], 20, "q", "dq"))
+    (common,) = (f for f in found if f.code == "channel-delay")
+    assert re.search(r"contradict it \(lag of .*A5 -?[0-2]\.\d ms", common.evidence)
+    assert common.remedy.endswith("# s, if no positions of single joints are late")

@@ -100,6 +100,13 @@ is significant only on all rows is rejected."""
 HELD = " A torque that the controller holds until its next sample runs ahead by half a sample."
 """Usual cause of a lead by half a sample."""
 
+UNSURE = "s, if no positions of single joints are late"
+"""Comment on a delay that torques of single joints contradict."""
+
+OTHERWISE, DOUBT = 0.5, 4.0
+"""Smallest decrease of the delay for the torque of one joint, as a share of the delay of all torques and in standard
+deviations, for which the latter is called doubtful."""
+
 DIGITS = 5
 """Decimals of a reported delay in seconds: a twentieth of a sample at 5 kHz."""
 
@@ -113,13 +120,14 @@ def check(evidence: LogEvidence) -> list[Finding]:
     sharp = _in_wider_band(evidence) if found and evidence.explanations[0].code == CODE else None
     if sharp is None or evidence.state is None:
         return found
-    (delay, deviation, _), (moving, spread) = delay_of(sharp), _away_from_reversals_alone(evidence.state)
+    (delay, deviation, after), (moving, spread) = delay_of(sharp), _away_from_reversals_alone(evidence.state)
     if abs(delay - moving) > AGREE * spread:
         return found
     first = evidence.explanations[0]
     deviation = _with_difference(deviation, delay - moving, spread)
-    text = f"{_delay_text(delay, deviation, first.gain, sharp.log.rate)} {evidence.trial_of(first)}"
-    remedy = lines("s", delay=_total_delay(evidence, delay)).marked()
+    doubt = _doubt(after, delay)
+    text = f"{_delay_text(delay, deviation, first.gain, sharp.log.rate)}{doubt} {evidence.trial_of(first)}"
+    remedy = lines(UNSURE if doubt else "s", delay=_total_delay(evidence, delay)).marked()
     return [replace(each, severity=_severity(delay, deviation), evidence=text, remedy=remedy) for each in found]
 
 
@@ -183,13 +191,14 @@ def _explained_by(state: LogState, judged: LogState) -> Explanation | None:
         applied, deviation = _with_reversals(delay, deviation, moving, spread)
     else:
         deviation = float(np.hypot(deviation, rest / 2.0))
+    doubt = _doubt(after, delay)
     return Explanation(
         CODE,
         gain,
         _severity(applied, deviation),
         "effort",
-        _delay_text(applied, deviation, gain, state.log.rate),
-        lambda evidence: lines("s", delay=_total_delay(evidence, applied)),
+        _delay_text(applied, deviation, gain, state.log.rate) + doubt,
+        lambda evidence: lines(UNSURE if doubt else "s", delay=_total_delay(evidence, applied)),
         _with_torque_advanced(state, applied),
         lambda evidence: _is_in_every_band(evidence, delay, whole),
         by_error_alone=True,
@@ -297,7 +306,7 @@ def delay_of(state: LogState) -> tuple[float, float, LogState]:
         state = _with_torque_advanced(state, step)
         if abs(step) < SETTLED * deviation:
             break
-    return delay, deviation * _disagreement(state), state
+    return delay, deviation * birge_ratio(*_of_each_joint(state)), state
 
 
 def _with_torque_advanced(state: LogState, seconds: float) -> LogState:
@@ -305,15 +314,31 @@ def _with_torque_advanced(state: LogState, seconds: float) -> LogState:
     return state.on(replace(state.log, runs=tuple(_advanced(run, seconds) for run in state.log.runs)))
 
 
-def _disagreement(state: LogState) -> float:
-    """Birge ratio: scatter of the delays of single joints divided by the expected scatter; at least 1."""
+def _doubt(after: LogState, delay: float) -> str:
+    """Sentence on joints whose own torque contradicts a delay of all torques; empty if there are none.
+
+    Args:
+        after: The log with the delay removed.
+        delay: The delay that was removed [s].
+    """
+    rest, deviation = _of_each_joint(after)
+    less = -np.sign(delay) * rest  # the torque of a joint beside a late position has no delay
+    doubtful = np.flatnonzero((less > np.maximum(OTHERWISE * abs(delay), DOUBT * deviation)) & (deviation > 0.0))
+    each = [f"{after.model.robot.joint_names[j]} {1e3 * (delay + rest[j]):.1f} ms" for j in doubtful]
+    text = (
+        f" The torques of some joints contradict it (lag of {', '.join(each)}): other positions may be late instead."
+    )
+    return text if each else ""
+
+
+def _of_each_joint(state: LogState) -> tuple[Array, Array]:
+    """Delay of the torque of each joint and its standard deviation, shape (n,) [s]."""
     rows = state.rows
-    slopes = _slopes(rows, rows.torque - state.fit.residual)
-    extra = np.zeros((rows.n, *slopes.shape))
-    for j in range(rows.n):
-        extra[j, :, j] = slopes[:, j]
+    extra = np.zeros((rows.n, *rows.torque.shape))
+    across = np.arange(rows.n)
+    extra[across, :, across] = _slopes(rows, rows.torque - state.fit.residual).T
     fit = solve(rows, extra=extra)
-    return birge_ratio(fit.values[-rows.n :], fit.deviation[-rows.n :])
+    return -fit.values[-rows.n :], fit.deviation[-rows.n :]
 
 
 def _slopes(rows: QuickRows, values: Array) -> Array:
