@@ -12,7 +12,7 @@ import numpy as np
 from armid.checked_array import Array
 from armid.errors import Finding
 from armid.excitation.certification import Margin, fine_grid, margins
-from armid.excitation.collision.closest_approach import RATE, ClosestApproach, closest_approaches
+from armid.excitation.collision.closest_approach import RATE, ROUNDING, ClosestApproach, closest_approaches
 from armid.excitation.collision.collision_model import CollisionOptions
 from armid.excitation.collision.ignored_pairs import IgnoredPair
 from armid.excitation.collision.unchecked_contacts import LeftOutContact, contacts_found, left_out_contacts
@@ -65,6 +65,7 @@ class Preflight:
         touching: Contacts between bodies of pairs that are not checked.
         torque_lacks: Parts of the torque, for instance `friction`, that are missing in the torque that is compared
             with the limits; empty if torque is not checked or complete.
+        clearance: Distance that was asked for [m]; pairs that are close by construction must keep less.
     """
 
     margins: tuple[Margin, ...]
@@ -76,6 +77,7 @@ class Preflight:
     wider: Finding | None = None
     touching: tuple[LeftOutContact, ...] = ()
     torque_lacks: str = ""
+    clearance: float = 0.0
 
     @property
     def verdict(self) -> Verdict:
@@ -113,10 +115,42 @@ class Preflight:
         return f"{limits}, and {self._apart}{wider}{weak}"
 
     @property
+    def reduced(self) -> tuple[ClosestApproach, ...]:
+        """Approaches that are closer than the clearance, of pairs that must keep less of it."""
+        least = self.clearance - ROUNDING
+        return tuple(each for each in self.approaches if each.asked < least and each.distance < least)
+
+    @property
+    def reduced_clearance(self) -> Finding | None:
+        """Finding that names pairs that are closer than the clearance; `None` if there are none."""
+        if not self.reduced:
+            return None
+        pairs = "; ".join(
+            f"{each.pair} {1000.0 * each.distance:.0f} mm (at least {1000.0 * each.asked:.1f} mm required)"
+            for each in self.reduced
+        )
+        evidence = (
+            "pairs of links that are close to each other by construction need not keep the clearance of "
+            f"{1000.0 * self.clearance:.0f} mm, and are closer in this plan: {pairs}"
+        )
+        return Finding("clearance-reduced", "info", "", evidence, "look at these pairs in the preview.")
+
+    @property
+    def _reduction(self) -> str:
+        """Number of the pairs that are closer than the clearance, and the least that they must keep."""
+        if not self.reduced:
+            return ""
+        least = 1000.0 * min(each.asked for each in self.reduced)
+        return (
+            f", {plural(len(self.reduced), 'pair')} at {least:.1f} mm or more instead of the clearance of "
+            f"{1000.0 * self.clearance:.0f} mm"
+        )
+
+    @property
     def _apart(self) -> str:
         """Statement on the bodies, with the numbers of pairs that are not checked by reason."""
         if not self.skipped:
-            return "bodies keep apart"
+            return f"bodies keep apart{self._reduction}"
         asked = sum(bool(each.reason) for each in self.skipped)
         adjacent = sum(not each.reason and each.adjacent for each in self.skipped)
         others = len(self.skipped) - asked - adjacent
@@ -127,13 +161,18 @@ class Preflight:
             if self.touching
             else ""
         )
-        checked = "checked bodies keep apart" if self.approaches else "no pair of bodies is checked"
+        checked = f"checked bodies keep apart{self._reduction}" if self.approaches else "no pair of bodies is checked"
         return f"{checked} (not checked: {', '.join(parts)}{touch})"
 
     @property
     def contacts(self) -> Finding | None:
         """Finding about bodies that touch although their distance is not checked; `None` if there are none."""
         return contacts_found(self.touching)
+
+    @property
+    def remarks(self) -> tuple[Finding | None, ...]:
+        """Findings about the distances of bodies; `None` for those that do not apply."""
+        return self.contacts, self.reduced_clearance
 
     @property
     def _missed(self) -> list[Margin]:
@@ -211,6 +250,7 @@ def preflight(
         expectation(goal, Objective(goal, basis, samples), x),
         unchecked,
         touching=touching,
+        clearance=0.0 if collision is None else collision.clearance,
     )
 
 

@@ -11,18 +11,21 @@ import numpy as np
 import pytest
 
 from armid.errors import ArmidError
+from armid.excitation.collision.closest_approach import ClosestApproach
 from armid.excitation.collision.collision_model import make_collision_model
 from armid.excitation.collision.ignored_pairs import ignored_of_srdf, parse_ignored
 from armid.excitation.collision.required_distances import LEFT_OUT
 from armid.excitation.collision.unchecked_contacts import EVERY, contacts_found, left_out_contacts
 from armid.excitation.design.objective import CriterionGoal
 from armid.excitation.limits.joint_limits import limits_of
+from armid.excitation.preflight import Preflight
 from armid.excitation.start_pose import TorqueHolds, choose_start
 from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics_model import DynamicsModel
 from armid.model.terms import RigidBody
 from armid.report.preflight_page import render_preflight
 from armid.robot import Robot, load_robot
+from armid.robot.collision_body_names import BodyPair
 from armid.study.plans.design import design_plan
 from armid.study.plans.design_files import plan_record
 from armid.study.plans.goals import DesignConstraints, DesignGoal, SearchBudget
@@ -200,3 +203,52 @@ def test_a_clearance_beyond_half_of_the_reach_is_refused():
     robot = load_robot("ur5e")
     with pytest.raises(ArmidError, match=r"(?s)is 5 m, but ur5e reaches only 1\.2 m.*5 mm are 0\.005"):
         make_collision_model(robot, limits_of(robot), margin=5.0)
+
+
+def swinging(folder: Path, near: float, far: float) -> Robot:
+    """Two bodies, two joints apart, whose distance is between two values [m] and turns about a common axis."""
+    radius, offset = 0.03, 0.5 * (far - near)
+    middle = 0.5 * (near + far) + 2.0 * radius
+    body = '<collision><origin xyz="{0} 0 {1}"/><geometry><sphere radius="{2}"/></geometry></collision>'
+    joint = (
+        '<joint name="{0}" type="{3}"><origin xyz="0 0 {6}"/><parent link="{1}"/><child link="{2}"/>'
+        '<axis xyz="0 0 1"/><limit lower="{4}" upper="{5}" velocity="1" effort="9"/></joint>'
+    )
+    path = folder / "swinging.urdf"
+    path.write_text(
+        f'<robot name="swinging"><link name="low">{body.format(0, 0.5, radius)}</link><link name="between"/>'
+        f'<link name="high">{body.format(0, middle, radius)}</link>'
+        + joint.format("turn", "low", "between", "revolute", -3, 3, 0.5)
+        + joint.format("slide", "between", "high", "prismatic", -offset, offset, 0)
+        + "</robot>"
+    )
+    return load_robot(path)
+
+
+@pytest.mark.parametrize("gap", [(0.004, 0.012), (0.02, 0.045), (0.0, 0.07), (0.0319, 0.032), (-0.02, 0.03)])
+def test_a_larger_clearance_never_leads_to_a_smaller_required_distance(tmp_path, gap):
+    """Up to the clearance by default, pairs that exceed it in a quarter of the poses keep all of it."""
+    robot = swinging(tmp_path, *gap)
+    asked = np.array([0.002, 0.005, 0.01, 0.015, 0.02, 0.025, 0.03, 0.035, 0.04, 0.05, 0.07])
+    models = [make_collision_model(robot, limits_of(robot), margin=margin) for margin in asked]
+    assert all(len(cell.pairs) == 1 for cell in models)
+    required = np.array([cell.required.margin[0] for cell in models])
+    assert (np.diff(required) >= 0.0).all() and (required <= asked).all() and required[-1] < asked[-1]
+    if np.quantile(gap, 0.75) > 0.02:
+        np.testing.assert_array_equal(required[asked <= 0.02], asked[asked <= 0.02])
+
+
+def test_pairs_that_are_closer_than_the_clearance_are_told():
+    def approach(name: str, distance: float, asked: float) -> ClosestApproach:
+        return ClosestApproach(BodyPair("arm", name), distance, 1.0, asked)
+
+    far, kept, reduced = approach("far", 0.3, 0.04), approach("kept", 0.041, 0.017), approach("near", 0.018, 0.017)
+    told = Preflight((), (far, kept, reduced), (), None, clearance=0.04)
+    assert told.sentence == (
+        "every limit holds, and bodies keep apart, 1 pair at 17.0 mm or more instead of the clearance of 40 mm"
+    )
+    assert told.reduced_clearance is not None and told.reduced_clearance.code == "clearance-reduced"
+    assert "arm - near 18 mm (at least 17.0 mm required)" in told.reduced_clearance.evidence
+    assert "kept" not in told.reduced_clearance.evidence
+    whole = Preflight((), (far, kept), (), None, clearance=0.04)
+    assert whole.sentence == "every limit holds, and bodies keep apart" and whole.reduced_clearance is None

@@ -83,11 +83,13 @@ class AdjacentLinks:
         left_out: Pairs that are not checked: they touch in most positions, or the user has excluded them. Their
             `share` is that of the positions in which they touch or are less than a millimetre apart.
         reach: Range of each joint in which `checked` was computed, shape (n, 2) [rad or m].
+        margin: Largest required distance, which was asked for [m].
     """
 
     checked: tuple[AdjacentPair, ...]
     left_out: tuple[IgnoredPair, ...]
     reach: Array
+    margin: float = 0.0
 
     def narrowed(self, limits: Limits, start: Array | None) -> Limits:
         """Limits whose position ranges keep adjacent links apart: about a start pose, or the widest ones.
@@ -173,7 +175,7 @@ def adjacent_links(
             left_out.append(IgnoredPair(labels[k], math.nan, reasons[k], (a, b), adjacent=True))
         else:
             checked.append(found)
-    return _with_room(checked, left_out, reach)
+    return replace(_with_room(checked, left_out, reach), margin=margin)
 
 
 @dataclass(frozen=True, eq=False, slots=True)

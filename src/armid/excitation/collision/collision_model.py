@@ -18,11 +18,11 @@ from armid.excitation.collision.ignored_pairs import IgnoredBodies, IgnoredPair,
 from armid.excitation.collision.pairs import joints_on_path, pairs_of_bodies, stands
 from armid.excitation.collision.required_distances import (
     BY_CAPSULES,
-    CONSTRUCTION,
     LEFT_OUT,
     MEASURED,
     RequiredDistances,
     adjusted_distances,
+    often_near,
     uniform_distances,
 )
 from armid.excitation.limits.joint_limits import Limits
@@ -92,6 +92,11 @@ class CollisionOptions:
     def unchecked(self) -> tuple[IgnoredPair, ...]:
         """All pairs that are not checked."""
         return (*self.skipped, *self.adjacent.left_out)
+
+    @property
+    def clearance(self) -> float:
+        """Distance that was asked for; pairs that are close by construction must keep less [m]."""
+        return self.adjacent.margin
 
     @property
     def surroundings(self) -> tuple[Shape, ...]:
@@ -286,10 +291,11 @@ def make_collision_model(
     cell = CollisionModel(robot, shapes, bodies, pairs, required, nearest, touching, q[:TRIED])
     reasons = ignored_pairs(ignored, bodies.labels, tuple(shape.name for shape in shapes))
     looked = np.array([k not in reasons for k in range(len(pairs))], dtype=np.bool_)
-    cell = cell.closer(np.flatnonzero((touching > CONSTRUCTION) & looked), margin)
+    cell = cell.closer(np.flatnonzero(often_near(margin, robot, shapes, pairs, distance) & looked), margin)
     around = cell.distances(cell.tried)
     touching = np.where(looked, cell.touching, 0.0)
-    required = adjusted_distances(required, robot, shapes, pairs, cell.tried, around, touching)
+    known = np.where(looked, touching, np.nan)
+    required = adjusted_distances(required, robot, shapes, pairs, cell.tried, around, known)
     required = replace(required, kind=np.where(looked, required.kind, LEFT_OUT))
     adjacent = adjacent_links(robot, shapes, limits, margin, ignored)
     return replace(cell, touching=touching, required=required, ignored=reasons, adjacent=adjacent)
@@ -316,7 +322,7 @@ def kept_apart(cell: CollisionModel, start: Array) -> CollisionOptions:
     """Pairs of bodies that a plan must keep apart if it begins in a given start pose.
 
     Adjacent links are kept apart by narrower position limits (`AdjacentLinks.narrowed`). For links two joints apart
-    that are closer than the margin in most poses, the required distance is half of their usual distance. Pairs that
+    that cannot keep the margin, the required distance is smaller. Pairs that
     overlap in nearly all poses are not checked and are listed as skipped
     (`armid.excitation.collision.required_distances`).
 

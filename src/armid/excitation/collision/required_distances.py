@@ -1,7 +1,9 @@
 """Required distance of each pair of bodies: the margin, less for bodies that are close by construction, or none.
 
 Bodies two joints apart may be only a few millimetres apart by construction, in all or most poses. They cannot keep
-the margin, but they can collide. Their required distance is therefore half of their usual distance. Pairs that
+the margin, but they can collide. Their required distance is therefore at most half of their usual distance, or the
+largest of 20, 50 and 100 mm that they exceed in a quarter of the poses. The limit does not depend on the margin, so a
+larger margin never leads to a smaller required distance. Pairs that
 overlap in nearly all poses are not checked, as in MoveIt's setup assistant. The pair of the first link and the mount
 is not checked either. Pairs two joints apart that overlap in more than two thirds of the poses are checked only if a
 search can compute their distance and a start pose with enough free range remains. The reason is that no real joint is
@@ -49,7 +51,13 @@ OFTEN = 0.25
 half of that, the distance of the pair is computed with its triangles."""
 
 FREE = 0.75
-"""Quantile of the distances: if it is above the margin, a pair is not close by construction."""
+"""Quantile of the distances: the distance that a pair exceeds in a quarter of random poses. For links further apart
+`FAR` takes its place, because they can move away from each other."""
+
+LEVELS = (0.02, 0.05, 0.1)
+"""Distances [m], of which a pair must keep the largest that is below `FREE`, even if half of its usual distance is
+less. They do not depend on the margin, because a larger margin must not lead to smaller required distances. The first
+one is the margin by default: pairs that exceed it too seldom are close by construction."""
 
 FEW = 100
 """Number of poses in which distances are computed with the triangles of bodies."""
@@ -92,7 +100,8 @@ class RequiredDistances:
     def lowered(self, distance: Array) -> RequiredDistances:
         """Required distances for a start pose with distances (m,) [m]; those of close pairs may be lowered."""
         lower = self.close & (distance > LEAST) & (distance < self.margin)
-        return replace(self, margin=np.where(lower, HALF * distance, self.margin))
+        least = np.array([largest_required(d, d) for d in distance.tolist()])
+        return replace(self, margin=np.where(lower, least, self.margin))
 
 
 def uniform_distances(margin: float, spare: Array) -> RequiredDistances:
@@ -120,47 +129,111 @@ def adjusted_distances(
         pairs: Indices of the two bodies of each pair, shape (m, 2).
         tried: Random poses, shape (k, n) [rad or m].
         around: Distances of the bounding volumes in these poses, shape (k, m) [m].
-        touching: Share of random poses in which the distance of the bounding volumes is below the margin, shape (m,).
+        touching: Share of random poses in which the distance of the bounding volumes is below the margin, shape (m,);
+            NaN for pairs that the user has excluded.
     """
     margin, spare, share = required.margin.copy(), required.spare.copy(), required.touching.copy()
     kind, close = required.kind.copy(), required.close.copy()
     poses = forward_kinematics(robot, tried[:FEW])
-    for k in np.flatnonzero(touching > CONSTRUCTION).tolist():
+    for k in np.flatnonzero(np.isfinite(touching)).tolist():
         apart = joints_between(robot, *(shapes[i].link for i in pairs[k]))
         if stands(robot, shapes, int(pairs[k].max())):
-            if apart == 1:
+            if apart == 1 and touching[k] > CONSTRUCTION:
                 kind[k], share[k] = LEFT_OUT, touching[k]
             continue
-        close[k] = apart <= NEIGHBOURS
+        neighbours = apart <= NEIGHBOURS
+        close[k] = neighbours and float((around[:, k] < max(margin[k], LEVELS[0])).mean()) > CONSTRUCTION
         usual = float(np.median(around[:, k]))
-        distant = apart > NEIGHBOURS and usual > LEAST and touching[k] < FAR
-        if distant or float(np.quantile(around[:, k], FREE)) > margin[k]:
+        often = float(np.quantile(around[:, k], FREE if neighbours or usual <= LEAST else FAR))
+        if often > LEVELS[0]:
+            if neighbours or (LEAST < usual and often <= LEVELS[-1]):
+                _lower(k, (margin, spare), usual, often)
             continue
         if usual <= LEAST:
-            actual = distances(tuple(shapes), pairs[[k]], poses)[:, 0]
-            overlap = float((actual <= 0.0).mean())
-            if overlap > ALWAYS if apart <= NEIGHBOURS else overlap >= FAR:
-                kind[k], share[k] = LEFT_OUT, overlap
+            usual, kind[k], share[k] = _of_overlapping(tuple(shapes), pairs[[k]], poses, around[:, k], neighbours)
+            if kind[k] == LEFT_OUT or not neighbours:
                 continue
-            if apart > NEIGHBOURS:
-                continue
-            share[k] = overlap * (overlap > MOSTLY)
-            usual = float(np.quantile(around[:, k], USUAL))
-            if usual <= max(LEAST, HALF * float(np.quantile(actual, USUAL))):
-                kind[k] = MEASURED
-                usual = _usual_gap(actual, float(margin[k]))
-        if kind[k] != MEASURED and apart <= NEIGHBOURS:
-            usual, kind[k] = _of_neighbours(tuple(shapes), pairs[[k]], poses, around[:, k], (usual, float(margin[k])))
-        margin[k] = min(margin[k], HALF * usual)
-        spare[k] = min(spare[k], QUARTER * usual)
+        if kind[k] != MEASURED and neighbours:
+            usual, kind[k] = _of_neighbours(tuple(shapes), pairs[[k]], poses, around[:, k], usual)
+        _lower(k, (margin, spare), usual, often)
     kind[(kind == MEASURED) & (share > MOSTLY)] = LEFT_OUT  # a search does not see them, and would run into them
     return RequiredDistances(margin, spare, kind, share, close)
 
 
-def _usual_gap(actual: Array, margin: float) -> float:
-    """Usual distance [m] of bodies with distances (k,) in random poses; a small one if few are above a margin."""
+def often_near(
+    margin: float, robot: Robot, shapes: Sequence[Shape], pairs: NDArray[np.intp], distance: Array
+) -> NDArray[np.bool_]:
+    """Mask of the pairs whose required distance must be found from tight bounding volumes, shape (m,).
+
+    These are the pairs that are closer than the margin in most poses, and the neighbours that cannot keep it.
+
+    Args:
+        margin: The margin [m].
+        robot: The arm.
+        shapes: The bodies, the surroundings last.
+        pairs: Indices of the two bodies of each pair, shape (m, 2).
+        distance: Distances of the bounding volumes in random poses, shape (k, m) [m].
+    """
+    result = (distance < max(margin, LEVELS[0])).mean(axis=0) > CONSTRUCTION
+    if margin <= LEVELS[0] or not len(pairs):
+        return result
+    usual, often = np.quantile(distance, [0.5, FREE], axis=0)
+    for k, pair in enumerate(pairs):
+        neighbours = joints_between(robot, *(shapes[i].link for i in pair)) <= NEIGHBOURS
+        result[k] |= neighbours and largest_required(float(usual[k]), float(often[k])) < margin
+    return result
+
+
+def largest_required(usual: float, often: float) -> float:
+    """Largest distance [m] that a pair that is close by construction must keep, however much is asked.
+
+    It depends on the bodies alone, so the required distance never decreases when a larger one is asked.
+
+    Args:
+        usual: Usual distance of the bodies [m].
+        often: Distance that the bodies exceed in a quarter of random poses [m].
+    """
+    return max(HALF * usual, 0.0, *(level for level in LEVELS if level < often))
+
+
+def _lower(k: int, kept: tuple[Array, Array], usual: float, often: float) -> None:
+    """Lowers the required distance and the spare distance of pair k, if its bodies cannot keep them."""
+    margin, spare = kept
+    most = largest_required(usual, often)
+    if often <= LEVELS[0] or most < margin[k]:
+        margin[k] = min(margin[k], most)
+        spare[k] = min(spare[k], QUARTER * usual)
+
+
+def _of_overlapping(
+    shapes: tuple[Shape, ...], pair: NDArray[np.intp], poses: tuple[Array, Array], around: Array, neighbours: bool
+) -> tuple[float, int, float]:
+    """Usual distance of bodies whose volumes overlap in most poses [m], kind of their check, and share of overlaps.
+
+    Args:
+        shapes: The bodies.
+        pair: Indices of the two bodies, shape (1, 2).
+        poses: Rotations and origins of the links in some of the random poses.
+        around: Distances of the bounding volumes in random poses, shape (k,) [m].
+        neighbours: True if the bodies are two joints apart at most.
+    """
+    actual = distances(shapes, pair, poses)[:, 0]
+    overlap = float((actual <= 0.0).mean())
+    if overlap > ALWAYS if neighbours else overlap >= FAR:
+        return 0.0, LEFT_OUT, overlap
+    if not neighbours:
+        return 0.0, BY_CAPSULES, 0.0
+    share = overlap * (overlap > MOSTLY)
+    usual = float(np.quantile(around, USUAL))
+    if usual > max(LEAST, HALF * float(np.quantile(actual, USUAL))):
+        return usual, BY_CAPSULES, share
+    return _usual_gap(actual), MEASURED, share
+
+
+def _usual_gap(actual: Array) -> float:
+    """Usual distance [m] of bodies with distances (k,) in random poses; a small one if few are above 20 mm."""
     usual = max(float(np.quantile(actual, USUAL)), 0.0)
-    if usual > margin or not (actual > 0.0).any():
+    if usual > LEVELS[0] or not (actual > 0.0).any():
         return usual
     return float(np.quantile(actual[actual > 0.0], RARE))
 
@@ -170,7 +243,7 @@ def _of_neighbours(
     pair: NDArray[np.intp],
     poses: tuple[Array, Array],
     around: Array,
-    kept: tuple[float, float],
+    usual: float,
 ) -> tuple[float, int]:
     """Usual distance of two neighbours [m], and the way in which the pair is checked.
 
@@ -179,13 +252,12 @@ def _of_neighbours(
         pair: Indices of the two bodies, shape (1, 2).
         poses: Rotations and origins of the links in some of the random poses.
         around: Distances of the bounding volumes of the two bodies in random poses, shape (k,) [m].
-        kept: Usual distance of the bounding volumes, and margin [m].
+        usual: Usual distance of the bounding volumes [m].
     """
-    usual, margin = kept
-    excluded = float((around < min(margin, HALF * usual)).mean())
+    excluded = float((around < HALF * usual).mean())
     if excluded > OFTEN:
         actual = distances(shapes, pair, poses)[:, 0]
         middle = max(float(np.median(actual)), 0.0)
-        if float((actual <= min(margin, HALF * middle)).mean()) < HALF * excluded:
+        if float((actual <= HALF * middle).mean()) < HALF * excluded:
             return middle, MEASURED
     return usual, BY_CAPSULES

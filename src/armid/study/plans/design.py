@@ -92,7 +92,7 @@ def design_plan(
     wider = limits_wider_than_described(robot, limits)
     report = replace(report, weak=weak, wider=wider, torque_lacks=torque_lacks(robot, constraints, torque))
     free = _unlimited(plan, limits, robot)
-    remarks = (wider, weak, restrained, report.contacts, unfinished, soft_limits_used(robot, limits), free)
+    remarks = (wider, weak, restrained, *report.remarks, unfinished, soft_limits_used(robot, limits), free)
     findings = (*placed.findings, *torque_findings, *filter(None, remarks))
     return Designed(plan, whole, x, limits, found, report, findings, collision)
 

@@ -165,10 +165,10 @@ def design_moves(model: DynamicsModel, goal: MovesGoal, constraints: DesignConst
     approaches, touching, skipped = _distances(collision, robot, motion)
     found = _margins(moves.sample(CHECK_RATE), robot, limits, torque, criterion)
     wider = limits_wider_than_described(robot, limits)
-    lacks = torque_lacks(robot, constraints, torque)
-    report = Preflight(found, approaches, skipped, None, placed.unchecked, None, wider, touching, lacks)
-    remarks = filter(None, (wider, report.contacts, soft_limits_used(robot, limits)))
-    findings = (*placed.findings, *torque_findings, *remarks)
+    lacks, asked = torque_lacks(robot, constraints, torque), collision.clearance if collision else 0.0
+    report = Preflight(found, approaches, skipped, None, placed.unchecked, None, wider, touching, lacks, asked)
+    remarks = (wider, *report.remarks, soft_limits_used(robot, limits))
+    findings = (*placed.findings, *torque_findings, *filter(None, remarks))
     return DesignedMoves(goal.kind, moves, model, limits, torque, report, findings, collision)
 
 

@@ -53,6 +53,7 @@ def report_record(designed: Checked) -> dict[str, Any]:
         "mark": mark_of(report),
         "said": report.sentence,
         "torque_lacks": report.torque_lacks,
+        "clearance": report.clearance,
         "collisions": f"not checked: {report.unchecked}" if report.unchecked else "checked",
         "limits": [
             {
@@ -162,7 +163,7 @@ def _approach_lines(report: Preflight) -> list[str]:
 def constant_text(constant: Sequence[ClosestApproach]) -> str:
     """Sentence that names pairs with constant distance, their distances, and the required distances."""
     pairs = "; ".join(f"{a.pair} {1000 * a.distance:.1f} mm ({1000 * a.asked:.1f} mm)" for a in constant)
-    return f"neighbours whose distance changes by less than 3 mm in all poses (required distance): {pairs}"
+    return f"neighbours whose distance changes by 3 mm at most, with it (required distance): {pairs}"
 
 
 def _criterion_lines(designed: Designed) -> list[str]:
