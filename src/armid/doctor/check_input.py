@@ -86,6 +86,7 @@ class LogEvidence:
         explains: Functions that explain the log by a fault; they are tried if the model does not fit the log.
         saturation: Share of a joint's torque limit from which the study excludes rows, if it gives one.
         known: Links that are compared with the log instead of those of the description.
+        cutoff: Cut-off of the study [Hz]; `None` if it follows from the motion or nothing is filtered.
     """
 
     robot: Robot
@@ -97,6 +98,7 @@ class LogEvidence:
     explains: Sequence[Explain] = ()
     saturation: float | None = None
     known: KnownLinks | None = None
+    cutoff: float | None = None
 
     @cached_property
     def state(self) -> LogState | None:

@@ -121,7 +121,8 @@ def diagnose_recording(
             told = [each for each in read.findings if each.code != "effort-possible"]  # said with the error
             noted += [*told, *_standstill(recording, processing)]
             break
-    evidence = LogEvidence(robot, raw, how, recording, tuple(noted), model, explanations_of(), processing.saturation)
+    evidence = LogEvidence(robot, raw, how, recording, tuple(noted), model, explanations_of())
+    evidence = replace(evidence, saturation=processing.saturation, cutoff=_cutoff(processing))
     if any(f.code == "current-without-gain" and f.severity == "error" for f in noted):
         return _of_currents(evidence)
     found = examine(reconsidered(evidence))
@@ -170,6 +171,7 @@ def findings_of_each(
     read: Sequence[Sequence[Finding]],
     trained: Sequence[Finding] = (),
     known_links: KnownLinks | None = None,
+    processing: ProcessingOptions = USUAL,
 ) -> list[tuple[int, Finding]]:
     """Findings of the reader and of the doctor, each with the index of its recording.
 
@@ -179,6 +181,7 @@ def findings_of_each(
         read: Findings of the reader on each recording.
         trained: Findings about all training recordings together, which are not repeated.
         known_links: Links that are compared with the recordings instead of those of the description.
+        processing: Options of the study.
     """
     common = {finding.code for finding in trained if finding.severity != "info"}
     known_codes = [
@@ -188,7 +191,8 @@ def findings_of_each(
     ]
     of_readers = [(k, finding) for k, found in enumerate(read) for finding in found]
     kinds = [_kind(choice) for choice, _ in recordings]
-    return _told_once([*of_readers, *run_checks(model, recordings, known_codes, known_links)], kinds)
+    told = run_checks(model, recordings, known_codes, known_links, processing)
+    return _told_once([*of_readers, *told], kinds)
 
 
 def merged(recordings: Sequence[RecordingChoice], findings: Sequence[tuple[int, Finding]]) -> list[Finding]:
@@ -203,6 +207,7 @@ def run_checks(
     recordings: Sequence[tuple[RecordingChoice, Recording]],
     known_codes: Sequence[Collection[str]] = (),
     known_links: KnownLinks | None = None,
+    processing: ProcessingOptions = USUAL,
 ) -> list[tuple[int, Finding]]:
     """Checks recordings during an identification, before the estimate, or for a run.
 
@@ -211,6 +216,7 @@ def run_checks(
         recordings: Recordings with their roles.
         known_codes: Codes of findings that are already reported for each recording.
         known_links: Links that are compared with the recordings instead of those of the description.
+        processing: Options of the study.
 
     Returns:
         Index of a recording and a finding about it.
@@ -226,9 +232,9 @@ def run_checks(
         explains, checks = explanations_of(), checks_of(("recording", "format"))
         if kind in faulty and choice.role == "train":
             explains, checks = explains if faulty[kind] else explanations_of(each_alone), checks_of(each_alone)
-        evidence = reconsidered(
-            LogEvidence(model.robot, recording, choice.reading, recording, (), model, explains, known=known_links)
-        )
+        evidence = LogEvidence(model.robot, recording, choice.reading, recording, (), model, explains)
+        evidence = replace(evidence, cutoff=_cutoff(processing), known=known_links)
+        evidence = reconsidered(evidence)
         known = known_codes[k] if known_codes else ()
         found = (*evidence.noted, *examine(evidence, checks))
         result += [(k, finding) for finding in found if finding.code not in known]
@@ -236,6 +242,11 @@ def run_checks(
         told = (*evidence.noted, *evidence.explanations)
         faulty.setdefault(kind, any(each.code not in own for each in told))
     return result
+
+
+def _cutoff(processing: ProcessingOptions) -> float | None:
+    """Cut-off of a study [Hz]; `None` if it follows from the motion or nothing is filtered."""
+    return None if processing.cutoff == "auto" or processing.family == "none" else processing.cutoff
 
 
 def _rank(recordings: Sequence[tuple[RecordingChoice, Recording]], k: int) -> tuple[bool, int, int]:

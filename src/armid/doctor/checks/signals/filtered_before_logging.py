@@ -1,16 +1,25 @@
-"""Torque that was low-pass filtered before logging, detected by a missing noise floor."""
+"""Torque that was low-pass filtered before logging.
+
+A spectrum that keeps falling, or that falls into the noise of the rounding, only raises the suspicion: a sensor may be
+better than its resolution. The comparison with the torque of the model then shows whether a filter is the cause, and
+its cut-off.
+"""
 
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from armid.checked_array import Array
 from armid.doctor.check_definition import LogCheck
 from armid.doctor.check_input import LogEvidence
+from armid.doctor.torque_attenuation import half_frequency
 from armid.errors import Finding
 from armid.maths.median import median
 from armid.maths.signals.fourier_transform import power_spectrum
 from armid.measurement.processing.uniform_runs import resample_uniform, stretches
+from armid.measurement.suggested_log_format import lines
+from armid.remedy import Remedy
 
 SEGMENT = 512
 """Number of samples of a segment. It gives a resolution of 0.2 Hz at 100 Hz and enough segments for an average."""
@@ -30,9 +39,39 @@ MOTION = 8.0
 """Frequency up to which motion and friction dominate the spectrum [Hz]; a fifth of the sample rate if this is
 less."""
 
+ROUNDING = 4.0
+"""Largest ratio of the noise floor to the power of the rounding, step²/12 over all frequencies, for which there may be
+no other noise. Rounding alone gives one."""
+
+DECIMALS = 9
+"""Largest number of decimals that is looked for; beyond it, rounding is below the noise of every computation."""
+
+TESTED = 256
+"""Number of values of a channel from which its decimals are found."""
+
+MOST = 0.6
+"""Share of the joints that a filter must concern. One filter is usually set for all joints."""
+
+HARMLESS = 2.0
+"""Ratio of the filter's cut-off to that of the study from which the filter does no harm. On the logs of a six-axis arm
+with a cut-off of the study of 5 Hz, intervals of 58 parameters covered 56 true values without a filter and with one at
+10 Hz, 50 with one at 5 Hz, 45 at 3 Hz and 33 at 1 Hz."""
+
+HARMFUL = 1.0 / 3.0
+"""Ratio below which most of an estimate is wrong: friction, too, was covered at 2 of 5 Hz and not at 1 of 5 Hz."""
+
+NARROWER = 0.3
+"""Ratio of the cut-off of the study that is advised to that of the filter: torque and columns are then nearly alike.
+With it, intervals covered 56 to 58 of 58 true values for filters at 2, 3, 5 and 7 Hz."""
+
+LEAST = 1.0
+"""Lowest cut-off that is advised [Hz]; at 0.8 Hz, too few rows remain, and intervals covered 33 of 58 true values."""
+
+AGAIN = "log the unfiltered torque"
+
 
 def check(evidence: LogEvidence) -> list[Finding]:
-    """Reports the joints whose spectrum has no noise floor, in one finding."""
+    """Reports torque that was filtered, in one finding for all joints."""
     recording = evidence.recording
     if recording is None or recording.effort is None or recording.consecutive is False:
         return []
@@ -40,30 +79,83 @@ def check(evidence: LogEvidence) -> list[Finding]:
     if piece.samples < 2 * SEGMENT:
         return []
     even = resample_uniform(piece, None, 0.0, each=False)
-    frequency, power = _spectrum(even.effort, even.rate)
-    above = frequency > min(MOTION, 0.2 * even.rate)
-    ends: list[float] = []
-    for j in range(recording.n):
+    ends, rounded = _suspicions(even.effort, even.rate, piece.effort)
+    falling = np.isfinite(ends)
+    if (falling | rounded).sum() < MOST * recording.n:
+        return []
+    state = evidence.state
+    cutoff = None if state is None else half_frequency(state, falling | rounded)
+    if cutoff is not None and state is not None:
+        return [_found(int((falling | rounded).sum()), cutoff, evidence.cutoff or state.log.cutoff)]
+    if falling.sum() < MOST * recording.n:
+        return []
+    text = (
+        f"The torque of {falling.sum()} joints has no noise floor: its spectrum keeps falling, and from "
+        f"{median(ends[falling]):.3g} Hz on it is a thousandth of its value just above the motion."
+    )
+    return [Finding("filtered-before-logging", "info", "effort", text, AGAIN)]
+
+
+def _found(joints: int, cutoff: float, used: float) -> Finding:
+    """Finding about a filter, with the severity of its harm.
+
+    Args:
+        joints: Number of joints.
+        cutoff: Frequency at which the torque has half of the model's amplitude [Hz].
+        used: Cut-off of the study [Hz].
+    """
+    text = (
+        f"The torque of {joints} joints was low-pass filtered before logging: at {cutoff:.2g} Hz it has half of the "
+        f"amplitude of the model's torque, and at twice this frequency less than a quarter."
+    )
+    if cutoff >= HARMLESS * used:
+        return Finding("filtered-before-logging", "info", "effort", text, AGAIN)
+    text += f" The estimate uses frequencies up to {used:.3g} Hz."
+    severity = "error" if cutoff < HARMFUL * used else "warning"
+    narrower = round(max(NARROWER * cutoff, LEAST), 1)
+    remedy = Remedy.read(AGAIN)
+    if narrower < used:
+        remedy = lines(f"{AGAIN}; this helps where that is impossible", table="processing", cutoff=narrower)
+    return Finding("filtered-before-logging", severity, "effort", text, remedy)
+
+
+def _suspicions(effort: Array, rate: float, logged: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """Signs of a filter in the spectrum of each joint's torque.
+
+    Args:
+        effort: Torque on a uniform clock, shape (N, n) [N·m or N].
+        rate: Sample rate [Hz].
+        logged: Torque as logged, shape (M, n).
+
+    Returns:
+        Frequency from which a falling spectrum is a thousandth [Hz], NaN if there is a noise floor, shape (n,); and
+        the joints whose floor is that of the rounding, shape (n,).
+    """
+    frequency, power = _spectrum(effort, rate)
+    above = frequency > min(MOTION, 0.2 * rate)
+    ends, rounded = np.full(effort.shape[1], np.nan), np.zeros(effort.shape[1], dtype=np.bool_)
+    for j in range(effort.shape[1]):
         x = _smooth(power[:, j])
         if x[above].max(initial=0.0) <= 0.0:
             continue
-        top = float(median(x[frequency > 0.45 * even.rate]))
+        top = float(median(x[frequency > 0.45 * rate]))
+        rounded[j] = top < ROUNDING * _step(logged[:, j]) ** 2 / (6.0 * rate)
         if float((x[above] < DECADE * top).mean()) < FLAT:
             end = float(frequency[np.flatnonzero(x > 1e-3 * x[above].max())[-1]])
-            if end < ENDS * 0.5 * even.rate:
-                ends.append(end)
-    if len(ends) < 0.6 * recording.n:
-        return []
-    return [
-        Finding(
-            "filtered-before-logging",
-            "info",
-            "effort",
-            f"The torque of {len(ends)} joints has no noise floor: its spectrum keeps falling, and from "
-            f"{median(ends):.3g} Hz on it is a thousandth of its value just above the motion.",
-            'log the unfiltered torque; if the positions have passed the same filter, family = "none" is sufficient',
-        )
-    ]
+            if end < ENDS * 0.5 * rate:
+                ends[j] = end
+    return ends, rounded
+
+
+def _step(values: Array) -> float:
+    """Step to which values (N,) are rounded, a power of ten; 0 if they have more decimals than are looked for."""
+    few = values[:: max(1, len(values) // TESTED)]
+    size = float(np.abs(few).max(initial=0.0))
+    for decimals in range(-1, DECIMALS + 1):
+        scaled = few * 10.0**decimals
+        if np.abs(scaled - np.round(scaled)).max(initial=0.0) < 1e-12 * size * 10.0**decimals + 1e-9:
+            return 10.0**-decimals
+    return 0.0
 
 
 def _spectrum(x: Array, rate: float) -> tuple[Array, Array]:
