@@ -37,15 +37,15 @@ SAMPLES = 0.2
 """Error of a delay that still heals, in samples."""
 
 
-def healed(case: Case, remedy: str) -> tuple[Case, ModelChoice, float | None]:
-    """The case as a study with the remedy reads it, the study's model, and its share of limits that counts."""
+def healed(case: Case, remedy: str) -> tuple[Case, ModelChoice, ProcessingOptions]:
+    """The case as a study with the remedy reads it, the study's model, and its processing."""
     study = Study(RobotChoice(case.robot.name), ModelChoice(), (RecordingChoice(PATH, reading=case.reading),))
     study = applied(study, PATH, remedy)
     reading = study.recordings[0].reading
     gravity = study.robot.gravity
     robot = case.robot if gravity is None else case.robot.with_gravity(gravity)
     again = replace(case, robot=robot, reading=reading, recording=read_again(case.recording, reading))
-    return again, study.model, study.processing.saturation
+    return again, study.model, study.processing
 
 
 def read_again(log: Recording, reading: LogFormat) -> Recording:
@@ -61,11 +61,9 @@ def read_again(log: Recording, reading: LogFormat) -> Recording:
 
 def told_after(case: Case, finding: Finding) -> set[str]:
     """Codes that are still told, but for information, when the remedy of a finding is followed."""
-    again, choice, saturation = healed(case, finding.remedy)
+    again, choice, processing = healed(case, finding.remedy)
     model = build_model(again.robot, choice) if choice.terms else None
-    found = diagnose_recording(
-        again.robot, again.recording, again.reading, model, processing=ProcessingOptions(saturation=saturation)
-    )
+    found = diagnose_recording(again.robot, again.recording, again.reading, model, processing=processing)
     return {f.code for f in found if f.severity != "info"}
 
 

@@ -42,6 +42,9 @@ def print_result(result: Result, *, verbose: bool = False) -> None:
     fit = estimate.fit
     console.print(f"[bold]{escape(estimate.robot)}[/]: ", end="")
     print_verdict(console, result.validation)
+    warnings = dict.fromkeys(each.code for each in estimate.findings if each.severity == "warning")
+    if warnings and result.validation.verdict == "pass":
+        console.print(f" [yellow]with warnings[/], which are explained below: {', '.join(warnings)}")
     units = [joint.effort_unit for joint in result.robot.joints]
     console.print(validation_table(result.validation, result.training, units))
     if result.friction_selection is not None:

@@ -17,6 +17,7 @@ from armid.doctor.stuck_channels import stuck_stretches, without_stuck
 from armid.errors import Finding
 from armid.maths.median import median
 from armid.measurement.log_format import LogFormat
+from armid.measurement.processing.saturation import without_plateaus
 from armid.measurement.recording import Recording
 from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics_model import DynamicsModel
@@ -84,7 +85,8 @@ class LogEvidence:
         noted: Findings of reading and conversion.
         model: Model of the study, if there is one; its terms are used.
         explains: Functions that explain the log by a fault; they are tried if the model does not fit the log.
-        saturation: Share of a joint's torque limit from which the study excludes rows, if it gives one.
+        saturation: Share of a joint's torque limit from which the study excludes rows, if it gives one; `keep` if it
+            uses all rows.
         known: Links that are compared with the log instead of those of the description.
         cutoff: Cut-off of the study [Hz]; `None` if it follows from the motion or nothing is filtered.
     """
@@ -96,7 +98,7 @@ class LogEvidence:
     noted: tuple[Finding, ...] = ()
     model: DynamicsModel | None = None
     explains: Sequence[Explain] = ()
-    saturation: float | None = None
+    saturation: float | Literal["keep"] | None = None
     known: KnownLinks | None = None
     cutoff: float | None = None
 
@@ -130,9 +132,9 @@ class LogEvidence:
 
     @property
     def counted(self) -> Recording:
-        """The recording in the robot's convention, without the rows at which a channel is stuck."""
+        """The recording in the robot's convention, without samples at which a channel is stuck or saturated."""
         assert self.recording is not None
-        return without_stuck(self.recording, self.stuck)
+        return without_plateaus(without_stuck(self.recording, self.stuck))
 
     @property
     def explanations(self) -> tuple[Explanation, ...]:

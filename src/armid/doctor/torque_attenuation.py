@@ -74,7 +74,7 @@ def _fall(frequency: Array, ratio: Array) -> float | None:
 
 
 def _torques(state: LogState, joints: NDArray[np.bool_]) -> Iterator[tuple[Array, Array, float]]:
-    """Measured and modelled torque (N, k) of some joints at every sample of each run that is long enough; the rate."""
+    """Measured and modelled torque (N, k) of some joints at every sample of each long run, and its rate."""
     offset, values = state.source.layout.offset, state.fit.values
     for run in state.log.runs:
         samples = min(run.motion.samples, int(LONGEST * run.rate))

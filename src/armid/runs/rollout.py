@@ -88,7 +88,7 @@ def roll_out_run(
         )
     how = replace(run.reading, **{"exclude": (), "start": None, **reading})
     parameters = torque_parameters(run.estimate.base, run.estimate.fit)
-    every_row = replace(run.processing, slow=0.0, saturation=None, standstill="keep")
+    every_row = replace(run.processing, slow=0.0, saturation="keep", standstill="keep")
     scores: list[MotionScore] = []
     findings: list[Finding] = []
     for path in paths:

@@ -91,7 +91,7 @@ def motion_of(run: Run, path: str, *, rate: float, reading: Mapping[str, Any]) -
     recording, _ = read_choice(RecordingChoice(path, reading=how), ".", run.robot, {path: raw})
     if recording.effort is None:
         recording = replace(recording, effort=np.zeros_like(recording.q))
-    every_row = replace(run.processing, slow=0.0, saturation=None, standstill="keep")
+    every_row = replace(run.processing, slow=0.0, saturation="keep", standstill="keep")
     observations, _ = process_recordings([recording], every_row, periods=[how.stated_period], starts=[how.start])
     # Hysteresis states begin anew in each run.
     motions = [

@@ -233,7 +233,7 @@ def run_checks(
         if kind in faulty and choice.role == "train":
             explains, checks = explains if faulty[kind] else explanations_of(each_alone), checks_of(each_alone)
         evidence = LogEvidence(model.robot, recording, choice.reading, recording, (), model, explains)
-        evidence = replace(evidence, cutoff=_cutoff(processing), known=known_links)
+        evidence = replace(evidence, saturation=processing.saturation, cutoff=_cutoff(processing), known=known_links)
         evidence = reconsidered(evidence)
         known = known_codes[k] if known_codes else ()
         found = (*evidence.noted, *examine(evidence, checks))

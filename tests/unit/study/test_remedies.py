@@ -11,6 +11,7 @@ import pytest
 
 from armid.errors import Finding
 from armid.measurement.log_format import LogFormat
+from armid.measurement.processing.options import ProcessingOptions
 from armid.measurement.readers import load_recording
 from armid.measurement.suggested_log_format import excluding, lines, naming
 from armid.remedy import Remedy
@@ -330,13 +331,16 @@ def test_torque_beyond_its_limit_is_no_saturation():
     assert not [each for each in found if each.code == "saturation" and each.channel == robot.joint_names[j]]
 
 
-def test_saturated_joints_share_one_line_to_leave_out():
+def test_samples_at_a_plateau_are_left_out_unless_the_study_keeps_them():
     case = sound(11)
     assert case.recording.effort is not None
     effort = case.recording.effort.copy()
     for j in (1, 3):
         level = np.quantile(np.abs(effort[:, j]), 0.9)
         effort[:, j] = np.clip(effort[:, j], -level, level)
-    found = of("saturation", case.logged(effort=effort))
-    assert len(found) == 2 and len({each.remedy for each in found}) == 1
-    assert "saturation" not in told_after(case.logged(effort=effort), found[0])
+    clipped = case.logged(effort=effort)
+    found = of("saturation", clipped)
+    assert [each.severity for each in found] == ["warning"] * 2 and all("not used" in each.evidence for each in found)
+    keeping = ProcessingOptions(saturation="keep")
+    kept = diagnose_recording(case.robot, clipped.recording, case.reading, processing=keeping)
+    assert [each.severity for each in kept if each.code == "saturation"] == ["error"] * 2

@@ -39,7 +39,8 @@ class ProcessingOptions:
         average: True if the repetitions of a periodic motion are aligned and their mean is used instead of all of
             them.
         saturation: Share of the effort limit of a joint; rows near samples whose effort reaches it are not used for
-            this joint.
+            this joint. Rows near many samples with the same extreme effort, a plateau, are never used, unless it is
+            `keep`, which uses all rows.
         standstill: `drop` leaves out, for each joint, the rows that are affected by its standstill between motions,
             because static friction can have any value up to its bound there. `moving` also leaves out longer rests
             before, between and after motions, even if few rows remain. `keep` keeps all rows.
@@ -56,7 +57,7 @@ class ProcessingOptions:
     slow: float = 0.0
     motion_cutoff: float | None = None
     average: bool = False
-    saturation: float | None = None
+    saturation: float | Literal["keep"] | None = None
     standstill: Standstill = "drop"
 
     def __post_init__(self) -> None:
@@ -73,14 +74,16 @@ class ProcessingOptions:
         _number(self, "decimate", zero=True)
         _number(self, "slow", zero=True)
         for name in ("trim", "motion_cutoff", "saturation"):
-            if getattr(self, name) is not None:
-                _number(self, name, zero=name == "trim")
+            if getattr(self, name) is not None and (name, getattr(self, name)) != ("saturation", "keep"):
+                _number(self, name, zero=name == "trim", also='or "keep"' if name == "saturation" else "")
         self._check_sense()
 
     def _check_sense(self) -> None:
         """Raises an error for options that contradict each other."""
-        if self.saturation is not None and self.saturation > 1:
-            raise StudyError(f"`saturation` is a share of the effort limit, at most 1; found {self.saturation}.")
+        if isinstance(self.saturation, float) and self.saturation > 1:
+            raise StudyError(
+                f'`saturation` is a share of the effort limit, at most 1, or "keep"; found {self.saturation}.'
+            )
         if self.average and self.edges != "periodic":
             raise StudyError(
                 '`average = true` needs `edges = "periodic"`, because the mean of the repetitions is one '

@@ -13,7 +13,6 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from armid.checked_array import array
 from armid.errors import Finding, RecordingError
 from armid.maths.signals.motion_cutoff import automatic_cutoff
 from armid.measurement.observations import Observations, ObservedRun
@@ -22,6 +21,7 @@ from armid.measurement.processing.options import ProcessingOptions
 from armid.measurement.processing.period import period_of
 from armid.measurement.processing.repetitions import average, check_closed, whole_periods, windows
 from armid.measurement.processing.row_mask import edge_margin, moving, run_of, separate_rows
+from armid.measurement.processing.saturation import without_saturated
 from armid.measurement.processing.standstill import position_noise, standstill_findings, sticks_and_rests
 from armid.measurement.processing.uniform_runs import (
     Stretch,
@@ -111,7 +111,7 @@ def process_recording(
     processing = resolve_options(processing, [recording])
     given = _uses_given(recording, processing)
     findings: list[Finding] = []
-    recording = _without_saturated(recording, processing, effort_limits, findings)
+    recording = without_saturated(recording, processing.saturation, effort_limits, findings)
     if recording.consecutive is False:
         run = _separate(recording, processing, given, index, findings)
         return (run,), tuple(findings)
@@ -192,33 +192,6 @@ def _long_enough(
     lowest = min(float(processing.cutoff), processing.motion_cutoff or np.inf)
     findings.extend(brief_run(piece, lowest, source) for piece in pieces if is_brief(piece, lowest))
     return [piece for piece in pieces if not is_brief(piece, lowest)]
-
-
-def _without_saturated(
-    recording: Recording, processing: ProcessingOptions, limits: ArrayLike | None, findings: list[Finding]
-) -> Recording:
-    """Marks the samples of a recording near an effort limit as not valid."""
-    if processing.saturation is None or recording.effort is None:
-        return recording
-    if limits is None:
-        raise RecordingError(
-            "The key `saturation` needs the effort limits of the joints, but they are not known.",
-            remedy="add effort limits to the description of the robot, or leave `saturation` out.",
-        )
-    bounds = array(limits, (recording.n,), "effort limits", finite=False)
-    over = np.abs(recording.effort) >= processing.saturation * bounds
-    for joint in np.flatnonzero(over.any(axis=0)):
-        findings.append(
-            Finding(
-                "saturation",
-                "warning",
-                recording.channels[joint],
-                f"{recording.source}: The effort reaches {processing.saturation:g} times the limit "
-                f"{bounds[joint]:g} in {int(over[:, joint].sum())} of {recording.samples} samples.",
-                "Rows near these samples are not used for this joint.",
-            )
-        )
-    return replace(recording, valid=recording.valid & ~over)
 
 
 def _moving(

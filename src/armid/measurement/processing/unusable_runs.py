@@ -29,7 +29,7 @@ def unusable_run(piece: Stretch, margin: int, source: str) -> Finding:
         source,
         f"No row of the run of {piece.samples / piece.rate:.3g} s from t = {piece.time[0]:.6g} s can be used: "
         f"{margin / piece.rate:.3g} s at each end are left out, and {piece.bad.mean():.0%} of its samples are "
-        "masked.",
+        "masked, because they are excluded, repeated or saturated.",
         "The run was left out.",
     )
 

@@ -36,6 +36,10 @@ LITTLE = 0.35
 """Share of the position range or of the velocity limit of a joint below which the joint should move more."""
 
 
+MUCH = 0.2
+"""Share of samples that are left out from which they, and not the length of a log, are named as what is wrong."""
+
+
 def check(evidence: LogEvidence) -> list[Finding]:
     """Reports the parameters that are hardest to separate, in one finding."""
     state = evidence.corrected
@@ -85,16 +89,19 @@ def _too_short(evidence: LogEvidence) -> list[Finding]:
     recording = evidence.recording
     if recording is None or recording.effort is None:
         return []
-    return [
-        Finding(
-            "excitation-weak",
-            "warning",
-            "",
-            f"The log of {recording.samples} samples, {recording.samples / evidence.rate:.3g} s, is too short to fit "
-            "a model; signs, order, zeros, gravity and delays were not checked.",
-            "record a longer motion, at a sample rate of 20 Hz or more",
+    unchecked = "signs, order, zeros, gravity and delays were not checked."
+    length = f"{recording.samples} samples, {recording.samples / evidence.rate:.3g} s,"
+    text = f"The log of {length} is too short to fit a model; {unchecked}"
+    remedy = "record a longer motion, at a sample rate of 20 Hz or more"
+    left_out = int((~evidence.counted.valid).any(axis=1).sum())
+    if left_out > MUCH * recording.samples:
+        text = (
+            f"{left_out} of {length} are left out for one joint or more, because they are excluded, repeated, stuck "
+            "or saturated. A filter needs undisturbed stretches, and what remains is too little to fit a model; "
+            f"{unchecked}"
         )
-    ]
+        remedy = "record again without what made you exclude these samples, or correct the key `exclude`"
+    return [Finding("excitation-weak", "warning", "", text, remedy)]
 
 
 def excitation_severity(condition: float, robot: Robot, fastest: Array) -> Literal["warning", "info"]:

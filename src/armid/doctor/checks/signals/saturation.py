@@ -2,32 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
-from numpy.typing import NDArray
 
 from armid.checked_array import Array
 from armid.doctor.check_definition import LogCheck
 from armid.doctor.check_input import LogEvidence
 from armid.errors import Finding
-from armid.measurement.suggested_log_format import excluding, lines
+from armid.measurement.processing.saturation import FEWEST, NOT_USED, SHARE, Plateau, plateaus
+from armid.measurement.suggested_log_format import lines
+from armid.remedy import Remedy, setting
 from armid.robot.robot import Joint
-
-FEWEST, SHARE = 10, 0.002
-"""Smallest number of samples at the same extreme value that form a plateau, and their smallest share of all
-samples."""
-
-DENSER = 5.0
-"""Ratio by which the extreme value must be more frequent than similar values; coarse converters repeat all values."""
-
-NEIGHBOURS = 12
-
-APART = 0.25
-"""Shortest time between two saturated stretches [s]; nearer ones are merged, because noise cuts one into many."""
 
 LIMIT = 0.98
 """Share of the limit of the description from which the limit counts as reached."""
+
+SPOILING = 0.01
+"""Share of samples at a plateau from which most of an estimate is wrong if they are used."""
 
 BEYOND = 1.5
 """Ratio of torque to the limit of the description from which this limit cannot have been in force."""
@@ -39,36 +29,42 @@ def check(evidence: LogEvidence) -> list[Finding]:
     if recording is None or recording.effort is None:
         return []
     findings: list[Finding] = []
-    left_out: list[tuple[float, float]] = []
+    counted = recording.valid
+    if isinstance(evidence.saturation, float):
+        limits = np.array([joint.effort_limit for joint in evidence.robot.joints])
+        counted = counted & ~((limits > 0.0) & (np.abs(recording.effort) >= evidence.saturation * limits))
+    flat = {each.joint: each for each in plateaus(recording.effort, counted)}
     for j, joint in enumerate(evidence.robot.joints):
-        counted = recording.valid[:, j]
-        if evidence.saturation is not None and joint.effort_limit > 0.0:
-            counted = counted & (np.abs(recording.effort[:, j]) < evidence.saturation * joint.effort_limit)
-        tau = recording.effort[counted, j]
+        tau = recording.effort[counted[:, j], j]
         if not len(tau) or np.ptp(tau) == 0.0:
             continue
-        count, level = max((_plateau(tau), _plateau(-tau)), key=lambda found: found[0])
         at_limit = int((np.abs(tau) >= LIMIT * joint.effort_limit).sum()) if joint.effort_limit > 0.0 else 0
-        if count:
-            text = f"{count} of {len(tau)} samples have the same extreme value, {level:.4g} {joint.effort_unit}."
-            flat = counted & (np.abs(np.abs(recording.effort[:, j]) - level) <= 1e-9 * max(level, float(np.ptp(tau))))
-            left_out += _stretches(flat, evidence)
-            remedy = ""
+        if j in flat:
+            findings.append(_clipped(joint, flat[j], kept=evidence.saturation == "keep"))
         elif at_limit >= FEWEST and np.sort(np.abs(tau))[-FEWEST] > BEYOND * joint.effort_limit:
             findings.append(_beyond(joint, tau))
-            continue
         elif at_limit >= max(FEWEST, SHARE * len(tau)):
             text = (
                 f"{at_limit} of {len(tau)} samples reach {LIMIT:.0%} of the effort limit of the description, "
                 f"{joint.effort_limit:.4g} {joint.effort_unit}."
             )
             remedy = lines(table="processing", saturation=LIMIT)
-        else:
-            continue
-        findings.append(Finding("saturation", "warning", joint.name, text, remedy))
-    # One line leaves out what stands at an extreme value of any joint: a study has the key once.
-    exclude = excluding(evidence.reading, left_out)
-    return [each if each.remedy else replace(each, remedy=exclude) for each in findings]
+            findings.append(Finding("saturation", "warning", joint.name, text, remedy))
+    return findings
+
+
+def _clipped(joint: Joint, flat: Plateau, *, kept: bool) -> Finding:
+    """Finding of a plateau; an error if the study uses its samples and they are more than a few."""
+    text = (
+        f"{flat.count} of {flat.samples} samples have the same extreme value, {flat.level:.4g} {joint.effort_unit}; "
+        "the true torque is larger."
+    )
+    if kept:
+        severity = "error" if flat.count >= SPOILING * flat.samples else "warning"
+        remedy = Remedy("rewrite the study without ", setting("saturation", "keep"), ", which uses these samples")
+        return Finding("saturation", severity, joint.name, text, remedy)
+    remedy = "record a motion that needs less torque, or find out where the range of the sensor or the drive ends"
+    return Finding("saturation", "warning", joint.name, f"{text} {NOT_USED}", remedy)
 
 
 def _beyond(joint: Joint, tau: Array) -> Finding:
@@ -83,30 +79,6 @@ def _beyond(joint: Joint, tau: Array) -> Finding:
         f"check the unit of this torque (drive_gain, one number for each joint, converts it to {unit}) and the limit "
         "in the description.",
     )
-
-
-def _stretches(flat: NDArray[np.bool_], evidence: LogEvidence) -> list[tuple[float, float]]:
-    """Saturated intervals of time, merged where they nearly meet [s]."""
-    recording = evidence.recording
-    assert recording is not None
-    rows = np.flatnonzero(flat)
-    time = rows / evidence.rate if recording.time is None else recording.time[rows]
-    pieces = np.split(time, np.flatnonzero(np.diff(time) > APART) + 1)
-    return [(float(piece[0]), float(piece[-1])) for piece in pieces]
-
-
-def _plateau(tau: Array) -> tuple[int, float]:
-    """Number of samples at the largest value, 0 if a peak can have as many, and that value."""
-    top = float(tau.max())
-    tolerance = 1e-9 * max(abs(top), float(np.ptp(tau)))
-    values, counts = np.unique(tau, return_counts=True)
-    near = values >= top - tolerance
-    count = int(counts[near].sum())
-    others = counts[~near][-NEIGHBOURS:]
-    usual = float(np.mean(others)) if len(others) else 0.0
-    if count < max(FEWEST, SHARE * len(tau)) or count < DENSER * usual:
-        return 0, top
-    return count, abs(top)
 
 
 CHECK = LogCheck(

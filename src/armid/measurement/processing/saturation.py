@@ -1,0 +1,162 @@
+"""Saturated samples: torque at a plateau, where a sensor or a drive ends, and torque at the effort limit.
+
+At a plateau the true torque is larger by an unknown amount. Such samples, and the rows that a filter spreads them to,
+are not used for their joint.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from armid.checked_array import Array, array
+from armid.errors import Finding, RecordingError
+from armid.measurement.recording import Recording
+
+FEWEST, SHARE = 10, 0.002
+"""Smallest number of samples at the same extreme value that form a plateau, and their smallest share of all
+samples."""
+
+DENSER = 5.0
+"""Ratio by which the extreme value must be more frequent than similar values; coarse converters repeat all values."""
+
+NEIGHBOURS = 12
+"""Number of similar values that the extreme value is compared with."""
+
+ROUNDING = 1e-9
+"""Relative difference below which values are the same."""
+
+NOT_USED = "Rows near these samples are not used for this joint."
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Plateau:
+    """Extreme torque of a joint at which many samples stand.
+
+    Attributes:
+        joint: Index of the joint.
+        level: Absolute value [N·m or N].
+        count: Number of samples at one end.
+        samples: Number of samples of the joint that were examined.
+        rows: Mask of the samples with this absolute value, shape (N,).
+    """
+
+    joint: int
+    level: float
+    count: int
+    samples: int
+    rows: NDArray[np.bool_]
+
+
+def plateaus(effort: Array, counted: NDArray[np.bool_]) -> tuple[Plateau, ...]:
+    """Finds the plateaus of the torque of each joint.
+
+    Args:
+        effort: Shape (N, n) [N·m or N].
+        counted: Mask of the samples that are examined, shape (N, n).
+    """
+    found: list[Plateau] = []
+    for j in range(effort.shape[1]):
+        tau = effort[counted[:, j], j]
+        if not len(tau) or np.ptp(tau) == 0.0:
+            continue
+        count, level = max((_plateau(tau), _plateau(-tau)), key=lambda each: each[0])
+        if count:
+            same = ROUNDING * max(level, float(np.ptp(tau)))
+            rows = counted[:, j] & (np.abs(np.abs(effort[:, j]) - level) <= same)
+            found.append(Plateau(j, level, count, len(tau), rows))
+    return tuple(found)
+
+
+def without_plateaus(recording: Recording) -> Recording:
+    """The recording without the samples at a plateau."""
+    return recording if recording.effort is None else _without(recording, plateaus(recording.effort, recording.valid))
+
+
+def without_saturated(
+    recording: Recording,
+    saturation: float | Literal["keep"] | None,
+    limits: ArrayLike | None,
+    findings: list[Finding],
+) -> Recording:
+    """The recording without the samples at a plateau or near an effort limit; findings are added.
+
+    Args:
+        recording: In robot order, SI units, joint side.
+        saturation: Share of the effort limit from which samples are left out; `keep` leaves out none; `None` leaves
+            out plateaus alone.
+        limits: Effort limit of each joint, shape (n,) [N·m or N]; needed for a share.
+        findings: Findings about the recording.
+
+    Raises:
+        RecordingError: A share is given, but the limits are not known.
+    """
+    effort = recording.effort
+    if effort is None or saturation == "keep":
+        return recording
+    if saturation is not None:
+        recording = _below_limits(recording, effort, saturation, limits, findings)
+    flat = plateaus(effort, recording.valid)
+    for each in flat:
+        findings.append(
+            Finding(
+                "saturation",
+                "warning",
+                recording.channels[each.joint],
+                f"{recording.source}: {each.count} of {each.samples} samples have the same extreme effort, "
+                f"{each.level:.4g}; the true one is larger. {NOT_USED}",
+                'record a motion that needs less torque; saturation = "keep" in [processing] uses all rows.',
+            )
+        )
+    return _without(recording, flat)
+
+
+def _without(recording: Recording, flat: tuple[Plateau, ...]) -> Recording:
+    """The recording without the samples of plateaus."""
+    if not flat:
+        return recording
+    valid = recording.valid.copy()
+    for each in flat:
+        valid[:, each.joint] &= ~each.rows
+    return replace(recording, valid=valid)
+
+
+def _below_limits(
+    recording: Recording, effort: Array, share: float, limits: ArrayLike | None, findings: list[Finding]
+) -> Recording:
+    """The recording without the samples near an effort limit."""
+    if limits is None:
+        raise RecordingError(
+            "The key `saturation` needs the effort limits of the joints, but they are not known.",
+            remedy="add effort limits to the description of the robot, or leave `saturation` out.",
+        )
+    bounds = array(limits, (recording.n,), "effort limits", finite=False)
+    over = np.abs(effort) >= share * bounds
+    for joint in np.flatnonzero(over.any(axis=0)):
+        findings.append(
+            Finding(
+                "saturation",
+                "warning",
+                recording.channels[joint],
+                f"{recording.source}: The effort reaches {share:g} times the limit {bounds[joint]:g} in "
+                f"{int(over[:, joint].sum())} of {recording.samples} samples.",
+                NOT_USED,
+            )
+        )
+    return replace(recording, valid=recording.valid & ~over)
+
+
+def _plateau(tau: Array) -> tuple[int, float]:
+    """Number of samples at the largest value, 0 if a peak can have as many, and that value."""
+    top = float(tau.max())
+    same = ROUNDING * max(abs(top), float(np.ptp(tau)))
+    count, fewest = int((tau >= top - same).sum()), max(FEWEST, SHARE * len(tau))
+    if count < fewest:
+        return 0, top
+    values, counts = np.unique(tau, return_counts=True)
+    others = counts[values < top - same][-NEIGHBOURS:]
+    usual = float(np.mean(others)) if len(others) else 0.0
+    return (0, top) if count < DENSER * usual else (count, abs(top))
