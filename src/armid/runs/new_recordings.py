@@ -190,7 +190,8 @@ def check_new_recordings(
         processing: Findings of the processing, which are not repeated.
         loaded: Number of the link that may carry a load; by default that of the tip.
     """
-    found = findings_of_each(run.model, recordings, read, processing, known_links(run, loaded))
+    links = known_links(run, loaded)
+    found = findings_of_each(run.model, recordings, read, processing, links, run.processing)
     return tuple(
         _without_rotors(run, finding) if finding.code == ROTOR_INERTIA_MISSING else finding
         for finding in merged([choice for choice, _ in recordings], found)

@@ -100,7 +100,7 @@ def prepare(
     model = with_load(model, observations, threads=threads)
     findings += memory_findings(model, observations)
     tell("doctor", 0.0)
-    told = findings_of_each(model, recordings, read_findings, findings, processing)
+    told = findings_of_each(model, recordings, read_findings, findings, processing=processing)
     model, told = add_rotor_inertia(model, study.model, study.recordings, told)
     findings += merged(study.recordings, told)
     understood_as = tuple(replace(c, reading=understood(r, c.reading)) for c, r in recordings)
