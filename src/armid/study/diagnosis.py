@@ -311,6 +311,8 @@ def _worked_around(finding: Finding, log: Recording, reading: LogFormat) -> tupl
     if finding.code == "clock-missing":
         rate = _implied_rate(log)
         return None if rate is None else (log, replace(reading, rate=rate))
+    if keys.get("columns", {}).get("time") == "" and "rate" in keys:
+        return replace(log, time=None), replace(reading, rate=keys["rate"])
     if "time_unit" in keys and log.time is not None:
         return replace(log, time=log.time * (keys["time_unit"] / reading.clock_unit)), reading
     left_out = [name for name, column in keys.get("columns", {}).items() if column == "" and name in ("dq", "ddq")]

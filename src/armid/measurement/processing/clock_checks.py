@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from armid.errors import Finding
+from armid.checked_array import Array
+from armid.errors import Finding, RecordingError
 from armid.maths.median import median
 from armid.measurement.columns.clocks import unit_of_step
+from armid.measurement.log_format import LogFormat
 from armid.measurement.recording import Recording, kept_rows, recording_error
-from armid.measurement.suggested_log_format import lines
+from armid.measurement.suggested_log_format import lines, naming
 from armid.remedy import Remedy, setting
 
 RATE_TOLERANCE = 0.1
@@ -16,6 +18,10 @@ RATE_TOLERANCE = 0.1
 
 CLOCK_TIES = 0.01
 """Largest share of rows with the same time stamp as the row before, for a coarse clock; more is another fault."""
+
+SCATTER = 5.0
+"""Largest distance of time stamps from an even clock, in steps, for which only the stamps scatter. A missing second,
+or rows of another recording, move the stamps much further."""
 
 SHORTEST_STEP = 4e-5
 """Median step [s] up to which no arm is recorded; the fastest loops of drives take 5e-5 s."""
@@ -27,12 +33,12 @@ UNITS = {1.0: "seconds", 1e-3: "milliseconds", 1e-6: "microseconds", 1e-9: "nano
 """Names of the units in which clocks count, by their length [s]."""
 
 
-def check_clock(recording: Recording, unit: float) -> None:
+def check_clock(recording: Recording, log_format: LogFormat) -> None:
     """Raises an error for a clock that runs backwards, counts in another unit, or contradicts the rate.
 
     Args:
         recording: As read.
-        unit: Length of the unit in which the time column was read [s].
+        log_format: How it was read.
 
     Raises:
         RecordingError: The clock is wrong.
@@ -41,17 +47,10 @@ def check_clock(recording: Recording, unit: float) -> None:
         return
     step = np.diff(recording.time)
     if (step < 0).any():
-        row = int(np.argmax(step < 0))
-        raise recording_error(
-            "clock-jitter",
-            recording,
-            f"time runs backwards from row {row + 1} to {row + 2} "
-            f"({recording.time[row]:.6f} s, then {recording.time[row + 1]:.6f} s).",
-            "correct the file: sort its rows by time, or, if it contains two recordings, split it into two files.",
-        )
+        raise _backwards(recording, recording.time, log_format)
     typical = float(median(step))
     if recording.consecutive is not False:
-        _check_unit(recording, typical, unit)
+        _check_unit(recording, typical, log_format.clock_unit)
     if recording.rate is not None and typical > 0 and abs(recording.rate * typical - 1) > RATE_TOLERANCE:
         raise recording_error(
             "clock-rate",
@@ -59,6 +58,38 @@ def check_clock(recording: Recording, unit: float) -> None:
             f"the time column gives {1 / typical:.4g} Hz, but the key `rate` gives {recording.rate:g} Hz.",
             "correct one of them: remove `rate`, or leave the time column out with an empty name.",
         )
+
+
+def _backwards(recording: Recording, time: Array, log_format: LogFormat) -> RecordingError:
+    """Error for a clock that runs backwards; if its stamps only scatter, the remedy is an even clock."""
+    back = np.diff(time) < 0
+    row = int(np.argmax(back))
+    evidence = (
+        f"time runs backwards from row {row + 1} to {row + 2} ({time[row]:.6f} s, then {time[row + 1]:.6f} s)"
+        f"{f', and {back.sum() - 1} times more' if back.sum() > 1 else ''}"
+    )
+    step = float(time[-1] - time[0]) / (len(time) - 1)
+    scatter = time - time[0] - step * np.arange(len(time))
+    if step <= 0.0 or np.abs(scatter - scatter.mean()).max() > SCATTER * step:
+        remedy = (
+            "correct the file: sort its rows by time, or, if it contains two recordings, split it into two files."
+        )
+        return recording_error("clock-jitter", recording, f"{evidence}.", remedy)
+    steps = float(scatter.std()) / step
+    doubt = 2.0 * steps / len(time)
+    rates = (float(f"{1.0 / step:.{digits}g}") for digits in range(2, 10))
+    rate = next((each for each in rates if abs(each * step - 1.0) < doubt), 1.0 / step)
+    return recording_error(
+        "clock-jitter",
+        recording,
+        f"{evidence}. The stamps scatter around an even clock of {rate:g} Hz by {steps:.2g} steps (standard deviation); "
+        "sorting the rows would exchange samples.",
+        Remedy(
+            *naming(log_format, {"time": ""}).parts,
+            *lines(rate=rate).parts,
+            note="Hz; if the rows are in order and only their time stamps scatter",
+        ),
+    )
 
 
 def _check_unit(recording: Recording, step: float, unit: float) -> None:

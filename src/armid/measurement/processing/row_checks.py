@@ -67,7 +67,7 @@ def clean(recording: Recording, log_format: LogFormat) -> tuple[Recording, tuple
     recording = _without_excluded_nan(recording, log_format)
     _refuse_nan(recording, log_format)
     _refuse_few(recording)
-    check_clock(recording, log_format.clock_unit)
+    check_clock(recording, log_format)
     recording, findings = _without_repeats(recording)
     recording, ties = without_ties(recording)
     _refuse_few(recording)
