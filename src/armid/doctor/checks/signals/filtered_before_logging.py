@@ -111,12 +111,13 @@ def _found(joints: int, cutoff: float, used: float) -> Finding:
     if cutoff >= HARMLESS * used:
         return Finding("filtered-before-logging", "info", "effort", text, AGAIN)
     text += f" The estimate uses frequencies up to {used:.3g} Hz."
-    severity = "error" if cutoff < HARMFUL * used else "warning"
     narrower = round(max(NARROWER * cutoff, LEAST), 1)
     remedy = Remedy.read(AGAIN)
     if narrower < used:
         remedy = lines(f"{AGAIN}; this helps where that is impossible", table="processing", cutoff=narrower)
-    return Finding("filtered-before-logging", severity, "effort", text, remedy)
+    return Finding(
+        "filtered-before-logging", "error" if cutoff < HARMFUL * used else "warning", "effort", text, remedy
+    )
 
 
 def _suspicions(effort: Array, rate: float, logged: Array) -> tuple[Array, NDArray[np.bool_]]:

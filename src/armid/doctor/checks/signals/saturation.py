@@ -60,9 +60,14 @@ def _clipped(joint: Joint, flat: Plateau, *, kept: bool) -> Finding:
         "the true torque is larger."
     )
     if kept:
-        severity = "error" if flat.count >= SPOILING * flat.samples else "warning"
         remedy = Remedy("rewrite the study without ", setting("saturation", "keep"), ", which uses these samples")
-        return Finding("saturation", severity, joint.name, text, remedy)
+        return Finding(
+            "saturation",
+            "error" if flat.count >= SPOILING * flat.samples else "warning",
+            joint.name,
+            text,
+            remedy,
+        )
     remedy = "record a motion that needs less torque, or find out where the range of the sensor or the drive ends"
     return Finding("saturation", "warning", joint.name, f"{text} {NOT_USED}", remedy)
 
