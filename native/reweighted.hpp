@@ -15,7 +15,7 @@ inline void solve_positive(double* U, int count, double least, double* x) {
   const int width = count + 1;
   for (int k = 0; k < count; ++k) {
     double* __restrict own = U + k * width;
-    own[k] = std::sqrt(own[k] > least ? own[k] : least);
+    own[k] = std::sqrt(own[k] < least ? least : own[k]);  // what is not a number stays so
     const double inverse = 1.0 / own[k];
     for (int c = k + 1; c < width; ++c) own[c] *= inverse;
     for (int i = k + 1; i < count; ++i) {
@@ -84,8 +84,8 @@ inline void reweighted(const JointProducts& of, const Reweighting& how, double* 
       }
       double power = 0.0;
       for (int c = 0; c <= k; ++c) power += image[c] * both[c];
-      const double found = power > 0.0 ? std::sqrt(power / of.rows[j]) : 0.0, least = how.floor * size[j];
-      const double now = found > least ? found : least;
+      const double found = power < 0.0 ? 0.0 : std::sqrt(power / of.rows[j]), least = how.floor * size[j];
+      const double now = found < least ? least : found;
       settled = settled && std::abs(now - sigma[j]) < how.settled * now;
       sigma[j] = now;
     }

@@ -69,10 +69,29 @@ def test_settled_parameters_are_those_of_rows_weighted_by_their_residuals(build)
     np.testing.assert_allclose(np.linalg.lstsq(np.vstack(A), np.concatenate(y))[0], x, atol=SETTLED)
 
 
-def test_products_of_another_shape_are_refused():
-    with pytest.raises(ArmidError, match="Expected products"):
-        kernel.reweighted_least_squares([np.eye(2)], [np.arange(3, dtype=np.int32)], 3, [5.0], **RULES)
-    with pytest.raises(ValueError, match="rise"):
-        kernel.reweighted_least_squares(
-            [np.eye(3)], [np.array([1, 0], dtype=np.int32)], 2, [5.0], chosen=COMPILED[0], **RULES
-        )
+@pytest.mark.parametrize("build", [*COMPILED, TWIN])
+@pytest.mark.parametrize("at", [0, -1])  # a column, and the torque
+def test_what_is_not_a_number_has_no_residual(build, at):
+    tables, own, samples = rows_of(np.random.default_rng(2), 3, 5)
+    products = [table @ table.T for table in tables]
+    products[1][at] = products[1][:, at] = np.nan
+    _, sigma = kernel.reweighted_least_squares(products, own, 5, samples, chosen=build, **RULES)
+    assert np.isnan(sigma[1])
+
+
+@pytest.mark.parametrize("build", [*COMPILED, TWIN])
+@pytest.mark.parametrize(
+    ("changed", "reason"),
+    [
+        ({"parameters": [np.arange(3, dtype=np.int32)]}, "Expected products"),
+        ({"parameters": [np.array([1, 0], dtype=np.int32)]}, "rise"),
+        ({"parameters": [np.array([0, 2], dtype=np.int32)]}, "rise"),
+        ({"rows": [0.0]}, "rows of each joint"),
+        ({"passes": 0}, "one pass"),
+        ({"ridge": 0.0}, "positive ridge"),
+    ],
+)
+def test_what_cannot_be_solved_is_refused(build, changed, reason):
+    given = {"products": [np.eye(3)], "parameters": [np.arange(2, dtype=np.int32)], "count": 2, "rows": [5.0]}
+    with pytest.raises(ArmidError, match=reason):
+        kernel.reweighted_least_squares(**(given | RULES | {"chosen": build} | changed))

@@ -51,7 +51,8 @@ def reweighted_least_squares(
         Parameters (b,) and RMS residual of each joint (n,).
 
     Raises:
-        ArmidError: A shape does not fit, or the parameters of a joint do not rise.
+        ArmidError: A shape does not fit, the parameters of a joint do not rise, a joint has no rows, or there is no
+            pass or no ridge.
     """
     n = len(parameters)
     rows = np.ascontiguousarray(rows, dtype=np.float64)
@@ -60,12 +61,17 @@ def reweighted_least_squares(
     if [P.shape for P in products] != shapes or rows.shape != (n,) or sign.shape != (n,):
         found = f"products {[P.shape for P in products]}, rows {rows.shape}, sign {sign.shape}"
         raise ArmidError(f"Expected products {shapes}, rows ({n},) and sign ({n},); found {found}.")
+    if not (passes >= 1 and ridge > 0.0 and (rows > 0.0).all()):
+        raise ArmidError(
+            f"Expected at least one pass, a positive ridge and rows of each joint; found {passes} passes, a ridge of "
+            f"{ridge:g} and rows {rows.tolist()}."
+        )
+    offset, flat = _flat(tuple(np.asarray(own, dtype=np.int32).tobytes() for own in parameters), count)
     chosen = chosen or in_use()
     if chosen == TWIN:
         return reference_reweighted.reweighted_least_squares(
             products, parameters, count, rows, sign, passes=passes, settled=settled, floor=floor, ridge=ridge
         )
-    offset, flat = _flat(tuple(np.asarray(own, dtype=np.int32).tobytes() for own in parameters))
     x, sigma = np.empty(count), np.empty(n)
     values = np.concatenate(products, axis=None, dtype=np.float64)
     _native.reweighted(chosen, offset, flat, values, sign, rows, passes, settled, floor, ridge, x, sigma)
@@ -73,12 +79,19 @@ def reweighted_least_squares(
 
 
 @lru_cache(maxsize=32)
-def _flat(parameters: tuple[bytes, ...]) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+def _flat(parameters: tuple[bytes, ...], count: int) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
     """Number of columns before those of each joint, shape (n + 1,), and the parameters of all columns.
 
     Args:
         parameters: Parameters of the columns of each joint, as bytes of 32-bit integers.
+        count: Number of parameters.
+
+    Raises:
+        ArmidError: The parameters of a joint do not rise or are not there.
     """
     each = [np.frombuffer(own, dtype=np.int32) for own in parameters]
+    if any((np.diff(own) <= 0).any() or (len(own) and not 0 <= own[0] <= own[-1] < count) for own in each):
+        found = [own.tolist() for own in each]
+        raise ArmidError(f"Expected parameters of each joint that rise from 0 to {count - 1}; found {found}.")
     offset = np.concatenate([[0], np.cumsum([len(own) for own in each])]).astype(np.int32)
     return offset, np.concatenate(each)

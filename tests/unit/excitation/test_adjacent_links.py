@@ -28,6 +28,7 @@ from armid.study.plans.design import design_plan
 from armid.study.plans.goals import DesignConstraints, DesignGoal, SearchBudget
 from armid.study.plans.poses_and_sweeps import MovesGoal, design_moves
 from armid.study.plans.preflight_text import report_record, report_text
+from mesh_texts import write_mesh
 
 ARM, RADIUS, WIDTH = 0.1, 0.02, 2.5
 """Distance of the spheres from the axis and their radius [m], and range of the joint [rad]."""
@@ -137,7 +138,30 @@ def test_a_gap_that_never_changes_is_kept_and_narrows_nothing(tmp_path):
     assert links(robot).narrowed(limits_of(robot), None).lower[0] == 0.0
 
 
-def test_a_gap_that_never_changes_is_measured_in_a_few_positions_only(tmp_path, monkeypatch):
+def boxes(path: Path, *each: tuple[tuple[float, float, float], tuple[float, float, float]]) -> str:
+    """Collision element of a mesh of boxes, each given by its lower and upper corner [m]."""
+    corners = [np.array([[(low, high)[bit][axis] for axis, bit in enumerate(bits)]
+               for bits in np.ndindex(2, 2, 2)]) for low, high in each]  # fmt: skip
+    faces = np.array([[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1],
+                      [2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3]])  # fmt: skip
+    write_mesh(path, np.vstack(corners), np.vstack([faces + 8 * k for k in range(len(corners))]))
+    return f'<collision><geometry><mesh filename="{path.name}"/></geometry></collision>'
+
+
+PLATE = ((-0.05, -0.05, -0.01), (0.05, 0.05, 0.0))
+FLANGE = ((-0.05, -0.05, 0.004), (0.05, 0.05, 0.014))
+"""Plates that face each other across a gap of 4 mm."""
+
+
+def flange(folder: Path, *, lugs: bool) -> Robot:
+    """Two plates about the axis; with lugs a post and an arm at a radius of 0.1 m, which meet at an angle of zero."""
+    post = (((0.09, -0.005, -0.01), (0.11, 0.005, 0.02)),) if lugs else ()
+    arm = (((0.0, -0.004, 0.004), (0.1, 0.004, 0.014)),) if lugs else ()
+    still, moving = boxes(folder / "still.stl", PLATE, *post), boxes(folder / "moving.stl", FLANGE, *arm)
+    return jaws(folder, still, moving, f'lower="{-math.pi}" upper="{math.pi}"')
+
+
+def test_a_gap_of_meshes_that_never_changes_is_measured_in_a_few_positions_only(tmp_path, monkeypatch):
     """Detailed meshes that face each other across a gap take a second for each position."""
     measured = [0]
 
@@ -151,7 +175,7 @@ def test_a_gap_that_never_changes_is_measured_in_a_few_positions_only(tmp_path, 
     for module in (adjacent_link_collisions, closest_approach):
         for name in ("distances", "too_close"):
             monkeypatch.setattr(module, name, counted(getattr(module, name)))
-    robot = jaws(tmp_path, sphere(RADIUS, 0.0), sphere(RADIUS, 0.0, 2.0 * RADIUS + 0.004))
+    robot = flange(tmp_path, lugs=False)
     (pair,) = links(robot).checked
     assert pair.constant and measured[0] <= 2 * ROUGH
     opened = planned(robot)
@@ -160,6 +184,15 @@ def test_a_gap_that_never_changes_is_measured_in_a_few_positions_only(tmp_path, 
     (found,) = closest_approach.closest_approaches(opened.collision, robot, np.arange(len(q)) / 1000.0, q)
     assert found.constant and found.distance == pytest.approx(0.004, abs=1e-6)
     assert measured[0] <= 2 * (ROUGH + 1)  # by convex bodies first
+
+
+def test_lugs_that_meet_between_the_first_positions_narrow_the_range(tmp_path):
+    """The gap of the plates is the same in all positions that are examined first, and the lugs meet at zero."""
+    found = links(flange(tmp_path, lugs=True))
+    (pair,) = found.checked
+    assert not pair.constant
+    narrowed = found.narrowed(limits_of(flange(tmp_path, lugs=True)), None)
+    assert not narrowed.lower[0] < 0.0 < narrowed.upper[0]
 
 
 def test_a_gap_that_changes_is_not_constant(tmp_path):

@@ -17,12 +17,13 @@ from numpy.typing import NDArray
 
 from armid.checked_array import Array
 from armid.errors import ArmidError, Finding
-from armid.excitation.collision.coal import distances, too_close
+from armid.excitation.collision.coal import distances, mesh_triangles, too_close
 from armid.excitation.collision.hull_distances import parts_of
 from armid.excitation.collision.ignored_pairs import IgnoredBodies, IgnoredPair, ignored_pairs
 from armid.excitation.collision.pairs import bounding_volumes, joints_between, stands
 from armid.excitation.collision.required_distances import ALWAYS, HALF, LEAST, MOSTLY, RARE
 from armid.excitation.limits.joint_limits import Limits
+from armid.maths.swept_profiles import SweptProfile, swept_profile
 from armid.robot.collision_body_names import BodyPair
 from armid.robot.kinematics import forward_kinematics
 from armid.robot.robot import Robot
@@ -62,8 +63,9 @@ class AdjacentPair:
         joint: Index of the joint between their links.
         kept: Required distance between the two bodies [m].
         free: Ranges of the joint's position in which the bodies keep this distance, in ascending order [rad or m].
-        constant: Whether the distance is the same at `ROUGH` positions, as across the gap of a flange; it is then
-            measured only at as many positions of a motion.
+        constant: Whether the distance is the same at `ROUGH` positions, as across the gap of a flange, and the
+            profiles of both meshes prove that they keep `kept` at all angles; the distance is then measured at only
+            as many positions of a motion.
     """
 
     pair: BodyPair
@@ -202,6 +204,22 @@ class _AdjacentBodies:
         """Tests for a distance of at least `kept` [m] at positions (k,) of the joint; this is faster than `apart`."""
         return ~too_close(self.shapes, np.array(self.bodies), kept, self.poses(q))
 
+    def clear_at_all_angles(self, kept: float) -> bool:
+        """Tests whether profiles prove that two meshes keep a distance [m] at all angles of a revolute joint."""
+        shapes = [self.shapes[k] for k in self.bodies]
+        joint = self.robot.joints[self.joint]
+        if joint.is_prismatic or any(shape.kind != "mesh" for shape in shapes):
+            return False
+        R, p = (x[0] for x in self.poses(np.zeros(1)))
+        axis, origin = R[self.joint] @ np.asarray(joint.axis), p[self.joint]
+        profiles: list[SweptProfile] = []
+        for shape in shapes:
+            triangles = mesh_triangles(shape) @ shape.placement[:3, :3].T + shape.placement[:3, 3]
+            if shape.link >= 0:
+                triangles = triangles @ R[shape.link].T + p[shape.link]
+            profiles.append(swept_profile(triangles, axis, origin))
+        return not profiles[0].closer_than(profiles[1], kept)
+
     def hulls(self, q: Array) -> Array:
         """Distances of convex bodies around the two bodies at positions (k,) of the joint [m]."""
         return distances(self.shapes, np.array([self.bodies]), self.poses(q), parts_of)[:, 0]
@@ -282,7 +300,7 @@ def _judged(
             close, f"touching or less than {1000.0 * LEAST:.0f} mm apart in most positions of their joint"
         )
     kept = min(margin, HALF * float(np.quantile(gaps, RARE)))
-    if not touching.any() and np.ptp(gaps) <= SAME:
+    if not touching.any() and np.ptp(gaps) <= SAME and looked.clear_at_all_angles(kept):
         return pair(kept, everywhere, constant=True)
     clear = looked.hulls(q) > far
     clear[~clear] = looked.clear(q[~clear], kept)

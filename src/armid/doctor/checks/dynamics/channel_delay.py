@@ -275,7 +275,7 @@ def _delay_text(delay: float, deviation: float, gain: float, rate: float) -> str
     word = "lags behind" if delay > 0 else "runs ahead of"
     return (
         f"Torque {word} the positions by {1e3 * abs(delay):.2f} ± {1e3 * deviation:.2f} ms "
-        f"({abs(delay) * rate:.1f} samples); with the delay removed, the residual is {1 - np.exp(-gain):.0%} smaller."
+        f"({abs(delay) * rate:.2g} samples); with the delay removed, the residual is {1 - np.exp(-gain):.0%} smaller."
         + (HELD if abs(delay * rate + 0.5) < HALF_STEP else "")
     )
 

@@ -1,0 +1,75 @@
+"""Proof that two bodies which turn against each other keep a distance at all angles, by their profiles.
+
+A point that turns about an axis keeps its radius r and its height z. The profile of a body is the set of all (r, z)
+of its surface; the distance of two profiles in this plane is a lower bound of the distance of the bodies at all
+angles. Each triangle is enclosed by a rectangle in this plane, which is exact for the faces of a flange.
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+
+import numpy as np
+
+from armid.checked_array import Array
+
+CHUNK = 256
+"""Number of triangles that are compared at a time with those of the other body at about the same height."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class SweptProfile:
+    """Rectangles that enclose the triangles of a body in the plane of radius and height.
+
+    Attributes:
+        radius: Smallest and largest distance of each triangle from the axis, shape (t, 2) [m].
+        height: Smallest and largest coordinate of each triangle along the axis, shape (t, 2) [m].
+    """
+
+    radius: Array
+    height: Array
+
+    def closer_than(self, other: SweptProfile, distance: float) -> bool:
+        """Tests whether the rectangles of two profiles come closer than a distance [m]."""
+        order = self.height[:, 0].argsort()
+        for begin in range(0, len(order), CHUNK):
+            own = order[begin : begin + CHUNK]
+            low, high = self.height[own, 0].min() - distance, self.height[own, 1].max() + distance
+            near = np.flatnonzero((other.height[:, 1] > low) & (other.height[:, 0] < high))
+            across = _gap(self.radius[own], other.radius[near])
+            along = _gap(self.height[own], other.height[near])
+            if (np.hypot(across, along) < distance).any():
+                return True
+        return False
+
+
+def swept_profile(triangles: Array, axis: Array, origin: Array) -> SweptProfile:
+    """Profile of a body that turns about an axis.
+
+    Args:
+        triangles: Corners of the triangles, shape (t, 3, 3) [m].
+        axis: Unit vector along the axis, shape (3,).
+        origin: Point of the axis, shape (3,) [m].
+    """
+    corners = triangles - origin
+    height = corners @ axis
+    side = np.linalg.svd(axis[None])[2][1]
+    flat = np.stack([corners @ side, corners @ np.cross(axis, side)], axis=-1)
+    largest = np.linalg.norm(flat, axis=2).max(axis=1)
+    smallest = np.full(len(flat), np.inf)
+    turns = np.empty((3, len(flat)))
+    for k, (a, b) in enumerate(itertools.pairwise((0, 1, 2, 0))):
+        first, edge = flat[:, a], flat[:, b] - flat[:, a]
+        length = np.maximum((edge**2).sum(axis=1), np.finfo(float).tiny)
+        share = np.clip(-(first * edge).sum(axis=1) / length, 0.0, 1.0)
+        smallest = np.minimum(smallest, np.linalg.norm(first + share[:, None] * edge, axis=1))
+        turns[k] = flat[:, a, 0] * flat[:, b, 1] - flat[:, a, 1] * flat[:, b, 0]
+    inside = (turns >= 0.0).all(axis=0) | (turns <= 0.0).all(axis=0)  # the axis passes through the triangle
+    radius = np.column_stack([np.where(inside, 0.0, smallest), largest])
+    return SweptProfile(radius, np.column_stack([height.min(axis=1), height.max(axis=1)]))
+
+
+def _gap(own: Array, other: Array) -> Array:
+    """Gaps between intervals (s, 2) and intervals (t, 2), shape (s, t); zero where they overlap."""
+    return np.maximum(0.0, np.maximum(own[:, None, 0] - other[:, 1], other[:, 0] - own[:, None, 1]))
