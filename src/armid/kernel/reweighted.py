@@ -62,10 +62,8 @@ def reweighted_least_squares(
         found = f"products {[P.shape for P in products]}, rows {rows.shape}, sign {sign.shape}"
         raise ArmidError(f"Expected products {shapes}, rows ({n},) and sign ({n},); found {found}.")
     if not (passes >= 1 and ridge > 0.0 and (rows > 0.0).all()):
-        raise ArmidError(
-            f"Expected at least one pass, a positive ridge and rows of each joint; found {passes} passes, a ridge of "
-            f"{ridge:g} and rows {rows.tolist()}."
-        )
+        found = f"{passes} passes, a ridge of {ridge:g} and rows {rows.tolist()}"
+        raise ArmidError(f"Expected at least one pass, a positive ridge and rows of each joint; found {found}.")
     offset, flat = _flat(tuple(np.asarray(own, dtype=np.int32).tobytes() for own in parameters), count)
     chosen = chosen or in_use()
     if chosen == TWIN:

@@ -10,6 +10,7 @@ from functools import cache
 import numpy as np
 import pytest
 
+from armid.doctor.checks.dynamics.joint_delay import behind_velocities
 from armid.errors import Finding
 from armid.excitation.fourier import Excitation
 from armid.lab.known_arms import truth_of
@@ -125,6 +126,18 @@ def test_the_remedy_names_the_channels_that_are_late():
     assert both.remedy == "rewrite the log with the positions and velocities of elbow_joint 0.020 s earlier"
     (alone,) = faults(name, moved(log, [2], 20, "q"))
     assert alone.remedy == "rewrite the log with the positions of elbow_joint 0.020 s earlier"
+
+
+@pytest.mark.parametrize("late", [0, 1, 3])
+@pytest.mark.parametrize("rate", [50.0, 100.0, 500.0])
+def test_the_delay_of_positions_behind_velocities_has_no_bias_by_rate_or_gaps(rate: float, late: int):
+    time = np.arange(0.0, 30.0, 1.0 / rate)
+    q = np.column_stack([np.sin(1.3 * (time - late / rate)) + 0.4 * np.sin(3.1 * (time - late / rate))])
+    dq = np.column_stack([1.3 * np.cos(1.3 * time) + 1.24 * np.cos(3.1 * time)])
+    dq[int(5 * rate) : int(6 * rate)] = np.nan
+    there = (time < 12.0) | (time > 13.0)
+    log = Recording(time[there], q[there], dq[there])
+    assert abs(behind_velocities(log, 0, rate) - late / rate) < 0.05 / rate  # a twentieth of a sample
 
 
 @pytest.mark.parametrize("name", ["ur5e", "iiwa14-r820"])

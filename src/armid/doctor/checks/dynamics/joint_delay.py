@@ -25,6 +25,7 @@ from armid.errors import Finding
 from armid.information.filtering import in_band
 from armid.maths.birge_ratio import birge_ratio
 from armid.measurement.observations import ObservedRun
+from armid.measurement.recording import Recording
 from armid.model.motion import Motion
 
 CODE = "joint-delay"
@@ -56,6 +57,9 @@ if another fault, such as torque without gravity, only looks like a delay, it wa
 STEPS, SETTLED = 4, 0.3
 """Largest number of Gauss-Newton steps, and size of a step, in standard deviations, below which the iteration
 ends."""
+
+FEWEST_ROWS = 20
+"""Smallest number of rows without a gap in which positions are compared with the integral of velocities."""
 
 HINT = 0.01
 """Smallest decrease of the mean logarithm of the RMS residuals, to first order, for which a delay is refined."""
@@ -126,18 +130,33 @@ def explain(state: LogState) -> Explanation | None:
 def _remedy(evidence: LogEvidence, j: int, delay: float) -> str:
     """Manual work that removes the delay of a joint [s]; velocities that are in time stay as they are."""
     log, name = evidence.recording, evidence.robot.joint_names[j]
-    behind = 0.0 if log is None or log.dq is None else _behind(log.q[:, j], log.dq[:, j], evidence.rate)
+    behind = 0.0 if log is None else behind_velocities(log, j, evidence.rate)
     channels = "positions" if abs(behind - delay) < SAME * abs(delay) else "positions and velocities"
     back = "earlier" if delay > 0.0 else "later"
     return f"rewrite the log with the {channels} of {name} {abs(delay):.3f} s {back}"
 
 
-def _behind(q: Array, dq: Array, rate: float) -> float:
-    """Time by which positions are behind the velocities of the same joint [s]."""
+def behind_velocities(log: Recording, j: int, rate: float) -> float:
+    """Time by which the positions of a joint are behind its velocities [s]; zero if the velocities are not logged.
+
+    Positions are compared with the integral of the velocities, run by run, because gaps have no integral.
+    """
+    if log.dq is None:
+        return 0.0
+    q, dq = log.q[:, j], log.dq[:, j]
     counted = np.isfinite(q) & np.isfinite(dq)
-    travelled = np.cumsum(np.where(counted, dq, 0.0)) / rate
-    known = np.column_stack([np.ones(len(q)), np.linspace(0.0, 1.0, len(q)), dq])[counted]
-    return -float(np.linalg.lstsq(known, (q - travelled)[counted], rcond=None)[0][-1])
+    steps = np.ones(len(q) - 1) if log.time is None else np.diff(log.time) * rate
+    joined = counted[1:] & counted[:-1] & (np.abs(steps - 1.0) < 0.5)
+    travelled = np.cumsum(np.where(joined, 0.5 * (dq[1:] + dq[:-1]), 0.0)) / rate
+    ahead, moved = q - np.append(0.0, travelled), 0.0
+    spread = 0.0
+    for rows in np.split(np.arange(len(q)), np.flatnonzero(~joined) + 1):
+        if len(rows) > FEWEST_ROWS:
+            drift = np.column_stack([np.ones(len(rows)), np.linspace(0.0, 1.0, len(rows))])
+            both = np.column_stack([ahead[rows], dq[rows]])
+            y, x = (both - drift @ np.linalg.lstsq(drift, both, rcond=None)[0]).T
+            moved, spread = moved + float(x @ y), spread + float(x @ x)
+    return -moved / spread if spread > 0.0 else 0.0
 
 
 def _first_order_gains(state: LogState) -> Array:
@@ -158,7 +177,7 @@ def _first_order_gains(state: LogState) -> Array:
     for j in range(n):
         before = _without(left, np.array([n + j]))[-1, -1]
         after = _without(left, np.array([j, n + j]))[-1, -1]
-        gains[j] = 0.5 * np.log(before / after) if after > 0.0 else 0.0
+        gains[j] = 0.5 * np.log(before / after) if min(before, after) > 0.0 else 0.0
     return gains
 
 
