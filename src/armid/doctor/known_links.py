@@ -18,6 +18,16 @@ CENTRE, RADIUS = 0.3, 0.2
 SMALLEST_SCALE = 1e-6
 """Smallest scale of the torque relative to that of the links at which a load can be told from the links."""
 
+AS_WELL = 0.02
+"""Relative increase of the sum of squared residuals up to which a load alone explains a log as well as a load and
+another scale of the torque."""
+
+KEPT = 0.5
+"""Share of the torque of the links that remains at least with a load; a load that cancels more is no load."""
+
+ROUNDS = 4
+"""Number of estimates of the load, each with the scale of the one before."""
+
 
 @dataclass(frozen=True, eq=False, slots=True)
 class KnownLinks:
@@ -38,8 +48,12 @@ class KnownLinks:
 
     @property
     def usual_load(self) -> Array:
-        """Standard deviations (10,) of the parameters of a load: one as heavy as the arm is not unusual."""
-        mass = max(float(np.abs(self.bodies[:, 0]).sum()), 1e-3)
+        """Standard deviations (10,) of the parameters of a load: one as heavy as the arm is not unusual.
+
+        Bodies of base parameters have no masses; their first moments then show how heavy the arm is.
+        """
+        moments = float(np.linalg.norm(self.bodies[:, 1:4], axis=1).sum())
+        mass = max(float(np.abs(self.bodies[:, 0]).sum()), moments / CENTRE, 1e-3)
         return mass * np.array([1.0, *[CENTRE] * 3, *[CENTRE**2 + RADIUS**2] * 6])
 
 
@@ -53,8 +67,9 @@ def torque_with_load(
 ) -> Array:
     """Torque of the links with the load that explains a log best, shape (M, n) [N·m or N].
 
-    The scale of the log's torque is an unknown, too, so that an effort in another unit is not taken for a load. A
-    load of a usual size is preferred where the motion does not tell one from the other, as with one joint alone.
+    If a load alone explains the log, the scale of the log's torque is right. Otherwise the scale is unknown, too, so
+    that an effort in another unit is not taken for a load; the smallest load is then preferred. No load cancels most
+    of the torque of the links: an effort that is so small has another scale.
 
     Args:
         links: Torque of the links without the load, shape (M, n).
@@ -65,14 +80,51 @@ def torque_with_load(
         sigma: Noise of each joint, shape (n,) [N·m or N].
         usual: Standard deviations of the parameters of a load, shape (10,).
     """
-    H, side = np.zeros((11, 11)), np.zeros(11)
+    P = np.zeros((12, 12))
     for j, (own, Q) in enumerate(zip(load_columns, joint_columns, strict=True)):
-        A = np.column_stack([links[:, j], own * usual]) / sigma[j]
-        A, y = A - Q @ (Q.T @ A), torque[:, j] / sigma[j]
-        H, side = H + A.T @ A, side + A.T @ y
-    prior = np.eye(11)
-    scale, *load = np.linalg.solve(H + prior, side + prior[0])
-    if abs(scale) < SMALLEST_SCALE:
+        A = np.column_stack([links[:, j], own * usual, torque[:, j]]) / sigma[j]
+        A = A - Q @ (Q.T @ A)
+        P += A.T @ A
+    if P[0, 0] == 0.0:
         return links
-    parameters = np.array(load) * usual / scale
-    return links + np.column_stack([own @ parameters for own in load_columns])
+    alone, (scale, of_scaled) = _load_alone(P), _load_and_scale(P)
+    enough = _misfit(P, 1.0, alone) <= (1.0 + AS_WELL) * _misfit(P, scale, of_scaled)
+    for load in (alone, of_scaled) if enough else (of_scaled,):
+        total = np.append(1.0, load)
+        if total @ P[:11, :11] @ total > KEPT**2 * P[0, 0]:
+            return links + np.column_stack([own @ (load * usual) for own in load_columns])
+    return links
+
+
+def _load_alone(P: Array) -> Array:
+    """Load (10,) in units of a usual load that explains a log whose torque has the right scale.
+
+    Args:
+        P: Products of the torque of links, usual load and log, shape (12, 12).
+    """
+    return np.linalg.solve(P[1:11, 1:11] + np.eye(10), P[1:11, 11] - P[1:11, 0])
+
+
+def _load_and_scale(P: Array) -> tuple[float, Array]:
+    """Scale of the log's torque, and the load (10,) in units of a usual load, which has the same scale.
+
+    Args:
+        P: Products of the torque of links, usual load and log, shape (12, 12).
+    """
+    scale = float(P[0, 11] / P[0, 0])
+    load = np.zeros(10)
+    for _ in range(ROUNDS):
+        size = max(abs(scale), SMALLEST_SCALE)
+        prior = np.diag([0.0, *[1.0 / size**2] * 10])
+        found = np.linalg.solve(P[:11, :11] + prior, P[:11, 11])
+        scale = float(found[0])
+        if abs(scale) < SMALLEST_SCALE:
+            return scale, np.zeros(10)
+        load = found[1:] / scale
+    return scale, load
+
+
+def _misfit(P: Array, scale: float, load: Array) -> float:
+    """Sum of squares of what a scale and a load (10,) leave of the log's torque."""
+    x = np.array([scale, *(scale * load), -1.0])
+    return float(x @ P @ x)

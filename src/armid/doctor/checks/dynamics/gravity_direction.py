@@ -125,7 +125,7 @@ def _by_description(state: LogState, judged: LogState, strength: float) -> Expla
         return None
     candidates: list[tuple[float, tuple[float, ...], LogState]] = []
     for g in np.vstack([np.eye(3), -np.eye(3)]) * strength:
-        after = LogState(_turned(judged, g), judged.base, judged.log, judged.known)
+        after = LogState(_turned(judged, g), judged.base, judged.log)
         after.__dict__["rows"] = judged.rows  # torque and friction, which no gravity changes
         if after.nominal is not None:
             candidates.append((float(after.nominal.correlation[int(np.argmax(after.nominal.size))]), tuple(g), after))
@@ -139,12 +139,11 @@ def _by_description(state: LogState, judged: LogState, strength: float) -> Expla
         OPPOSITE,
         "error",
         "",
-        f"The correlation of the torque with the torque of {judged.reference} is {now:.2f}, but {best:.2f} if "
-        "gravity is "
-        f"({', '.join(f'{x + 0.0:.4g}' for x in g)}) m/s²; "
+        f"The correlation of the torque with the torque of the description is {now:.2f}, but {best:.2f} if gravity "
+        f"is ({', '.join(f'{x + 0.0:.4g}' for x in g)}) m/s²; "
         "joint zeros that are rotated by the same angle would have the same effect.",
         lambda _: _remedy((np.array(g), *rivals)),
-        LogState(model, find_base_parameters(model), state.log, state.known),
+        LogState(model, find_base_parameters(model), state.log),
     )
 
 

@@ -96,7 +96,7 @@ def _explanation(state: LogState, judged: LogState) -> Explanation | None:
     gain = judged.fit.cost - after.fit.cost
     deviation = deviation * np.hypot(1.0, after.conflict / USUAL)
     sure = _are_sure(offset, deviation)
-    known = state.nominal is not None
+    known = _known_bodies(state) is not None
     least = float(np.min(np.abs(offset)[sure] / deviation[sure], initial=np.inf))
     if not sure.any() or (gain < ALONE and not (known and least > SURER)):
         return None
@@ -153,11 +153,17 @@ def offsets_of(state: LogState) -> tuple[Array, Array, LogState]:
     return offset, deviation, now
 
 
+def _known_bodies(state: LogState) -> Array | None:
+    """Standard parameters (p,) that the prior is made of; `None` if the links that are compared have no masses."""
+    without_masses = state.known is not None and (state.known.bodies[:, 0] <= 0.0).any()
+    return None if without_masses else state.described
+
+
 def _prior(state: LogState) -> tuple[Array, Array]:
     """Prior from the description: precision (b, b) and base parameters (b,); zeros if it contains no inertias."""
     b, model = state.base.count, state.model
-    theta = state.described
-    if theta is None or (state.known is not None and (state.known.bodies[:, 0] <= 0.0).any()):  # not real bodies
+    theta = _known_bodies(state)
+    if theta is None:
         return np.zeros((b, b)), np.zeros(b)
     deviation = np.full(len(theta), FREE)
     for columns in model.inertial_columns.reshape(-1, 10):
