@@ -76,6 +76,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     write_recording(changed(recorded(4, load=HEAVY), np.array([1.0, 1.0, -1.0])), folder / "sign.npz")
     write_recording(changed(recorded(5, load=HEAVY), np.full(3, 0.01)), folder / "motors.npz")
     write_recording(recorded(6, load=HEAVY, friction=2.0, rotor=True), folder / "rotors.npz")
+    write_recording(recorded(7, load=HEAVY, friction=2.0, rotor=True), folder / "rotors_again.npz")
     save_run(identify(load_study(folder / "study.toml")), folder / "run")
     return folder
 
@@ -134,6 +135,12 @@ def test_the_page_of_a_recalibrated_run_names_the_fault(armid: Armid, tmp_path: 
     assert armid("report", tmp_path / "new", "--out", tmp_path / "page.html")[0] == 0
     page = (tmp_path / "page.html").read_text()
     assert "rotor-inertia-missing" in page and "has no rotor inertia" in page
+
+
+def test_a_run_that_failed_for_rotors_does_not_excuse_them(armid: Armid, tmp_path: Path):
+    assert armid("recalibrate", "run", "rotors.npz", "--all", "--out", tmp_path / "new")[0] == 1
+    status, _, err = armid("recalibrate", tmp_path / "new", "rotors_again.npz", "--all", "--out", tmp_path / "again")
+    assert status == 1 and "error rotor-inertia-missing" in err
 
 
 def test_rotors_are_not_offered_as_another_tool(armid: Armid, tmp_path: Path):

@@ -206,7 +206,8 @@ def _without_rotors(run: Run, finding: Finding) -> Finding:
         "that of the motors instead of that of the joints."
     )
     terms = Remedy.read(finding.remedy).keys.get("terms", ["default", "rotor-inertia"])
-    known = any(each.code == finding.code for each in run.estimate.findings)  # from the recordings of the run, too
+    # In a run that was recalibrated with such a recording, the finding is an error.
+    known = any(each.code == finding.code and each.severity != "error" for each in run.estimate.findings)
     remedy = Remedy(
         "give recordings whose effort is measured as that of the run, or identify the arm from recordings like these "
         "with ",
