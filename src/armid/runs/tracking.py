@@ -12,7 +12,7 @@ import numpy as np
 
 from armid.checked_array import Array
 from armid.dataclass_files import load
-from armid.errors import Finding, StudyError
+from armid.errors import EstimationError, Finding, StudyError
 from armid.estimation.estimate_record import averaged
 from armid.estimation.friction_per_recording import changing_parameters
 from armid.estimation.recursive.recursive_estimate import JUMP, ForgettingOptions, RecursiveState, fit, resume, update
@@ -33,6 +33,7 @@ from armid.runs.new_recordings import (
 )
 from armid.runs.recalibration import Changed
 from armid.runs.run import Run
+from armid.study.diagnosis import diagnosed_error
 from armid.study.progress import Progress, no_progress
 from armid.study.storage.records import judgement_record
 from armid.threads import one_blas_thread
@@ -143,11 +144,14 @@ def track(
             remedy="use --tool to track a payload, or --all to track all parameters.",
         )
     factors = load(Information, Path(run.folder) / "information.npz")
-    state = resume(
-        new, earlier, ForgettingOptions(memory, changing, THRESHOLD, jump), further=further, factors=factors
-    )
+    forgetting = ForgettingOptions(memory, changing, THRESHOLD, jump)
     units = (*base.units, *(rigid_body_units() if changed == "tool" else ()))
-    return _update_all(run, state, new, ends, lengths, units, (*new_recording_findings(run), *findings, *found), tell)
+    told = (*new_recording_findings(run), *findings, *found)
+    try:
+        state = resume(new, earlier, forgetting, further=further, factors=factors)
+        return _update_all(run, state, new, ends, lengths, units, told, tell)
+    except EstimationError as error:
+        raise diagnosed_error(error, told) from error
 
 
 def _observed(

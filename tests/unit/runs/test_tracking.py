@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from armid.errors import ArmidError
+from armid.errors import ArmidError, EstimationError
 from armid.lab.friction import Warmth
 from armid.lab.known_arms import KnownArm
 from armid.lab.options import LabOptions
@@ -16,6 +16,7 @@ from armid.lab.sensors import Sensing, SensorChannel
 from armid.lab.simulation import Simulated, simulate
 from armid.maths.inertia import com_inertia_to_vector
 from armid.measurement.recording import Recording
+from armid.runs import tracking
 from armid.runs.run import Run, load_run, save_run
 from armid.runs.tracking import THRESHOLD, track, track_record, track_table
 from armid.study.config import ModelChoice, RecordingChoice, RobotChoice, Study
@@ -154,3 +155,19 @@ def test_times_since_1970_keep_their_digits(run: Run, tmp_path: Path):
 def test_times_that_are_none_are_refused(run: Run, memory: float, block: float):
     with pytest.raises(ArmidError, match="above 0 s"):
         track(run, [], {}, memory=memory, block=block)
+
+
+def test_an_estimate_that_fails_names_the_faults_of_the_recording(
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    recording = moved(small_arm(), 5, 2).recording
+    assert recording.effort is not None
+    turned = replace(recording, effort=recording.effort * np.array([1.0, 1.0, -1.0]))
+    path = write_recording(turned, tmp_path / "sign.npz")
+
+    def failed(*_: object) -> None:
+        raise EstimationError("The weights did not converge.")
+
+    monkeypatch.setattr(tracking, "update", failed)
+    with pytest.raises(EstimationError, match=r"did not converge.*\[torque-sign\]"):
+        track(run, [str(path)], {})
