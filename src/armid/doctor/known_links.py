@@ -102,7 +102,7 @@ def _load_alone(P: Array) -> Array:
     Args:
         P: Products of the torque of links, usual load and log, shape (12, 12).
     """
-    return np.linalg.solve(P[1:11, 1:11] + np.eye(10), P[1:11, 11] - P[1:11, 0])
+    return np.array(np.linalg.solve(P[1:11, 1:11] + np.eye(10), P[1:11, 11] - P[1:11, 0]), dtype=np.float64)
 
 
 def _load_and_scale(P: Array) -> tuple[float, Array]:
@@ -116,7 +116,7 @@ def _load_and_scale(P: Array) -> tuple[float, Array]:
     for _ in range(ROUNDS):
         size = max(abs(scale), SMALLEST_SCALE)
         prior = np.diag([0.0, *[1.0 / size**2] * 10])
-        found = np.linalg.solve(P[:11, :11] + prior, P[:11, 11])
+        found = np.array(np.linalg.solve(P[:11, :11] + prior, P[:11, 11]), dtype=np.float64)
         scale = float(found[0])
         if abs(scale) < SMALLEST_SCALE:
             return scale, np.zeros(10)
