@@ -99,7 +99,7 @@ def load_new_recordings(
     processed = process_each(recordings, run.processing, run.robot)
     observations = joined_observations(processed)
     base = run.estimate.base
-    earlier = load(Information, Path(run.folder) / "information.npz")
+    earlier = earlier_information(run)
     of_processing = tuple(finding for each in processed for finding in each.findings)
     told = check_new_recordings(run, (*recordings, *unseen), (*read, *read_unseen), of_processing, loaded)
     deviation = _deviation(recordings[0][0].reading, run.robot.n)
@@ -240,6 +240,15 @@ def known_links(run: Run, loaded: int | None = None) -> KnownLinks | None:
     last = tip if tip >= 0 else run.robot.n - 1
     bodies = theta[model.inertial_columns].reshape(-1, 10)
     return KnownLinks(bodies, f"the run {run.folder}", last if loaded is None else loaded)
+
+
+def earlier_information(run: Run) -> Information:
+    """Information of the training recordings of a run.
+
+    Args:
+        run: The run.
+    """
+    return load(Information, Path(run.folder) / "information.npz")
 
 
 def new_recording_findings(run: Run) -> list[Finding]:

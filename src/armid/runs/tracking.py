@@ -5,13 +5,11 @@ from __future__ import annotations
 import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from armid.checked_array import Array
-from armid.dataclass_files import load
 from armid.errors import EstimationError, Finding, StudyError
 from armid.estimation.estimate_record import averaged
 from armid.estimation.friction_per_recording import changing_parameters
@@ -27,6 +25,7 @@ from armid.model.terms.rigid_body import rigid_body_units
 from armid.runs.new_recordings import (
     ReadRecording,
     check_new_recordings,
+    earlier_information,
     load_columns,
     new_recording_findings,
     read_new_recordings,
@@ -143,7 +142,7 @@ def track(
             f"By default only friction is tracked, but the model of {run.folder} has no friction.",
             remedy="use --tool to track a payload, or --all to track all parameters.",
         )
-    factors = load(Information, Path(run.folder) / "information.npz")
+    factors = earlier_information(run)
     forgetting = ForgettingOptions(memory, changing, THRESHOLD, jump)
     units = (*base.units, *(rigid_body_units() if changed == "tool" else ()))
     told = (*new_recording_findings(run), *findings, *found)
