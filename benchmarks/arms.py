@@ -53,8 +53,8 @@ from armid.model.dynamics_model import DynamicsModel
 from armid.model.terms import Coulomb, RigidBody, Viscous
 from armid.robot import Robot, load_robot
 from armid.study.plans.design import DesignConstraints, DesignGoal, SearchBudget, design_plan
-from armid.study.plans.design_files import save_design
-from armid.study.plans.designed import Designed
+from armid.study.plans.design_result import Designed
+from armid.study.plans.design_writing import save_design
 from flown import ROUNDING, Flight, fly, load_table, load_urdf
 
 ROOT = Path(__file__).resolve().parents[1]

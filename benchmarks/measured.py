@@ -29,7 +29,7 @@ from armid.estimation.estimators import OrdinaryLeastSquares, PhysicallyConsiste
 from armid.estimation.problem import EstimationProblem, standard_of
 from armid.excitation.thesis_plans import builtin_plan
 from armid.information.accumulate import accumulate_information
-from armid.information.regressor_columns import column_source
+from armid.information.base_regressor_layout import column_source
 from armid.lab.inverse_dynamics_recording import thesis_truth
 from armid.measurement.low_pass_band import Band
 from armid.measurement.observations import Observations, ObservedRun

@@ -24,9 +24,9 @@ from armid.estimation.uncertainty.noise_spectrum import NoiseModel
 from armid.estimation.uncertainty.whiteness import spectrum_test, variance_test
 from armid.excitation.thesis_plans import builtin_plan
 from armid.information.accumulate import accumulate_information
+from armid.information.base_regressor_layout import column_source
 from armid.information.filtered_rows import all_rows
 from armid.information.filtering import in_band
-from armid.information.regressor_columns import column_source
 from armid.measurement.low_pass_band import Band
 from armid.measurement.observations import Observations, ObservedRun
 from armid.model.base_parameters import find_base_parameters

@@ -33,8 +33,8 @@ from armid.excitation.fourier import Excitation
 from armid.lab.known_arms import truth_of
 from armid.lab.options import LabOptions
 from armid.lab.sensors import Sensing, SensorChannel
+from armid.lab.simulated_motion import inverse_dynamics
 from armid.lab.simulation import simulate
-from armid.lab.true_motion import inverse_dynamics
 from armid.measurement.convention_conversion import to_robot_convention
 from armid.measurement.log_format import LogFormat
 from armid.robot import Robot, load_robot

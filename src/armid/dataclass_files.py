@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from armid.atomic_file import replace_file
 from armid.errors import ArmidError
-from armid.text_serialization import TextValue
+from armid.text_stored_value import TextValue
 
 T = TypeVar("T")
 

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from armid.text_serialization import TextValue
+from armid.text_stored_value import TextValue
 from armid.toml_writing import toml_line
 
 NOTE = "  # "

@@ -58,7 +58,7 @@ def test_sections_with_nothing_to_show_leave_themselves_out(materials: dict[str,
     left_out = {name for name, show in SECTIONS.items() if show(materials["records only"]) is None}
     assert {"residuals", "consistency"} <= left_out
     assert not {"verdict", "torque", "friction", "parameters", "provenance"} & left_out
-    assert {"standard-parameters", "methods"} <= left_out  # base parameters alone, and nobody compared methods
+    assert {"standard-parameters", "method-comparison"} <= left_out  # base parameters alone, no comparison
 
 
 def test_keys_are_unique_over_the_page(materials: dict[str, PageData]):

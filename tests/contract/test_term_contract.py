@@ -18,8 +18,8 @@ from armid.measurement.observations import Observations
 from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics_model import DynamicsModel
 from armid.model.motion import Motion
-from armid.model.symbolic_expression import derivative, evaluate, latex, symbols, text
 from armid.model.terms import TERMS, Term
+from armid.model.torque_law_expression import derivative, evaluate, latex, symbols, text
 from armid.robot import Robot, builtin_arms, load_robot
 from informed import assert_says, dense, filtered
 from memories import joints_known_from, with_any_past

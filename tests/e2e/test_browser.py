@@ -13,7 +13,7 @@ from armid.excitation.collision.distances import floor
 from armid.excitation.plan import Plan
 from armid.excitation.thesis_plans import builtin_plan
 from armid.report.page import write_report
-from armid.report.preview.clip import clip_of_plan
+from armid.report.preview.animation_frames import clip_of_plan
 from armid.report.preview.inertia_ellipsoids import MassLayer, layer_of_description
 from armid.report.preview.nearest_bodies import bodies_to_watch
 from armid.report.preview.page import Preview, write_preview
@@ -293,7 +293,7 @@ def test_it_plays_stops_and_shows_masses(moving: Path, chromium: Browser):
 
 
 def test_a_limit_is_marked(arm: Robot, tmp_path: Path, chromium: Browser):
-    from armid.report.preview.clip import still
+    from armid.report.preview.animation_frames import still
 
     q = np.zeros(7)
     q[1] = arm.joints[1].position_limits[1] - 0.05

@@ -37,8 +37,8 @@ from armid.runs.run import load_run
 from armid.runs.validation_and_prediction import motion_of, predict
 from armid.study.storage.records import BASE_PARAMETER_KEYS, ESTIMATE_KEYS
 from armid.validation.prediction_interval import torque_band
-from armid.validation.torque_errors import Score
-from armid.validation.torque_errors import validate as judge
+from armid.validation.torque_validation import Score
+from armid.validation.torque_validation import validate as judge
 from labs import STUDY, small_plan, small_recording, write_arm, write_recording, write_recordings, write_study
 
 HANGING = ("--gravity", "0", "0", "9.81")

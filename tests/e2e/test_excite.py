@@ -18,7 +18,7 @@ from armid.excitation.formats import FORMATS
 from armid.excitation.fourier import load_plan
 from armid.robot import load_robot
 from armid.robot.kinematics import forward_kinematics
-from armid.study.plans.plan_files import read_whole_plan
+from armid.study.plans.plan_reading import read_whole_plan
 from labs import write_recordings, write_study
 from paged import blocks, pages
 from pendulums import ARM

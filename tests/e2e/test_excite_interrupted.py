@@ -31,7 +31,7 @@ def interrupted_in(where: str, folder: Path, monkeypatch: pytest.MonkeyPatch) ->
         "armid.study.plans.design.place_motion",
         "armid.excitation.design.multistart.descend",
         "armid.study.plans.design.certified_plan",
-        "armid.study.plans.design_files.report_text",
+        "armid.study.plans.design_writing.report_text",
     ],
 )
 def test_an_interrupted_design_writes_nothing(

@@ -19,7 +19,7 @@ from armid.excitation.limits.workspace import Workspace
 from armid.excitation.rest_to_rest_basis import SeriesBasis
 from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics_model import DynamicsModel
-from armid.model.slipping_hysteresis import slipping
+from armid.model.memoryless_model import slipping
 from armid.model.terms import (
     Coulomb,
     Coupling,

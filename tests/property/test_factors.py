@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from armid import kernel
-from armid.information.regressor_columns import column_source
+from armid.information.base_regressor_layout import column_source
 from armid.kernel import ColumnLayout, unpack_factors
 from armid.maths.linalg import condition
 from armid.model.base_parameters import find_base_parameters

@@ -7,7 +7,7 @@ import pytest
 
 from armid import kernel
 from armid.model.hysteresis_memory import Play
-from armid.model.symbolic_expression import evaluate
+from armid.model.torque_law_expression import evaluate
 from memories import dragged, known_from
 from problems import COMPILED, TWIN
 

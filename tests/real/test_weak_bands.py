@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from armid import load_study
+from armid.information.base_regressor_layout import column_source
 from armid.information.filtered_rows import all_rows
-from armid.information.regressor_columns import column_source
 from armid.study.identify import conclude
 from armid.study.prepare import prepare
 from armid.study.recordings.processed import joined_observations, of_role

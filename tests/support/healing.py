@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from armid.errors import ArmidError, Finding
-from armid.measurement.columns.lookup import assemble, select
+from armid.measurement.columns.column_selection import assemble, select
 from armid.measurement.convention_conversion import to_robot_convention
 from armid.measurement.log_format import LogFormat
 from armid.measurement.processing.options import ProcessingOptions

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from armid.checked_array import Array
-from armid.export.verified_inputs import find_source
+from armid.export.input_digest_check import find_source
 from armid.export.write import export_run
 from armid.maths.inertia import pseudo_inertia
 from armid.robot import Robot, load_robot

@@ -9,7 +9,7 @@ import pytest
 
 from armid.dataclass_files import load, save
 from armid.errors import Finding
-from armid.measurement.suggested_log_format import lines
+from armid.measurement.remedy_builders import lines
 from armid.remedy import Remedy, setting
 
 CASES = [

@@ -15,7 +15,7 @@ from armid.lab.controller import Controller, Drive
 from armid.lab.friction import Friction
 from armid.lab.known_arms import EFFECTS, KnownArm, truth_of, with_effects
 from armid.lab.plant import Plant, stable_rate, write_mjcf
-from armid.lab.true_motion import TrueMotion, closed_loop
+from armid.lab.simulated_motion import TrueMotion, closed_loop
 from armid.robot import load_robot
 from armid.robot.robot import InertialParameters
 from plants import short_plan, small_arm, smooth_arm

@@ -26,7 +26,7 @@ from armid.notebook_display import names_apart
 from armid.remedy import Remedy
 from armid.study.compare_methods import MethodTable
 from armid.study.progress import Progress as ReportProgress
-from armid.validation.torque_errors import Check, Score, Validation
+from armid.validation.torque_validation import Check, Score, Validation
 
 WIDTH_IN_A_PIPE = 120
 """Width of output that does not go to a terminal, unless the variable `COLUMNS` gives one [characters]."""

@@ -8,8 +8,8 @@ from armid.codegen.graph import Scalar, call
 from armid.errors import ModelError
 from armid.model.dynamics_model import DynamicsModel
 from armid.model.hysteresis_memory import Coordinate, MemoryNode
-from armid.model.symbolic_expression import Expression, derivative, number, symbols
 from armid.model.terms import Law
+from armid.model.torque_law_expression import Expression, derivative, number, symbols
 
 
 def carried_out(expression: Expression, environment: Mapping[str, Scalar]) -> Scalar:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armid.checked_array import Array
-from armid.doctor.log_state import LogState
+from armid.doctor.fitted_log import LogState
 from armid.measurement.position_range_check import FAR
 
 BEYOND = 0.1

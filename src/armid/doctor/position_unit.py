@@ -8,9 +8,9 @@ import numpy as np
 
 from armid.checked_array import Array
 from armid.doctor.check_input import LogEvidence
-from armid.doctor.log_state import LogState
+from armid.doctor.fitted_log import LogState
 from armid.errors import Finding
-from armid.measurement.suggested_log_format import lines
+from armid.measurement.remedy_builders import lines
 
 PLAUSIBLE_CONFLICT, PLAUSIBLE_CORRELATION, PLAUSIBLE_SCALE = 0.6, 0.7, 0.3
 """Limits within which angles are accepted as degrees: largest conflict between the joints, smallest correlation

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from armid import kernel
 from armid.checked_array import Array
 from armid.doctor.downsample import DownsampledLog
+from armid.information.base_regressor_layout import ColumnSource
 from armid.information.filtered_rows import all_rows
-from armid.information.regressor_columns import ColumnSource
 from armid.model.motion import Motion
 
 PASSES = 4

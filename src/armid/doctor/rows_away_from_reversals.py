@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armid.doctor.check_input import ROWS
-from armid.doctor.log_state import LogState
+from armid.doctor.fitted_log import LogState
 from armid.measurement.observations import ObservedRun
 
 SLOW = 0.1

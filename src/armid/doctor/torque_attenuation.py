@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armid.checked_array import Array
-from armid.doctor.log_state import LogState
+from armid.doctor.fitted_log import LogState
 from armid.information.filtered_rows import all_rows
 from armid.maths.signals.fourier_transform import power_spectrum
 from armid.measurement.low_pass_band import Band

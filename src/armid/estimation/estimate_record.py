@@ -17,7 +17,7 @@ from armid.information.information import FactorOrigin
 from armid.model.base_parameters import BaseParameters
 from armid.model.parameter_name import ParameterName
 from armid.notebook_display import Displayed, Summary, interval_text, percent, plural
-from armid.text_serialization import TextValue
+from armid.text_stored_value import TextValue
 
 
 @dataclass(frozen=True, slots=True)

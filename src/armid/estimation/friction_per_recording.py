@@ -19,8 +19,8 @@ from armid.kernel import factor_columns
 from armid.model.base_parameters import BaseParameters
 from armid.model.dynamics_model import DynamicsModel
 from armid.model.parameter_name import ParameterName
-from armid.model.symbolic_expression import symbols
 from armid.model.terms import Offset
+from armid.model.torque_law_expression import symbols
 
 
 def offset_names(model: DynamicsModel) -> tuple[str, ...]:

@@ -123,7 +123,7 @@ def load_plan(path: Path | str) -> Excitation:
         raise ArmidError(
             f"{path} is not a plan of a periodic excitation: it lacks {', '.join(missing)}.",
             possible=", ".join(PLAN_KEYS),
-            remedy="this is a plan of poses or sweeps: read it with armid.study.plans.plan_files.read_whole_plan."
+            remedy="this is a plan of poses or sweeps: read it with armid.study.plans.plan_reading.read_whole_plan."
             if point_to_point
             else "give a plan.json that armid excite has written.",
         )

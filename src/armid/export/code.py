@@ -22,7 +22,7 @@ from armid.model.base_parameters import BaseParameters
 from armid.model.dynamics_model import DynamicsModel
 from armid.model.motion import Motion
 from armid.runs.run import Run
-from armid.validation.torque_errors import Check
+from armid.validation.torque_validation import Check
 
 AGREEMENT = 1e-10
 """Largest allowed relative difference from the model; sums in another order differ by about 1e-15."""

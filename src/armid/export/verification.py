@@ -12,15 +12,15 @@ from armid.checked_array import Array
 from armid.errors import Finding, OutputError
 from armid.estimation.estimate_record import torque_parameters
 from armid.export.catalogue import EXPORTERS, Exporter
+from armid.export.input_digest_check import Unseen
 from armid.export.types import Content, Witness, WrittenDescription
-from armid.export.verified_inputs import Unseen
 from armid.information.residuals import compare
 from armid.model.dynamics_model import DynamicsModel
 from armid.robot.angle_rounding import rounded
 from armid.robot.robot import Robot
 from armid.runs.run import Run
 from armid.study.recordings.processed import process_each
-from armid.validation.torque_errors import Check, JointCheck
+from armid.validation.torque_validation import Check, JointCheck
 
 STATES = 50
 """Number of random states at which torque is compared: it is larger than the number of parameters of an arm."""

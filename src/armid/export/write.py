@@ -18,17 +18,17 @@ from armid.errors import Finding, OutputError, did_you_mean
 from armid.excitation.limits.joint_limits import with_limits
 from armid.export.body_split import carried_by, carriers, share_out
 from armid.export.catalogue import EXPORTERS, Exporter
+from armid.export.input_digest_check import find_source, unseen_recordings
 from armid.export.plausibility import far_bodies, refuse_unidentified, refuse_unphysical, unphysical_names
 from armid.export.sidecar import refuse_overwriting, side_record
 from armid.export.standard_values import values_to_write
 from armid.export.types import Body, Content, DescriptionSource
 from armid.export.verification import Prediction, places_of, verify, without_place
-from armid.export.verified_inputs import find_source, unseen_recordings
 from armid.remedy import Remedy
 from armid.robot.robot import InertialParameters, Link, Robot
 from armid.runs.run import Run
 from armid.study.storage.records import finding_record, to_json
-from armid.validation.torque_errors import Check
+from armid.validation.torque_validation import Check
 
 SIDE = ".armid.json"
 

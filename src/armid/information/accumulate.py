@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 from armid import kernel
 from armid.checked_array import Array
 from armid.errors import ArmidError
+from armid.information.base_regressor_layout import ColumnSource, column_source
 from armid.information.filtering import filtered_columns, filtered_torque
 from armid.information.hysteresis_states import require_consecutive, with_hysteresis_states
 from armid.information.information import FactorOrigin, Information, JointFactors, merge, stack, total
-from armid.information.regressor_columns import ColumnSource, column_source
 from armid.maths.linalg import scaled_condition
 from armid.measurement.low_pass_band import Band
 from armid.measurement.observations import Observations, ObservedRun

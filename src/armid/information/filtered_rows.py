@@ -13,9 +13,9 @@ import numpy as np
 
 from armid import kernel
 from armid.checked_array import Array
+from armid.information.base_regressor_layout import ColumnSource
 from armid.information.filtering import filtered_columns, filtered_torque
 from armid.information.hysteresis_states import with_hysteresis_states
-from armid.information.regressor_columns import ColumnSource
 from armid.measurement.low_pass_band import Band
 from armid.measurement.observations import ObservedRun
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from armid import kernel
 from armid.checked_array import Array
-from armid.information.regressor_columns import ColumnSource
+from armid.information.base_regressor_layout import ColumnSource
 from armid.maths.signals.decimation import coarsest_step, decimate, decimation_filter, decimation_step, interpolate
 from armid.maths.signals.zero_phase_filters import low_pass, periodic_filter, settling_samples, zero_phase
 from armid.measurement.low_pass_band import Band

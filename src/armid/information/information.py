@@ -20,7 +20,7 @@ from armid.errors import ArmidError
 from armid.kernel import factor_columns
 from armid.model.parameter_name import ParameterName, parameter_names
 from armid.notebook_display import Displayed, Summary, plural
-from armid.text_serialization import TextValue
+from armid.text_stored_value import TextValue
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 
 from armid import kernel
 from armid.checked_array import Array
+from armid.information.base_regressor_layout import ColumnSource
 from armid.information.filtered_rows import rows
 from armid.information.hysteresis_states import with_hysteresis_states
 from armid.information.information import FactorOrigin, Information, JointFactors, merge
-from armid.information.regressor_columns import ColumnSource
 from armid.measurement.observations import Observations, ObservedRun
 
 KEPT = 64_000_000

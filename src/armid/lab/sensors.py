@@ -11,7 +11,7 @@ import numpy as np
 from armid.checked_array import Array
 from armid.errors import LabError
 from armid.hashes import digest
-from armid.lab.true_motion import MARGIN, TrueMotion
+from armid.lab.simulated_motion import MARGIN, TrueMotion
 from armid.maths.signals.zero_phase_filters import butterworth
 from armid.measurement.recording import Recording
 

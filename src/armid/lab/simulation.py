@@ -19,7 +19,7 @@ from armid.lab.known_arms import KnownArm
 from armid.lab.options import LabOptions
 from armid.lab.plant import stable_rate
 from armid.lab.sensors import sense
-from armid.lab.true_motion import Tell, TrueMotion, closed_loop, inverse_dynamics
+from armid.lab.simulated_motion import Tell, TrueMotion, closed_loop, inverse_dynamics
 from armid.measurement.recording import Recording
 from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics_model import DynamicsModel

@@ -19,7 +19,7 @@ from armid.measurement.processing.delay import compensate_delay
 from armid.measurement.processing.row_checks import clean
 from armid.measurement.readers import load_recording
 from armid.measurement.recording import Recording, recording_error
-from armid.measurement.suggested_log_format import naming
+from armid.measurement.remedy_builders import naming
 from armid.robot.robot import Robot
 
 WRAP_TOLERANCE = 0.5

@@ -10,7 +10,7 @@ from armid.errors import Finding
 from armid.maths.median import median
 from armid.measurement.log_format import LogFormat
 from armid.measurement.recording import Recording, recording_error
-from armid.measurement.suggested_log_format import lines
+from armid.measurement.remedy_builders import lines
 from armid.robot.robot import Robot
 
 FAR = 0.5

@@ -20,8 +20,8 @@ from armid.model.linear_combination_text import linear_combination
 from armid.model.motion import Motion
 from armid.model.parameter_name import ParameterName, parameter_names
 from armid.model.structural_identifiability import SPAN_TOLERANCE, echelon, parameter_units, structural_base
-from armid.model.symbolic_expression import functions, symbols
 from armid.model.terms.term import Term
+from armid.model.torque_law_expression import functions, symbols
 from armid.notebook_display import Displayed, Summary
 from armid.robot.robot import Robot
 from armid.threads import one_blas_thread

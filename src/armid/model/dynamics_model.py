@@ -23,9 +23,9 @@ from armid.kernel.tree import Tree
 from armid.model.hysteresis_memory import Coordinate, MemoryNode
 from armid.model.motion import Motion
 from armid.model.parameter_name import ParameterName
-from armid.model.symbolic_expression import derivative, evaluate, number, symbols, text
 from armid.model.terms import DEFAULT_TERMS, Law, RigidBody, Term
 from armid.model.terms.rigid_body import RIGID_BODY_SYMBOLS, rigid_body_units
+from armid.model.torque_law_expression import derivative, evaluate, number, symbols, text
 from armid.notebook_display import Displayed, Summary, plural
 from armid.robot.missing_inertia import links_without_inertia
 from armid.robot.robot import Robot

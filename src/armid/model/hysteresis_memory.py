@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from armid.errors import ModelError
-from armid.model.symbolic_expression import Expression, maximum, minimum, symbol
+from armid.model.torque_law_expression import Expression, maximum, minimum, symbol
 
 Coordinate = tuple[tuple[int, float], ...]
 """Coordinate c = Σ w_j q_j, as pairs of joint index j and weight w_j."""

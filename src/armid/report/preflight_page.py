@@ -18,7 +18,7 @@ from armid.report.planned_motion import motion_section
 from armid.report.rendering import require_extra
 from armid.report.section import Section
 from armid.report.tables import Column, Table, TableCell
-from armid.study.plans.designed import Designed
+from armid.study.plans.design_result import Designed
 from armid.study.plans.preflight_text import (
     Checked,
     findings_of,

@@ -123,7 +123,7 @@ def read_values(path: Path | str) -> dict[str, float]:
 
 def read_plan(name: str) -> Motion:
     """Motion of a built-in plan or of a plan of `armid excite`, sampled at 100 Hz."""
-    from armid.study.plans.plan_files import series_of  # brings the design of plans
+    from armid.study.plans.plan_reading import series_of  # brings the design of plans
 
     return series_of(name).sample(PLAN_RATE)
 

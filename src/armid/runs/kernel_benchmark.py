@@ -25,7 +25,7 @@ from armid.estimation.problem import build_problem
 from armid.excitation.design.objective import CriterionGoal, Objective, along
 from armid.excitation.rest_to_rest_basis import SeriesBasis
 from armid.excitation.thesis_plans import builtin_plan
-from armid.information.regressor_columns import column_source
+from armid.information.base_regressor_layout import column_source
 from armid.lab.inverse_dynamics_recording import thesis_truth
 from armid.measurement.low_pass_band import Band
 from armid.measurement.observations import Observations, ObservedRun

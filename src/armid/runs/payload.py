@@ -22,7 +22,7 @@ from armid.runs.run import Run, failed_checks
 from armid.study.diagnosis import diagnosed_error
 from armid.study.plausibility import RECORDING_ERRORS, contradictions, few_blocks_finding
 from armid.study.storage.records import judgement_record
-from armid.validation.torque_errors import Check
+from armid.validation.torque_validation import Check
 
 FAR = 3.0
 """Distance between estimate and nearest real body, in standard deviations, from which it is reported."""

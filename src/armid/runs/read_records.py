@@ -23,7 +23,7 @@ from armid.study.compare_methods import MethodScore, MethodTable
 from armid.study.config import EstimationChoice, ModelChoice, RecordingChoice, Study, parse_robot
 from armid.study.identify import Result
 from armid.study.storage.records import SelectionSummary, selection_summary
-from armid.validation.torque_errors import Check, Score, Validation
+from armid.validation.torque_validation import Check, Score, Validation
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -28,7 +28,7 @@ from armid.study.plausibility import contradicted, few_blocks_finding, negative_
 from armid.study.recordings.processed import ProcessedRecording
 from armid.study.score_recordings import score_recordings
 from armid.threads import one_blas_thread
-from armid.validation.torque_errors import Score, validate
+from armid.validation.torque_validation import Score, validate
 
 Changed = Literal["friction", "tool", "all"]
 """Parameters that may have changed: friction and offsets; friction, offsets and the last link; or all."""

@@ -19,7 +19,7 @@ from armid.study.config import RecordingChoice
 from armid.study.recordings.reading import read_choice
 from armid.validation.rollout import Feedback
 from armid.validation.rollout_score import MotionScore, score_motion
-from armid.validation.torque_errors import Check, Validation
+from armid.validation.torque_validation import Check, Validation
 
 MOST_LOST = 0.5
 """Largest share of windows that may be lost; with more, there is no median error."""

@@ -23,13 +23,13 @@ from armid.model.motion import Motion
 from armid.runs.new_recordings import check_new_recordings
 from armid.runs.run import Run
 from armid.study.config import RecordingChoice
-from armid.study.plans.plan_files import motion_of_plan
+from armid.study.plans.plan_reading import motion_of_plan
 from armid.study.plausibility import contradicted
 from armid.study.recordings.processed import process_each
 from armid.study.recordings.reading import read_choice
 from armid.study.score_recordings import score_recordings
 from armid.validation.prediction_interval import torque_band
-from armid.validation.torque_errors import Validation, validate
+from armid.validation.torque_validation import Validation, validate
 
 
 def validate_run(

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from armid.doctor.checks.dynamics.rotor_inertia_missing import CODE as ROTOR_INERTIA_MISSING
 from armid.errors import Finding
-from armid.measurement.suggested_log_format import lines
+from armid.measurement.remedy_builders import lines
 from armid.model.dynamics_model import DynamicsModel
 from armid.model.terms import RotorInertia
 from armid.study.config import DEFAULT, ModelChoice, RecordingChoice, build_model

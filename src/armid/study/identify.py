@@ -25,9 +25,9 @@ from armid.study.prepare import Prepared, prepare, stated_problem
 from armid.study.progress import Progress, no_progress
 from armid.study.recordings.processed import of_role
 from armid.study.score_recordings import score_recordings
-from armid.study.selected_friction_options import with_origin_of_weight
+from armid.study.selection_prior_options import with_origin_of_weight
 from armid.threads import one_blas_thread
-from armid.validation.torque_errors import (
+from armid.validation.torque_validation import (
     PredictedRecording,
     Score,
     Validation,

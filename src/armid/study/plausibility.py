@@ -22,12 +22,12 @@ from armid.estimation.uncertainty.covariance_choice_thresholds import FEWEST_BLO
 from armid.information.information import Information, stack, total
 from armid.maths.linalg import inverse_of, unit_columns
 from armid.measurement.observations import Observations
-from armid.measurement.suggested_log_format import lines
+from armid.measurement.remedy_builders import lines
 from armid.model.dynamics_model import DynamicsModel
 from armid.remedy import Remedy, setting
 from armid.robot import Robot
 from armid.validation.gravity_sign import gravity_finding
-from armid.validation.torque_errors import Check, Validation
+from armid.validation.torque_validation import Check, Validation
 
 FAR = 20.0
 """Factor between the estimated mass of a link and its mass in the description from which it is reported."""

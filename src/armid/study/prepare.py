@@ -32,7 +32,7 @@ from armid.study.progress import Progress, no_progress
 from armid.study.recordings.agreement import disagreement_findings
 from armid.study.recordings.processed import ProcessedRecording, joined_observations, of_role, process_each
 from armid.study.recordings.reading import read_all, scale_deviation
-from armid.study.selected_friction_options import as_chosen, chosen_finding
+from armid.study.selection_prior_options import as_chosen, chosen_finding
 from armid.threads import one_blas_thread
 
 

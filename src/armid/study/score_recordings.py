@@ -11,7 +11,7 @@ from armid.model.dynamics_model import DynamicsModel
 from armid.study.extrapolation import highest_speeds, speed_finding
 from armid.study.recordings.labels import labels
 from armid.study.recordings.processed import ProcessedRecording
-from armid.validation.torque_errors import PredictedRecording, Score, score
+from armid.validation.torque_validation import PredictedRecording, Score, score
 
 
 def score_recordings(

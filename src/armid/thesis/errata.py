@@ -9,7 +9,7 @@ import numpy as np
 from armid.thesis.algorithm_corrections import Estimates, Steps
 from armid.thesis.audit import Audit
 from armid.thesis.design_trials import Designs
-from armid.thesis.dynamics import Dynamics
+from armid.thesis.dynamics_check import Dynamics
 from armid.thesis.published import published
 from armid.thesis.reduction import Reduction
 from armid.thesis.setting import PERIOD, Setting

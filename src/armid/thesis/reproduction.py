@@ -16,7 +16,7 @@ from armid.thesis.algorithm_corrections import Steps, steps
 from armid.thesis.audit import Audit, audit
 from armid.thesis.chapter_4_results import Pictures, Results, results
 from armid.thesis.design_trials import Designs, designs
-from armid.thesis.dynamics import Dynamics, Kinematics, dynamics, kinematics
+from armid.thesis.dynamics_check import Dynamics, Kinematics, dynamics, kinematics
 from armid.thesis.errata import Erratum, errata
 from armid.thesis.reduction import Reduction, reduction
 from armid.thesis.setting import Extent, Setting, Tell, make_setting

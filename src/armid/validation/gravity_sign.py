@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from armid.checked_array import array
 from armid.errors import Finding
-from armid.measurement.suggested_log_format import lines
+from armid.measurement.remedy_builders import lines
 from armid.model.base_parameters import BaseParameters
 from armid.remedy import Assignment, Remedy
 from armid.robot import Robot

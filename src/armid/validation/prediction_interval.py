@@ -14,8 +14,8 @@ import numpy as np
 from armid.checked_array import Array
 from armid.estimation.estimate_record import Estimate
 from armid.estimation.fit_result import Fit
+from armid.information.base_regressor_layout import column_source
 from armid.information.filtered_rows import all_rows
-from armid.information.regressor_columns import column_source
 from armid.maths.distributions import student_quantile
 from armid.maths.median import median
 from armid.measurement.low_pass_band import Band

@@ -25,8 +25,8 @@ from armid.errors import ArmidError
 from armid.maths.stiction import solve_stiction
 from armid.model.dynamics_model import DynamicsModel
 from armid.model.motion import Motion
-from armid.model.symbolic_expression import symbols
 from armid.model.terms.term import smooths_sign
+from armid.model.torque_law_expression import symbols
 
 LEAST_RATE = 1000.0
 """Smallest rate of the integration steps [Hz]. The error of leapfrog decreases with the square of the rate. The

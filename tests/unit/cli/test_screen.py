@@ -19,11 +19,11 @@ from armid.estimation.friction.selection import FrictionSelection, SelectionEvid
 from armid.estimation.link_properties import link_table
 from armid.estimation.prior import CHOSEN, GIVEN, weight_finding
 from armid.estimation.standard_parameter_resolution import PriorUse
-from armid.measurement.suggested_log_format import lines
+from armid.measurement.remedy_builders import lines
 from armid.model.terms import Hysteresis, Stribeck
 from armid.study.diagnosis import Diagnosis, diagnosed_error
-from armid.study.selected_friction_options import with_origin_of_weight
-from armid.validation.torque_errors import Score, Validation
+from armid.study.selection_prior_options import with_origin_of_weight
+from armid.validation.torque_validation import Score, Validation
 from cranes import CRANE, estimate, model, problem
 from labs import small_model
 

@@ -21,8 +21,8 @@ from armid.errors import ModelError, OutputError
 from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics_model import DynamicsModel
 from armid.model.motion import Motion
-from armid.model.symbolic_expression import Expression, symbol
 from armid.model.terms import Coulomb, LoadViscous, RigidBody, Viscous
+from armid.model.torque_law_expression import Expression, symbol
 from armid.robot import load_robot
 from coded import CC, OCTAVE, STRICT, write_files
 from trees import random_inertial, random_states, robot_of

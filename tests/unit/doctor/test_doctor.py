@@ -17,7 +17,7 @@ from armid.doctor.checks.dynamics.excitation_weak import poorly_determined
 from armid.doctor.checks.dynamics.gravity_direction import explain as explain_gravity
 from armid.doctor.checks.dynamics.position_offset import offsets_of
 from armid.doctor.checks.signals import velocity_mismatch
-from armid.doctor.log_state import LogState
+from armid.doctor.fitted_log import LogState
 from armid.doctor.quick_fit import solve
 from armid.doctor.remedy_trial import heldout_error
 from armid.errors import Finding

@@ -10,7 +10,7 @@ import pytest
 
 from armid.doctor.check_input import LogEvidence
 from armid.doctor.checks.dynamics.gravity_direction import explain as explain_gravity
-from armid.doctor.log_state import LogState
+from armid.doctor.fitted_log import LogState
 from armid.excitation.fourier import Excitation
 from armid.lab.known_arms import truth_of
 from armid.lab.options import Arm, LabOptions

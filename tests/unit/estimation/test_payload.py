@@ -9,9 +9,9 @@ import pytest
 
 from armid.checked_array import Array
 from armid.errors import EstimationError
-from armid.estimation.update.joint_solution import solve_stacked
 from armid.estimation.update.payload import LOAD_NAMES, PayloadEstimate, _Region, estimate_gains, estimate_payload
 from armid.estimation.update.stacked_problem import StackedProblem, stack_problems
+from armid.estimation.update.stacked_solution import solve_stacked
 from armid.information.information import stack, total
 from armid.maths.inertia import about_com, com_inertia_to_vector, pseudo_inertia
 from carried import LOAD, Carrying, arm, carrying, changing, known, load_columns

@@ -14,8 +14,8 @@ from armid.checked_array import Array
 from armid.dataclass_files import load, save
 from armid.estimation.fit_result import Fit
 from armid.estimation.uncertainty.jackknife import blend_with_textbook
-from armid.estimation.update.joint_solution import solve_stacked
 from armid.estimation.update.stacked_problem import stack_problems
+from armid.estimation.update.stacked_solution import solve_stacked
 from armid.lab.inverse_dynamics_recording import record
 from armid.maths.inertia import com_inertia_to_vector
 from armid.runs.new_recordings import load_new_recordings

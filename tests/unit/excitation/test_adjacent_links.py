@@ -21,11 +21,11 @@ from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics_model import DynamicsModel
 from armid.model.terms import RigidBody
 from armid.report.preflight_page import render_preflight
-from armid.report.preview.clip import clip_of_motion
+from armid.report.preview.animation_frames import clip_of_motion
 from armid.report.preview.nearest_bodies import bodies_to_watch, closest
 from armid.robot import Robot, load_robot
 from armid.study.plans.design import design_plan
-from armid.study.plans.goals import DesignConstraints, DesignGoal, SearchBudget
+from armid.study.plans.design_options import DesignConstraints, DesignGoal, SearchBudget
 from armid.study.plans.poses_and_sweeps import MovesGoal, design_moves
 from armid.study.plans.preflight_text import report_record, report_text
 from mesh_texts import write_mesh

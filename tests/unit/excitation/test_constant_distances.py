@@ -12,7 +12,7 @@ from armid.excitation.collision.closest_approach import ClosestApproach, closest
 from armid.excitation.preflight import Preflight
 from armid.model.motion import Motion
 from armid.report.preflight_page import nearest_of_links
-from armid.report.preview.clip import clip_of_motion
+from armid.report.preview.animation_frames import clip_of_motion
 from armid.report.preview.nearest_bodies import bodies_to_watch, closest
 from armid.report.preview.page import Preview, render_preview
 from armid.robot import Robot, load_robot

@@ -12,7 +12,7 @@ from armid.excitation.formats import FORMATS
 from armid.excitation.plan import Plan
 from armid.excitation.rest_to_rest_basis import SeriesBasis
 from armid.robot import load_robot
-from armid.study.plans.design_files import track_of
+from armid.study.plans.design_writing import track_of
 
 POSITIONS = 1e-9
 """FRI and URScript have nine decimals."""

@@ -27,8 +27,8 @@ from armid.report.preflight_page import render_preflight
 from armid.robot import Robot, load_robot
 from armid.robot.collision_body_names import BodyPair
 from armid.study.plans.design import design_plan
-from armid.study.plans.design_files import plan_record
-from armid.study.plans.goals import DesignConstraints, DesignGoal, SearchBudget
+from armid.study.plans.design_options import DesignConstraints, DesignGoal, SearchBudget
+from armid.study.plans.design_writing import plan_record
 from armid.study.plans.poses_and_sweeps import MovesGoal, design_moves
 from armid.study.plans.preflight_text import mark_of, report_record, report_text
 from armid.study.plans.start_pose_and_bodies import place_motion

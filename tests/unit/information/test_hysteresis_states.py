@@ -9,9 +9,9 @@ import pytest
 
 from armid.errors import ArmidError, ModelError
 from armid.information.accumulate import accumulate_information
+from armid.information.base_regressor_layout import column_source
 from armid.information.filtered_rows import all_rows
 from armid.information.hysteresis_states import memory_findings, with_hysteresis_states
-from armid.information.regressor_columns import column_source
 from armid.information.residuals import compare
 from armid.maths.signals.zero_phase_filters import edge_samples, low_pass
 from armid.measurement.low_pass_band import Band

@@ -10,8 +10,8 @@ import pytest
 from armid.checked_array import Array
 from armid.information import weighted_rows
 from armid.information.accumulate import accumulate_information
+from armid.information.base_regressor_layout import column_source
 from armid.information.information import total
-from armid.information.regressor_columns import column_source
 from armid.information.weighted_rows import Segment, WeightedRows, weighted_information
 from armid.measurement.low_pass_band import Band
 from armid.measurement.observations import Observations

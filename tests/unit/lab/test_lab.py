@@ -19,8 +19,8 @@ from armid.lab.known_arms import with_effects
 from armid.lab.options import Arm, LabOptions, load_options, parse_options
 from armid.lab.plant import Plant, stable_rate, write_mjcf
 from armid.lab.sensors import Sensing, SensorChannel
+from armid.lab.simulated_motion import MARGIN, TrueMotion, closed_loop, inverse_dynamics
 from armid.lab.simulation import simulate, simulation_findings, true_model, truth_record
-from armid.lab.true_motion import MARGIN, TrueMotion, closed_loop, inverse_dynamics
 from armid.model.motion import Motion
 from armid.robot import load_robot
 from plants import EXACT, lab, short_plan, small_arm, smooth_arm

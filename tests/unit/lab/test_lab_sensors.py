@@ -29,7 +29,7 @@ from armid.lab.faults import (
     spoil,
 )
 from armid.lab.sensors import Sensing, SensorChannel, sense
-from armid.lab.true_motion import MARGIN, TrueMotion, inverse_dynamics
+from armid.lab.simulated_motion import MARGIN, TrueMotion, inverse_dynamics
 from armid.measurement.recording import Recording
 from plants import short_plan, small_arm
 

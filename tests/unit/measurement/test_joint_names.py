@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from armid.errors import RecordingError
+from armid.measurement.columns.column_selection import Selection, select
 from armid.measurement.columns.joint_assignment import in_joint_order
 from armid.measurement.columns.joint_name_comparison import stated_joints
-from armid.measurement.columns.lookup import Selection, select
 from armid.measurement.joint_states import Publisher, joined
 from armid.measurement.log_format import LogFormat
 from armid.measurement.recording import Recording

@@ -20,7 +20,7 @@ from armid.excitation.poses_and_sweeps import Moves
 from armid.excitation.thesis_plans import builtin_plan
 from armid.maths.inertia import com_inertia_to_vector
 from armid.measurement.recording import Recording
-from armid.report.preview.clip import FRAMES, MAX_FRAMES, Clip, clip_of_plan, clip_of_recording
+from armid.report.preview.animation_frames import FRAMES, MAX_FRAMES, Clip, clip_of_plan, clip_of_recording
 from armid.report.preview.inertia_ellipsoids import ellipsoid_of
 from armid.report.preview.make_preview import preview_of
 from armid.report.preview.mesh_simplification import mesh_record, simplified
@@ -30,7 +30,7 @@ from armid.report.preview.scene import bodies_of, joint_records
 from armid.robot import Robot, load_robot
 from armid.robot.kinematics import forward_kinematics
 from armid.robot.shapes import Shape
-from armid.study.plans.plan_files import is_plan, limits_record, read_whole_plan, shape_records
+from armid.study.plans.plan_reading import is_plan, limits_record, read_whole_plan, shape_records
 from armid.study.storage.records import to_json
 from labs import small_plan, small_recording, write_arm
 from reports import Page

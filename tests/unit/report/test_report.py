@@ -27,8 +27,8 @@ from armid.study.identify import identify
 from armid.study.recordings.processed import process_each
 from armid.study.recordings.reading import read_choice
 from armid.study.storage.records import to_json
-from armid.validation import torque_errors
-from armid.validation.torque_errors import score
+from armid.validation import torque_validation
+from armid.validation.torque_validation import score
 from labs import (
     STUDY,
     small_model,
@@ -337,7 +337,7 @@ def test_the_band_that_is_drawn_is_the_one_that_is_judged_by(
     judged = score(made.model, made.estimate, processed.observations)
     inside = np.mean(np.abs(drawn.residual) <= drawn.half_band, axis=0, where=np.isfinite(drawn.residual))
     np.testing.assert_allclose(inside, judged.coverage95, atol=1e-12)  # the same rows
-    monkeypatch.setattr(torque_errors, "COVERED_ROWS", len(drawn.time) // 4)
+    monkeypatch.setattr(torque_validation, "COVERED_ROWS", len(drawn.time) // 4)
     between = evaluate_recording(made, processed).half_band
     np.testing.assert_allclose(between, drawn.half_band, rtol=0.2)  # it changes as slowly as the motion
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from armid.errors import Finding
-from armid.measurement.suggested_log_format import lines
+from armid.measurement.remedy_builders import lines
 from armid.remedy import NOTE
 from armid.report.data import trust
 from armid.report.data.page_data import PageData, gather
@@ -22,7 +22,7 @@ from armid.report.sections.verdict import FIRST, show_verdict
 from armid.runs.run import load_run, save_run
 from armid.study.config import load_study
 from armid.study.identify import identify
-from armid.validation.torque_errors import Score
+from armid.validation.torque_validation import Score
 from labs import STUDY, write_recordings, write_study
 from reports import Page, make_run
 

@@ -12,7 +12,7 @@ from armid.cli.main import app
 from armid.cli.options import robot_choice
 from armid.errors import ArmidError, RobotError
 from armid.excitation.limits.joint_limits import limits_of
-from armid.export.verified_inputs import find_source
+from armid.export.input_digest_check import find_source
 from armid.export.write import export_run
 from armid.maths.inertia import vector_to_com_inertia
 from armid.robot import load_robot

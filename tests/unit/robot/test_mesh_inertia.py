@@ -8,7 +8,7 @@ import pytest
 from armid.maths.inertia import com_inertia_to_vector, transform
 from armid.robot import load_robot
 from armid.robot.mjcf.mesh_assets import inertia_of_triangles
-from armid.robot.mjcf.mesh_files import UncomputableError, read_mesh
+from armid.robot.mjcf.mesh_reading import UncomputableError, read_mesh
 from mesh_texts import HEIGHT, prism, write_mesh
 
 ROUNDING = 1e-12

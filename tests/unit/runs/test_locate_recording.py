@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from armid.errors import ArmidError
-from armid.export import verified_inputs
-from armid.export.verified_inputs import unseen_recordings
+from armid.export import input_digest_check
+from armid.export.input_digest_check import unseen_recordings
 from armid.runs import locate_recording
 from armid.runs.locate_recording import find_recording
 from armid.runs.run import load_run
@@ -30,9 +30,9 @@ def test_an_export_of_the_demo_is_checked_on_unseen_motion(tmp_path, monkeypatch
         asked.append(folder)
         raise ArmidError("simulated", remedy="none: enough was seen.")
 
-    study = verified_inputs._record(run)
+    study = input_digest_check._record(run)
     for each in study["recordings"]:
         each["path"] = demo.UNSEEN
-    monkeypatch.setattr(verified_inputs, "_record", lambda run: study)
+    monkeypatch.setattr(input_digest_check, "_record", lambda run: study)
     monkeypatch.setattr(locate_recording, "demo_recordings", made)
     assert set(unseen_recordings(run).missing) == {"simulated"} and asked[0] == run.folder

@@ -24,7 +24,7 @@ from armid.study.config import ModelChoice, RecordingChoice, RobotChoice, Study
 from armid.study.identify import identify
 from armid.study.plausibility import contradicted
 from armid.study.recordings.agreement import CODE, disagreement_findings
-from armid.validation.torque_errors import Validation
+from armid.validation.torque_validation import Validation
 from problems import one_run, raw
 from sick import sound
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from armid.errors import OutputError
-from armid.study.plans.design_files import refuse_plan_folder
+from armid.study.plans.design_writing import refuse_plan_folder
 from armid.study.storage.atomic_folder import whole_folder
 
 

@@ -13,7 +13,7 @@ from armid.errors import Finding
 from armid.measurement.log_format import LogFormat
 from armid.measurement.processing.options import ProcessingOptions
 from armid.measurement.readers import load_recording
-from armid.measurement.suggested_log_format import excluding, lines, naming
+from armid.measurement.remedy_builders import excluding, lines, naming
 from armid.remedy import Remedy
 from armid.study.config import ModelChoice, RecordingChoice, RobotChoice, Study, parse_study
 from armid.study.diagnosis import diagnose_recording

@@ -29,8 +29,8 @@ from armid.study.config import (
     resolve_model,
 )
 from armid.study.identify import Result, identify
-from armid.study.recordings.parts import cut_recording
-from armid.study.selected_friction_options import with_selection_prior
+from armid.study.recordings.data_split import cut_recording
+from armid.study.selection_prior_options import with_selection_prior
 from labs import (
     STUDY,
     small_model,

@@ -17,7 +17,7 @@ from armid.robot.missing_inertia import joints_with_unknown_load, links_without_
 from armid.study.config import ModelChoice, RecordingChoice, RobotChoice, Study
 from armid.study.diagnosis import diagnose
 from armid.study.identify import identify
-from armid.study.plans.goals import DesignConstraints
+from armid.study.plans.design_options import DesignConstraints
 from armid.study.plans.torque_constraint import judged_torque
 from labs import URDF, small_recording
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from armid.errors import MissingExtraError
-from armid.thesis.page.chapter import counted, subscripts
+from armid.thesis.page.chapter_elements import counted, subscripts
 from armid.thesis.published import Summand, formula, published, weight
 from armid.thesis.reproduction import reproduce
 from armid.thesis.setting import QUICK, Extent, extent_of

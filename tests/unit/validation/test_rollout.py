@@ -14,7 +14,7 @@ from armid.errors import ArmidError
 from armid.lab.controller import Controller, Drive
 from armid.lab.friction import Friction, MaxwellSlip
 from armid.lab.known_arms import KnownArm
-from armid.lab.true_motion import closed_loop
+from armid.lab.simulated_motion import closed_loop
 from armid.measurement.low_pass_band import Band
 from armid.measurement.observations import Observations, ObservedRun
 from armid.model.dynamics_model import DynamicsModel
@@ -23,7 +23,7 @@ from armid.model.terms import Coulomb, Hysteresis, LoadCoulomb, RigidBody, Rotor
 from armid.runs.rollout import judged_by_motion, load_feedback
 from armid.validation.rollout import Feedback, Windows, roll_out, sharpened
 from armid.validation.rollout_score import Losses, MotionScore, score_motion
-from armid.validation.torque_errors import Validation
+from armid.validation.torque_validation import Validation
 from labs import small_model, small_truth
 from plants import short_plan, small_arm
 

@@ -133,7 +133,7 @@ def _code(run: str, to: str, out: Path | None, *, json: bool) -> None:
 def _report(exported: Exported) -> None:
     """Print the written files and checks on standard output, and the findings on standard error."""
     from armid.cli.console import print_findings
-    from armid.validation.torque_errors import JointCheck
+    from armid.validation.torque_validation import JointCheck
 
     origin = f"{exported.edited}, edited" if exported.edited else "a new file"
     lines = [f"{exported.path} written ({origin}); the whole model in {exported.side}"]

@@ -155,7 +155,7 @@ def _shared_format_finding(study: Study, validate: list[str]) -> list[Finding]:
     """Finding that validation recordings are read with the log format of the training recordings."""
     from armid.errors import Finding
     from armid.measurement.log_format import LogFormat
-    from armid.measurement.suggested_log_format import lines
+    from armid.measurement.remedy_builders import lines
 
     shared, default = next(choice.reading for choice in study.recordings if choice.role == "train"), LogFormat()
     keys = {field.name: getattr(shared, field.name) for field in fields(LogFormat) if field.name != "exclude"}

@@ -212,7 +212,7 @@ def excite(robot: str, **options: Any) -> None:
     from armid.cli.console import output_console, print_findings
     from armid.cli.motion.excite_request import run_experiment, run_request
     from armid.study.config import build_model, load_choice
-    from armid.study.plans.design_files import choose_formats, plan_record, refuse_plan_folder, save_design
+    from armid.study.plans.design_writing import choose_formats, plan_record, refuse_plan_folder, save_design
     from armid.study.plans.preflight_text import report_text
     from armid.study.storage.records import to_json
 

@@ -20,7 +20,7 @@ from armid.information.information import Information
 from armid.model.base_parameters import BaseParameters, find_base_parameters
 from armid.model.dynamics_model import DynamicsModel
 from armid.robot.robot import Robot
-from armid.runs.estimated_torque import estimated_torque
+from armid.runs.design_torque_model import estimated_torque
 from armid.runs.run import MARKER, load_run
 
 

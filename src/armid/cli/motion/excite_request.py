@@ -19,7 +19,7 @@ from armid.robot.robot import Robot
 from armid.robot.shapes import Shape
 from armid.study.plans.certified_plan import Stage
 from armid.study.plans.design import DesignConstraints, DesignGoal, SearchBudget, design_plan
-from armid.study.plans.designed import Designed
+from armid.study.plans.design_result import Designed
 from armid.study.plans.poses_and_sweeps import DesignedMoves, MovesGoal, design_moves
 from armid.study.plans.surroundings import assumed_floor, meshes_are_missing, surroundings_of
 

@@ -12,7 +12,7 @@ from armid.measurement.processing.pipeline import process_recordings
 from armid.model.motion import Motion
 from armid.robot.robot import Robot
 from armid.study.config import RecordingChoice
-from armid.study.plans.plan_files import is_plan, motion_of_plan, series_of
+from armid.study.plans.plan_reading import is_plan, motion_of_plan, series_of
 from armid.study.recordings.reading import read_choice
 
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from armid.checked_array import Array
 from armid.errors import EstimationError, Finding
-from armid.estimation.constrained_fit_result import PhysicalEstimate, fit_of
+from armid.estimation.constrained_fit_statistics import PhysicalEstimate, fit_of
 from armid.estimation.fit_result import Fit
 from armid.estimation.friction_per_recording import standard_per_recording
 from armid.estimation.prior import LENGTH, MASS, Prior, make_prior

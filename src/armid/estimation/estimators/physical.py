@@ -20,7 +20,7 @@ from armid.errors import EstimationError, Finding, UnsolvedError, did_you_mean
 from armid.estimation.consistency.additional_constraints import Requirements
 from armid.estimation.consistency.cones import EPSILON
 from armid.estimation.consistency.consistent_fit import ConsistentProgram
-from armid.estimation.constrained_fit_result import PhysicalEstimate, fit_of
+from armid.estimation.constrained_fit_statistics import PhysicalEstimate, fit_of
 from armid.estimation.crossvalidation import folds, held_out_squares, one_standard_error, split
 from armid.estimation.fit_result import Fit
 from armid.estimation.friction_per_recording import standard_per_recording

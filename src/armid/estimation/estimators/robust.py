@@ -34,8 +34,8 @@ from armid.estimation.friction_per_recording import separate_by_recording
 from armid.estimation.least_squares import Solution, solve
 from armid.estimation.problem import EstimationProblem
 from armid.estimation.uncertainty.covariance import scale_covariance
+from armid.information.base_regressor_layout import column_source
 from armid.information.information import Information, JointFactors, stack, total
-from armid.information.regressor_columns import column_source
 from armid.information.weighted_rows import Segment, WeightedRows, weighted_information
 from armid.maths.median import median
 from armid.remedy import Remedy, setting

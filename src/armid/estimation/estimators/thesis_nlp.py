@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from armid.checked_array import Array
 from armid.errors import EstimationError, Finding, MissingExtraError, did_you_mean
-from armid.estimation.constrained_fit_result import PhysicalEstimate, fit_of
+from armid.estimation.constrained_fit_statistics import PhysicalEstimate, fit_of
 from armid.estimation.fit_result import Fit
 from armid.estimation.friction_per_recording import standard_per_recording
 from armid.estimation.prior import make_prior

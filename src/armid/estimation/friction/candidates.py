@@ -20,7 +20,6 @@ from armid.information.hysteresis_states import with_hysteresis_states
 from armid.measurement.observations import Observations
 from armid.model.base_parameters import BaseParameters
 from armid.model.dynamics_model import DynamicsModel
-from armid.model.symbolic_expression import Expression, symbols
 from armid.model.terms import TERMS, Coulomb, Law, Term
 from armid.model.terms.selection_candidates import (
     AutomaticChoice,
@@ -29,6 +28,7 @@ from armid.model.terms.selection_candidates import (
     Option,
     automatic_choice,
 )
+from armid.model.torque_law_expression import Expression, symbols
 from armid.robot.robot import Robot
 
 SPEED_QUANTILE = 0.95

@@ -17,7 +17,7 @@ from armid.estimation.problem import build_problem
 from armid.measurement.observations import Observations
 from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics_model import DynamicsModel
-from armid.model.symbolic_expression import symbols
+from armid.model.torque_law_expression import symbols
 
 
 def reads_load(model: DynamicsModel) -> bool:

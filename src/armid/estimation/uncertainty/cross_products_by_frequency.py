@@ -19,9 +19,9 @@ from numpy.typing import NDArray
 from armid.checked_array import Array
 from armid.estimation.problem import EstimationProblem
 from armid.estimation.uncertainty.covariance_choice_thresholds import SAME_POSITIONS
+from armid.information.base_regressor_layout import ColumnSource, column_source
 from armid.information.filtered_rows import rows
 from armid.information.hysteresis_states import with_hysteresis_states
-from armid.information.regressor_columns import ColumnSource, column_source
 from armid.maths.signals.fourier_transform import frequencies, spectrum
 from armid.measurement.observations import ObservedRun
 

@@ -18,9 +18,9 @@ from armid.checked_array import Array
 from armid.estimation.problem import EstimationProblem
 from armid.estimation.uncertainty.covariance_choice_thresholds import MIN_INFORMATION, SLOW_SHARE
 from armid.estimation.uncertainty.cross_products_by_frequency import column_numbers
+from armid.information.base_regressor_layout import column_source
 from armid.information.filtered_rows import rows
 from armid.information.hysteresis_states import with_hysteresis_states
-from armid.information.regressor_columns import column_source
 from armid.measurement.low_pass_band import Band
 from armid.measurement.observations import ObservedRun
 from armid.measurement.processing.row_mask import LOBE_HALF_WIDTH

@@ -24,8 +24,8 @@ from armid.checked_array import Array, array
 from armid.errors import EstimationError
 from armid.estimation.estimate_record import Status
 from armid.estimation.link_properties import ENTERING
-from armid.estimation.update.joint_solution import JointSolution, solve_stacked
 from armid.estimation.update.stacked_problem import StackedProblem
+from armid.estimation.update.stacked_solution import JointSolution, solve_stacked
 from armid.maths.conic_solver import Cone, solve_cones, upper_triangle
 from armid.maths.distributions import student_quantile
 from armid.maths.inertia import (

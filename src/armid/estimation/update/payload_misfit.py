@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 
 from armid.checked_array import Array
 from armid.estimation.crossvalidation import held_out_squares
-from armid.estimation.update.joint_solution import solve_values
 from armid.estimation.update.stacked_problem import StackedProblem
+from armid.estimation.update.stacked_solution import solve_values
 from armid.estimation.whitened_system import WhitenedSystem
 from armid.information.information import Information
 

@@ -14,8 +14,8 @@ from armid.estimation.crossvalidation import held_out_squares
 from armid.estimation.estimate_record import collapse
 from armid.estimation.fit_result import Fit
 from armid.estimation.problem import EstimationProblem
-from armid.estimation.update.joint_solution import JointSolution, solve_stacked
 from armid.estimation.update.stacked_problem import stack_problems
+from armid.estimation.update.stacked_solution import JointSolution, solve_stacked
 from armid.information.information import Information, JointFactors, merge
 from armid.maths.distributions import student_quantile
 

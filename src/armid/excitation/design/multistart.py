@@ -27,8 +27,8 @@ import numpy as np
 from armid.checked_array import Array
 from armid.errors import ArmidError
 from armid.excitation.collision.distances import Clearance
+from armid.excitation.design.configuration_space_obstacles import MeasuredPairs
 from armid.excitation.design.interior_point import descend_inside
-from armid.excitation.design.measured_pairs import MeasuredPairs
 from armid.excitation.design.objective import Objective
 from armid.excitation.design.sqp import (
     STAGES,

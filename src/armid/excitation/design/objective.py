@@ -18,7 +18,7 @@ from armid.errors import ArmidError
 from armid.excitation.design.criteria import make_criterion
 from armid.excitation.design.regressor_gradients import Columns
 from armid.excitation.rest_to_rest_basis import SeriesBasis
-from armid.information.regressor_columns import ColumnSource, column_source
+from armid.information.base_regressor_layout import ColumnSource, column_source
 from armid.model.base_parameters import BaseParameters
 from armid.model.dynamics_model import DynamicsModel
 from armid.model.motion import Motion

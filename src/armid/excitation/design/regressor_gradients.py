@@ -11,7 +11,7 @@ import numpy as np
 from armid import kernel
 from armid.checked_array import Array
 from armid.excitation.design.term_columns import TermRows
-from armid.information.regressor_columns import ColumnSource
+from armid.information.base_regressor_layout import ColumnSource
 
 
 class Columns:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from functools import lru_cache
 
-from armid.model.symbolic_expression import Expression, derivative, number, tanh
+from armid.model.torque_law_expression import Expression, derivative, number, tanh
 
 
 @lru_cache(maxsize=256)

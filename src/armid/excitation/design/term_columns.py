@@ -16,8 +16,8 @@ from armid.checked_array import Array
 from armid.errors import ModelError
 from armid.excitation.design.load_torque import LoadTorque
 from armid.excitation.design.smoothed_laws import smoothed
-from armid.information.regressor_columns import ColumnSource
-from armid.model.symbolic_expression import FUNCTIONS, Expression, derivative
+from armid.information.base_regressor_layout import ColumnSource
+from armid.model.torque_law_expression import FUNCTIONS, Expression, derivative
 
 STATES = ("q", "dq", "ddq", "load")
 

@@ -20,7 +20,7 @@ import numpy as np
 from armid.checked_array import Array
 from armid.excitation.design.objective import Objective
 from armid.excitation.design.regressor_gradients import Columns
-from armid.information.regressor_columns import ColumnSource
+from armid.information.base_regressor_layout import ColumnSource
 from armid.robot.kinematics import forward_kinematics
 
 ROUND = 1e-8

@@ -12,7 +12,7 @@ from armid.excitation.design.objective import CriterionGoal
 from armid.excitation.design.regressor_gradients import Columns
 from armid.excitation.limits.constraint_channels import States
 from armid.excitation.limits.torque_curvature import ORDERS, torque_curvature
-from armid.information.regressor_columns import ColumnSource, column_source
+from armid.information.base_regressor_layout import ColumnSource, column_source
 from armid.model.base_parameters import BaseParameters
 from armid.model.dynamics_model import DynamicsModel
 

@@ -23,7 +23,7 @@ from armid.measurement.columns.column_name_parsing import (
     words,
 )
 from armid.measurement.log_format import LogFormat
-from armid.measurement.suggested_log_format import naming
+from armid.measurement.remedy_builders import naming
 from armid.remedy import Remedy, setting
 from armid.robot.robot import Robot
 

@@ -13,7 +13,7 @@ from armid.measurement.columns.column_guessing import shortened
 from armid.measurement.columns.column_name_parsing import split_unit, words
 from armid.measurement.columns.joint_name_comparison import columns_of_joints
 from armid.measurement.log_format import PRESETS, LogFormat
-from armid.measurement.suggested_log_format import naming
+from armid.measurement.remedy_builders import naming
 from armid.remedy import Remedy, setting
 from armid.robot.robot import Robot
 

@@ -10,7 +10,7 @@ from armid.maths.median import median
 from armid.measurement.columns.clocks import unit_of_step
 from armid.measurement.log_format import LogFormat
 from armid.measurement.recording import Recording, kept_rows, recording_error
-from armid.measurement.suggested_log_format import lines, naming
+from armid.measurement.remedy_builders import lines, naming
 from armid.remedy import Remedy, setting
 
 RATE_TOLERANCE = 0.1

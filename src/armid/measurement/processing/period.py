@@ -21,7 +21,7 @@ from armid.errors import Finding
 from armid.maths.median import median
 from armid.measurement.processing.standstill import position_noise
 from armid.measurement.processing.uniform_runs import Stretch
-from armid.measurement.suggested_log_format import lines
+from armid.measurement.remedy_builders import lines
 
 RATE = 100.0
 """Rate at which positions are compared [Hz]; at 5 Hz, linear interpolation has an error of 1 % of the amplitude."""

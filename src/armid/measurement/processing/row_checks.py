@@ -13,7 +13,7 @@ from armid.maths.median import median
 from armid.measurement.log_format import LogFormat
 from armid.measurement.processing.clock_checks import RATE_TOLERANCE, check_clock, without_ties
 from armid.measurement.recording import Recording, kept_rows, recording_error
-from armid.measurement.suggested_log_format import excluding, lines, naming
+from armid.measurement.remedy_builders import excluding, lines, naming
 from armid.remedy import Assignment, Remedy, setting
 
 MIN_SAMPLES = 10

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from armid.checked_array import Array
 from armid.errors import MissingExtraError, RecordingError
-from armid.measurement.columns.lookup import assemble, select
+from armid.measurement.columns.column_selection import assemble, select
 from armid.measurement.log_format import LogFormat
 from armid.measurement.recording import Recording
 from armid.measurement.text_table import decoded, numbers_of, seconds_of, table_of

@@ -12,7 +12,7 @@ import numpy as np
 
 from armid.checked_array import Array
 from armid.errors import MissingExtraError, RecordingError
-from armid.measurement.columns.lookup import assemble, select
+from armid.measurement.columns.column_selection import assemble, select
 from armid.measurement.log_format import LogFormat
 from armid.measurement.recording import Recording
 from armid.robot.robot import Robot

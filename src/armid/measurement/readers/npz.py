@@ -12,7 +12,7 @@ import numpy as np
 from armid.checked_array import Array
 from armid.dataclass_files import load
 from armid.errors import RecordingError
-from armid.measurement.columns.lookup import assemble, numeric, select
+from armid.measurement.columns.column_selection import assemble, numeric, select
 from armid.measurement.log_format import LogFormat
 from armid.measurement.recording import Recording
 from armid.robot.robot import Robot

@@ -12,9 +12,9 @@ from dataclasses import dataclass, field
 from typing import ClassVar
 
 from armid.errors import ModelError
-from armid.model.symbolic_expression import symbol
 from armid.model.terms.friction.coulomb import coulomb_law
 from armid.model.terms.term import Law
+from armid.model.torque_law_expression import symbol
 from armid.robot.robot import Robot
 
 

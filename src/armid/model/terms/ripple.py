@@ -11,10 +11,10 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from armid.errors import ModelError
-from armid.model.symbolic_expression import Expression, cosine, sine, symbol
 from armid.model.terms.checks import require_positive, require_rising
 from armid.model.terms.selection_candidates import AutomaticChoice, CandidateFamily, one_by_one
 from armid.model.terms.term import Law, listed, single_joint_laws
+from armid.model.torque_law_expression import Expression, cosine, sine, symbol
 from armid.robot.robot import Robot
 
 FAMILY = CandidateFamily("ripple", order=40, position=True, rounds=3, margin=3.0, min_gain=0.05)

@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
-from armid.model.symbolic_expression import Expression
+from armid.model.torque_law_expression import Expression
 
 if TYPE_CHECKING:
     from armid.model.terms.term import Term

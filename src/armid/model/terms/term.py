@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from typing import ClassVar, Protocol, runtime_checkable
 
 from armid.model.hysteresis_memory import Coordinate, Play
-from armid.model.symbolic_expression import Expression
+from armid.model.torque_law_expression import Expression
 from armid.robot.robot import Joint, Robot
 
 

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from itertools import groupby
 
 from armid.estimation.friction.selection import SelectionEvidence
-from armid.model.symbolic_expression import text
 from armid.model.terms.term import Law
+from armid.model.torque_law_expression import text
 from armid.report.data.joint_names import label_of
 from armid.report.data.number_format import fixed
 from armid.report.data.page_data import PageData

@@ -18,7 +18,7 @@ from armid.runs.read_records import RunRecords, read_records, trained_and_valida
 from armid.runs.run import Run
 from armid.study.config import Study
 from armid.study.recordings.processed import ProcessedRecording, process_each
-from armid.validation.torque_errors import PredictedRecording, Score, Validation
+from armid.validation.torque_validation import PredictedRecording, Score, Validation
 
 MAX_DRAWN = 3
 """Largest number of plotted recordings of each role; the tables include all."""

@@ -14,11 +14,11 @@ from armid.information.residuals import compare
 from armid.maths.signals.fourier_transform import spectrum
 from armid.measurement.observations import ObservedRun
 from armid.model.dynamics_model import DynamicsModel
-from armid.model.symbolic_expression import symbols
+from armid.model.torque_law_expression import symbols
 from armid.runs.run import Run
 from armid.study.config import RecordingChoice
 from armid.study.recordings.processed import ProcessedRecording
-from armid.validation.torque_errors import PredictedRecording, predict_recording
+from armid.validation.torque_validation import PredictedRecording, predict_recording
 
 SPECTRUM_SAMPLES = 1 << 17
 """Largest number of samples of a spectrum: 16 s of a log at 8 kHz, two minutes of a log at 1 kHz."""

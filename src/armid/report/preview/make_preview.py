@@ -11,7 +11,7 @@ from armid.checked_array import Array
 from armid.errors import ArmidError
 from armid.excitation.collision.collision_model import CollisionOptions
 from armid.measurement.log_format import LogFormat
-from armid.report.preview.clip import Clip, clip_of_motion, clip_of_plan, clip_of_recording, still
+from armid.report.preview.animation_frames import Clip, clip_of_motion, clip_of_plan, clip_of_recording, still
 from armid.report.preview.inertia_ellipsoids import MassLayer, layer_of_description
 from armid.report.preview.nearest_bodies import bodies_to_watch
 from armid.report.preview.page import Preview
@@ -22,8 +22,8 @@ from armid.runs.locate_recording import read_recording_of
 from armid.runs.read_records import read_records, trained_and_validated
 from armid.runs.run import Run
 from armid.study.config import RecordingChoice
-from armid.study.plans.designed import Designed
-from armid.study.plans.plan_files import is_plan, limits_of_plan, motion_of_plan, read_whole_plan
+from armid.study.plans.design_result import Designed
+from armid.study.plans.plan_reading import is_plan, limits_of_plan, motion_of_plan, read_whole_plan
 from armid.study.plans.poses_and_sweeps import DesignedMoves
 from armid.study.recordings.reading import read_choice
 

@@ -19,7 +19,7 @@ from armid.excitation.collision.coal import nearest, whole
 from armid.excitation.collision.collision_model import CollisionOptions, looked_at, make_collision_model
 from armid.excitation.collision.hull_distances import parts_of
 from armid.excitation.limits.joint_limits import described_limits
-from armid.report.preview.clip import Clip
+from armid.report.preview.animation_frames import Clip
 from armid.robot.kinematics import forward_kinematics
 from armid.robot.robot import Robot
 from armid.robot.shapes import Shape

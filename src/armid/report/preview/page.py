@@ -18,7 +18,7 @@ from armid.excitation.limits.joint_limits import Limits, described_limits
 from armid.report.page_file import write_html
 from armid.report.plots.arm_picture import POSES, skeleton
 from armid.report.plots.encoding import compressed, embedded, packed
-from armid.report.preview.clip import Clip
+from armid.report.preview.animation_frames import Clip
 from armid.report.preview.inertia_ellipsoids import MassLayer
 from armid.report.preview.nearest_bodies import NearestBodies, closest
 from armid.report.preview.scene import bodies_of, joint_records, reach_of, surroundings_of

@@ -15,7 +15,7 @@ from armid.report.sections.excitation import show_excitation
 from armid.report.sections.friction import show_friction
 from armid.report.sections.groupings import show_groupings
 from armid.report.sections.link_properties import show_link_properties
-from armid.report.sections.methods import show_methods
+from armid.report.sections.method_comparison import show_methods
 from armid.report.sections.parameters import show_parameters
 from armid.report.sections.provenance import show_provenance
 from armid.report.sections.residuals import show_residuals
@@ -35,7 +35,7 @@ SECTIONS: Mapping[str, Callable[[PageData], Section | None]] = {
     "standard-parameters": show_standard_parameters,
     "groupings": show_groupings,
     "consistency": show_consistency,
-    "methods": show_methods,
+    "method-comparison": show_methods,
     "excitation": show_excitation,
     "provenance": show_provenance,
 }

@@ -9,7 +9,7 @@ import numpy as np
 from armid.checked_array import Array
 from armid.estimation.estimate_record import averaged, torque_parameters
 from armid.model.motion import Motion
-from armid.model.symbolic_expression import symbols
+from armid.model.torque_law_expression import symbols
 from armid.report.data.friction_at_reversals import Reversals, find_reversals
 from armid.report.data.friction_law_text import law_tables
 from armid.report.data.joint_names import heading_of, label_of

@@ -12,7 +12,7 @@ from armid.checked_array import Array
 from armid.maths.inertia import com_inertia_to_vector, transform
 from armid.maths.rotations import homogeneous
 from armid.robot.mjcf.mesh_assets import MeshAssets
-from armid.robot.mjcf.mesh_files import UncomputableError
+from armid.robot.mjcf.mesh_reading import UncomputableError
 from armid.robot.mjcf.poses import placement_of
 from armid.robot.mjcf.settings import Settings
 from armid.robot.shapes import rotation_with_z

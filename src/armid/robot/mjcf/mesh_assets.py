@@ -12,7 +12,7 @@ import numpy as np
 from armid.checked_array import Array
 from armid.maths.inertia import com_inertia_to_vector
 from armid.maths.rotations import homogeneous
-from armid.robot.mjcf.mesh_files import Faces, UncomputableError, read_mesh
+from armid.robot.mjcf.mesh_reading import Faces, UncomputableError, read_mesh
 from armid.robot.mjcf.poses import rotation_of_quaternion
 from armid.robot.mjcf.settings import Settings
 from armid.robot.xml import numbers

@@ -21,7 +21,7 @@ from armid.robot.described_drive import DescribedDrive, drive_of
 from armid.robot.mjcf.geom_inertia import heavy_geoms, inertia_of_geoms, is_solid, stated_mass
 from armid.robot.mjcf.joints import check_equalities, joints_of
 from armid.robot.mjcf.mesh_assets import MeshAssets, mesh_assets
-from armid.robot.mjcf.mesh_files import UncomputableError
+from armid.robot.mjcf.mesh_reading import UncomputableError
 from armid.robot.mjcf.settings import POSE, Settings, settings_of
 from armid.robot.pinocchio_conversion import DescribedLimits, limits_of
 from armid.robot.robot import EARTH_GRAVITY

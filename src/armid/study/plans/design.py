@@ -11,7 +11,8 @@ from typing import Literal
 import numpy as np
 
 from armid.errors import ArmidError, Finding, did_you_mean
-from armid.excitation.design.measured_pairs import measured_pairs
+from armid.excitation.binding_constraints import restrained_motion
+from armid.excitation.design.configuration_space_obstacles import measured_pairs
 from armid.excitation.design.multistart import Progress, Search, search, single_threaded_pool
 from armid.excitation.design.sqp import DescentProblem
 from armid.excitation.limits.constraint_channels import ConstraintChannel
@@ -24,13 +25,18 @@ from armid.excitation.limits.joint_limits import (
 )
 from armid.excitation.plan import Plan
 from armid.excitation.rest_to_rest_basis import SeriesBasis
-from armid.excitation.restrained_motion import restrained_motion
 from armid.excitation.search_convergence import unsettled
 from armid.excitation.weak_motion import weak_motion
 from armid.robot.robot import Robot
 from armid.study.plans.certified_plan import Stage, certified_plan
-from armid.study.plans.designed import SPREAD, Designed
-from armid.study.plans.goals import LIMIT_KINDS, DesignConstraints, DesignGoal, SearchBudget, constrained_limits
+from armid.study.plans.design_options import (
+    LIMIT_KINDS,
+    DesignConstraints,
+    DesignGoal,
+    SearchBudget,
+    constrained_limits,
+)
+from armid.study.plans.design_result import SPREAD, Designed
 from armid.study.plans.leads import add_leads, check_leads
 from armid.study.plans.start_pose_and_bodies import place_motion
 from armid.study.plans.torque_constraint import judged_torque, pose_holds, torque_lacks

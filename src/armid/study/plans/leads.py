@@ -14,7 +14,7 @@ from armid.excitation.limits.joint_limits import (
 from armid.excitation.plan import Plan, seconds_for
 from armid.excitation.rest_to_rest_basis import SeriesBasis
 from armid.robot.robot import Robot
-from armid.study.plans.goals import DesignGoal
+from armid.study.plans.design_options import DesignGoal
 
 LEAD_SHARE = 0.5
 """Share of the velocity limits that the motions to and from the start pose use."""

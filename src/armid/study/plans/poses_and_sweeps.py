@@ -30,7 +30,7 @@ from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics_model import DynamicsModel
 from armid.model.motion import Motion
 from armid.robot.robot import Robot
-from armid.study.plans.goals import DesignConstraints, constrained_limits
+from armid.study.plans.design_options import DesignConstraints, constrained_limits
 from armid.study.plans.start_pose_and_bodies import place_motion
 from armid.study.plans.torque_constraint import judged_torque, pose_holds, torque_lacks
 

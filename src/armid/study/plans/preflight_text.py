@@ -13,7 +13,7 @@ from armid.excitation.collision.closest_approach import ClosestApproach
 from armid.excitation.collision.ignored_pairs import pairs_by_reason
 from armid.excitation.preflight import Expectation, Preflight
 from armid.notebook_display import plural
-from armid.study.plans.designed import Designed
+from armid.study.plans.design_result import Designed
 from armid.study.plans.poses_and_sweeps import DesignedMoves
 from armid.study.storage.records import finding_record
 

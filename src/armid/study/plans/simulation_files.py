@@ -15,11 +15,11 @@ from armid.excitation.fourier import Excitation
 from armid.hashes import sha256_of_file
 from armid.lab.known_arms import truth_of
 from armid.lab.options import LabOptions
+from armid.lab.simulated_motion import TrueMotion
 from armid.lab.simulation import Simulated, simulate, truth_record
-from armid.lab.true_motion import TrueMotion
 from armid.measurement.writing import WRITERS, save_recording
 from armid.robot.robot import Robot
-from armid.study.plans.plan_files import series_of
+from armid.study.plans.plan_reading import series_of
 from armid.study.storage.records import to_json
 
 

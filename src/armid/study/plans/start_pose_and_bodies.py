@@ -24,7 +24,7 @@ from armid.excitation.start_pose import Holds, Start, any_pose, choose_start, fi
 from armid.notebook_display import plural
 from armid.robot.robot import Robot
 from armid.robot.shapes import Shape
-from armid.study.plans.goals import DesignConstraints
+from armid.study.plans.design_options import DesignConstraints
 
 TIGHT = 0.1
 """Share of random moves from a start pose that are free of collisions, below which hulls replace capsules."""

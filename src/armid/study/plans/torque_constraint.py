@@ -20,7 +20,7 @@ from armid.model.base_parameters import find_base_parameters
 from armid.model.described_torque import described_drives, described_torque
 from armid.robot.missing_inertia import inertial_key, joints_with_unknown_load, links_without_inertia, massless_joints
 from armid.robot.robot import Robot
-from armid.study.plans.goals import DesignConstraints
+from armid.study.plans.design_options import DesignConstraints
 
 HELD = 0.9
 """Largest share of the torque limits that is needed to hold the arm in an automatically chosen start pose."""

@@ -15,7 +15,7 @@ from armid.measurement.recording import Recording
 from armid.robot import Robot
 from armid.study.config import RecordingChoice, Study
 from armid.study.progress import Progress
-from armid.study.recordings.parts import cut_recording, refuse_shared
+from armid.study.recordings.data_split import cut_recording, refuse_shared
 
 
 def read_choice(

@@ -22,7 +22,7 @@ from armid.measurement.log_format import LogFormat
 from armid.model.base_formulas import base_formulas, groupings
 from armid.study.config import Study
 from armid.study.plausibility import contradictions
-from armid.validation.torque_errors import Validation
+from armid.validation.torque_validation import Validation
 
 LIST_OF_NUMBERS = re.compile(r'\[\n([^][{}"]*?)\n *\]')
 """Pattern of a list of numbers that `json` writes on several lines. Texts never match, because their line ends are

@@ -9,10 +9,10 @@ from armid.report.page import assemble, require_extra
 from armid.report.section import Section
 from armid.study.storage.atomic_folder import whole_folder
 from armid.study.storage.records import to_json
-from armid.thesis.page.conclusions import show_audit, show_errata, show_provenance, show_summary
 from armid.thesis.page.estimation import show_parameters, show_steps, show_torque
 from armid.thesis.page.model import show_base, show_dynamics, show_kinematics
 from armid.thesis.page.motion import show_excitation
+from armid.thesis.page.summary_and_errata import show_audit, show_errata, show_provenance, show_summary
 from armid.thesis.reproduction import Thesis, thesis_record
 
 __all__ = ["CHAPTERS", "KIND", "MARKER", "PAGE", "render_thesis", "thesis_sections", "write_thesis"]

@@ -12,7 +12,7 @@ from armid.report.tables import Column, Table, TableCell
 from armid.thesis.algorithm import NOISE
 from armid.thesis.algorithm_corrections import Step
 from armid.thesis.chapter_4_results import Pictures, Table41
-from armid.thesis.page.chapter import Figures, Text, chapter, named, number
+from armid.thesis.page.chapter_elements import Figures, Text, chapter, named, number
 from armid.thesis.published import published
 from armid.thesis.reproduction import Thesis
 

@@ -8,7 +8,7 @@ from armid.report.data.number_format import fixed, short
 from armid.report.plots.plot_specification import Plot, PlotTrace
 from armid.report.section import Section
 from armid.report.tables import Column, Table, TableCell
-from armid.thesis.page.chapter import Figures, Text, chapter, named, number, subscripts
+from armid.thesis.page.chapter_elements import Figures, Text, chapter, named, number, subscripts
 from armid.thesis.published import published
 from armid.thesis.reduction import Dependence, Grouping, Identity
 from armid.thesis.reproduction import Thesis

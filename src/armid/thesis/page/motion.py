@@ -10,7 +10,7 @@ from armid.report.plots.plot_specification import Plot, PlotTrace, line
 from armid.report.section import Section
 from armid.report.tables import Column, Table, TableCell
 from armid.thesis.design_trials import DesignTrial
-from armid.thesis.page.chapter import Block, Figures, Text, chapter, counted, number, subscripts
+from armid.thesis.page.chapter_elements import Block, Figures, Text, chapter, counted, number, subscripts
 from armid.thesis.published import published
 from armid.thesis.reproduction import Thesis
 

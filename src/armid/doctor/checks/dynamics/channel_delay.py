@@ -11,7 +11,7 @@ from armid.checked_array import Array
 from armid.doctor.check_definition import LogCheck
 from armid.doctor.check_input import WIDTH, Explanation, LogEvidence
 from armid.doctor.downsample import CUTOFFS, DownsampledLog, downsample
-from armid.doctor.log_state import LogState
+from armid.doctor.fitted_log import LogState
 from armid.doctor.quick_fit import QuickRows, solve
 from armid.doctor.remedy_trial import try_remedy
 from armid.doctor.rows_away_from_reversals import away_from_reversals
@@ -21,7 +21,7 @@ from armid.maths.birge_ratio import birge_ratio
 from armid.maths.signals.fourier_transform import frequencies, inverse, spectrum
 from armid.maths.spline import spline_slopes
 from armid.measurement.observations import ObservedRun
-from armid.measurement.suggested_log_format import lines
+from armid.measurement.remedy_builders import lines
 from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics_model import DynamicsModel
 from armid.model.terms import Stribeck

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from armid.checked_array import Array
 from armid.doctor.check_definition import LogCheck
 from armid.doctor.check_input import Explanation, LogEvidence
-from armid.doctor.log_state import LogState
+from armid.doctor.fitted_log import LogState
 from armid.errors import Finding
-from armid.measurement.suggested_log_format import excluding
+from armid.measurement.remedy_builders import excluding
 
 CODE = "contact"
 

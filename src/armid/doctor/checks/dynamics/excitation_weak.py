@@ -9,7 +9,7 @@ import numpy as np
 from armid.checked_array import Array
 from armid.doctor.check_definition import LogCheck
 from armid.doctor.check_input import LogEvidence
-from armid.doctor.log_state import LogState
+from armid.doctor.fitted_log import LogState
 from armid.doctor.quick_fit import products
 from armid.errors import Finding
 from armid.model.base_parameters import find_base_parameters

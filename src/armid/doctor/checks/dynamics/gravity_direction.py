@@ -11,12 +11,12 @@ import numpy as np
 from armid.checked_array import Array
 from armid.doctor.check_definition import LogCheck
 from armid.doctor.check_input import Explanation, LogEvidence
-from armid.doctor.log_state import LogState
+from armid.doctor.fitted_log import LogState
 from armid.doctor.quick_fit import QuickRows, cost_of, make_rows, products, solve
 from armid.doctor.remedy_trial import try_remedy
 from armid.doctor.rows_away_from_reversals import is_significant, judged_away_from_reversals
 from armid.errors import Finding
-from armid.information.regressor_columns import column_source
+from armid.information.base_regressor_layout import column_source
 from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics_model import DynamicsModel
 from armid.remedy import Remedy, setting

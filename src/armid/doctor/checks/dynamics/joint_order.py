@@ -16,14 +16,14 @@ from armid.doctor.check_input import ROWS, Explanation, LogEvidence
 from armid.doctor.checks.signals import velocity_mismatch
 from armid.doctor.checks.signals.position_limits import outside_limits
 from armid.doctor.downsample import DownsampledLog
-from armid.doctor.log_state import LogState
+from armid.doctor.fitted_log import LogState
 from armid.doctor.quick_fit import QuickRows, cost_of, make_rows, products, tables
 from armid.doctor.remedy_trial import try_remedy
 from armid.doctor.rows_away_from_reversals import is_significant, judged_away_from_reversals
 from armid.errors import Finding
 from armid.measurement.columns.joint_assignment import by_number
 from armid.measurement.convention_conversion import understood
-from armid.measurement.suggested_log_format import lines, naming
+from armid.measurement.remedy_builders import lines, naming
 from armid.remedy import Remedy
 
 CODE = "joint-order"

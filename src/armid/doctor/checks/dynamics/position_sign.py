@@ -8,11 +8,11 @@ from armid.checked_array import Array
 from armid.doctor.check_definition import LogCheck
 from armid.doctor.check_input import Explanation, LogEvidence
 from armid.doctor.checks.dynamics.torque_sign import FLIP, cost_with_signs, relative_signs, signs_value
-from armid.doctor.log_state import LogState
+from armid.doctor.fitted_log import LogState
 from armid.doctor.quick_fit import cost_of, products
 from armid.errors import Finding
 from armid.maths.median import median
-from armid.measurement.suggested_log_format import lines
+from armid.measurement.remedy_builders import lines
 
 CODE = "position-sign"
 

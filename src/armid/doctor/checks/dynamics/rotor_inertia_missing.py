@@ -8,12 +8,12 @@ import numpy as np
 
 from armid.doctor.check_definition import LogCheck
 from armid.doctor.check_input import LogEvidence
-from armid.doctor.log_state import LogState
+from armid.doctor.fitted_log import LogState
 from armid.doctor.quick_fit import QuickRows, solve
 from armid.doctor.remedy_trial import try_remedy
 from armid.doctor.rows_away_from_reversals import away_from_reversals
 from armid.errors import Finding
-from armid.measurement.suggested_log_format import lines
+from armid.measurement.remedy_builders import lines
 from armid.model.terms import DEFAULT_TERMS
 
 CODE = "rotor-inertia-missing"

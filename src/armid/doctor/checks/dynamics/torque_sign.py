@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from armid.checked_array import Array
 from armid.doctor.check_definition import LogCheck
 from armid.doctor.check_input import Explanation, LogEvidence
-from armid.doctor.log_state import LogState
+from armid.doctor.fitted_log import LogState
 from armid.doctor.quick_fit import QuickRows, cost_of, make_rows, products
 from armid.errors import Finding
-from armid.measurement.suggested_log_format import lines
+from armid.measurement.remedy_builders import lines
 
 FLIP = 0.05
 """Decrease of the mean logarithm of the RMS residuals from which another sign of one joint is accepted. In logs

@@ -7,7 +7,7 @@ import numpy as np
 from armid.doctor.check_definition import LogCheck
 from armid.doctor.check_input import LogEvidence
 from armid.errors import Finding
-from armid.measurement.suggested_log_format import excluding, lines
+from armid.measurement.remedy_builders import excluding, lines
 
 STANDSTILL = 1.0
 """Shortest rest of all joints that is reported [s]; shorter ones are left out of the rows in use."""

@@ -15,7 +15,7 @@ from armid.errors import Finding
 from armid.maths.median import median
 from armid.measurement.processing.uniform_runs import Stretch, is_even, jitter, stretches
 from armid.measurement.recording import Recording
-from armid.measurement.suggested_log_format import lines, naming
+from armid.measurement.remedy_builders import lines, naming
 from armid.remedy import Remedy
 
 CUTOFF = 5.0

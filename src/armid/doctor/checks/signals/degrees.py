@@ -8,11 +8,11 @@ from numpy.typing import NDArray
 from armid.checked_array import Array
 from armid.doctor.check_definition import LogCheck
 from armid.doctor.check_input import Explanation, LogEvidence
-from armid.doctor.log_state import LogState
+from armid.doctor.fitted_log import LogState
 from armid.errors import Finding
 from armid.measurement.log_format import LogFormat
 from armid.measurement.position_range_check import WIDEST
-from armid.measurement.suggested_log_format import lines
+from armid.measurement.remedy_builders import lines
 
 CODE = "degrees"
 

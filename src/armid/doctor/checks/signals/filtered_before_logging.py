@@ -18,7 +18,7 @@ from armid.errors import Finding
 from armid.maths.median import median
 from armid.maths.signals.fourier_transform import power_spectrum
 from armid.measurement.processing.uniform_runs import resample_uniform, stretches
-from armid.measurement.suggested_log_format import lines
+from armid.measurement.remedy_builders import lines
 from armid.remedy import Remedy
 
 SEGMENT = 512

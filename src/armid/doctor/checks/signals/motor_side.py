@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 from armid.checked_array import Array
 from armid.doctor.check_definition import LogCheck
 from armid.doctor.check_input import Explanation, LogEvidence
-from armid.doctor.log_state import LogState
+from armid.doctor.fitted_log import LogState
 from armid.doctor.remedy_trial import try_remedy
 from armid.errors import Finding
 from armid.maths.median import median
-from armid.measurement.suggested_log_format import lines
+from armid.measurement.remedy_builders import lines
 from armid.remedy import Remedy
 
 MOTOR, CURRENT, UNIT = "motor-side", "current-without-gain", "torque-unit"

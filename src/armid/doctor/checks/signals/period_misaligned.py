@@ -10,7 +10,7 @@ from armid.doctor.check_input import LogEvidence
 from armid.errors import Finding
 from armid.measurement.processing.repetitions import windows
 from armid.measurement.processing.uniform_runs import resample_uniform, stretches
-from armid.measurement.suggested_log_format import lines
+from armid.measurement.remedy_builders import lines
 
 LATE_SAMPLES, LATE_SECONDS = 1.5, 0.005
 """Smallest shift of a repetition that is reported. Rounding causes shifts of up to one sample, and a fast joint moves

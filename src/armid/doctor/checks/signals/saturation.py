@@ -9,7 +9,7 @@ from armid.doctor.check_definition import LogCheck
 from armid.doctor.check_input import LogEvidence
 from armid.errors import Finding
 from armid.measurement.processing.saturation import FEWEST, NOT_USED, SHARE, Plateau, plateaus
-from armid.measurement.suggested_log_format import lines
+from armid.measurement.remedy_builders import lines
 from armid.remedy import Remedy, setting
 from armid.robot.robot import Joint
 

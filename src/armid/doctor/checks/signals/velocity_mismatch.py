@@ -15,7 +15,7 @@ from armid.maths.signals.derivatives import central_difference
 from armid.maths.signals.zero_phase_filters import edge_samples, low_pass, zero_phase
 from armid.measurement.processing.uniform_runs import is_brief, resample_uniform, stretches
 from armid.measurement.recording import Recording
-from armid.measurement.suggested_log_format import naming
+from armid.measurement.remedy_builders import naming
 
 CUTOFF = 4.0
 """Cut-off of the low-pass filter that is applied to both before they are compared [Hz]."""

@@ -9,11 +9,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from armid.model.symbolic_expression import magnitude
 from armid.model.terms.checks import require_width
 from armid.model.terms.friction.coulomb import coulomb_law
 from armid.model.terms.selection_candidates import ASYMMETRY, AutomaticChoice, one_by_one
 from armid.model.terms.term import Law, single_joint_laws
+from armid.model.torque_law_expression import magnitude
 from armid.robot.robot import Robot
 
 

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from armid.errors import ModelError
-from armid.model.symbolic_expression import Expression, sign, symbol, tanh
 from armid.model.terms.term import Law, single_joint_laws
+from armid.model.torque_law_expression import Expression, sign, symbol, tanh
 from armid.robot.robot import Robot
 
 

@@ -10,11 +10,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from armid.model.symbolic_expression import magnitude, symbol
 from armid.model.terms.checks import require_width
 from armid.model.terms.friction.coulomb import coulomb_law
 from armid.model.terms.selection_candidates import AutomaticChoice, CandidateFamily, one_by_one
 from armid.model.terms.term import Law, single_joint_laws
+from armid.model.torque_law_expression import magnitude, symbol
 from armid.robot.robot import Robot
 
 FAMILY = CandidateFamily("load", order=20)

@@ -8,8 +8,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from armid.model.symbolic_expression import magnitude, symbol
 from armid.model.terms.term import Law, single_joint_laws
+from armid.model.torque_law_expression import magnitude, symbol
 from armid.robot.robot import Robot
 
 

@@ -9,10 +9,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from armid.model.symbolic_expression import maximum, symbol
 from armid.model.terms.checks import require_rising
 from armid.model.terms.selection_candidates import VELOCITY, AutomaticChoice, Candidate
 from armid.model.terms.term import Law, listed, single_joint_laws
+from armid.model.torque_law_expression import maximum, symbol
 from armid.robot.robot import Robot
 
 KNOTS = (0.1, 0.3, 0.6)

@@ -9,10 +9,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from armid.model.symbolic_expression import symbol
 from armid.model.terms.checks import require_positive
 from armid.model.terms.selection_candidates import VELOCITY, AutomaticChoice, one_by_one
 from armid.model.terms.term import Law, single_joint_laws
+from armid.model.torque_law_expression import symbol
 from armid.robot.robot import Robot
 
 

@@ -11,10 +11,10 @@ from math import tanh as tanh_of
 from typing import ClassVar
 
 from armid.errors import ModelError
-from armid.model.symbolic_expression import derivative, symbol, tanh
 from armid.model.terms.checks import require_positive
 from armid.model.terms.selection_candidates import VELOCITY, AutomaticChoice, one_by_one
 from armid.model.terms.term import Law, single_joint_laws
+from armid.model.torque_law_expression import derivative, symbol, tanh
 from armid.robot.robot import Robot
 
 SCALES = (0.05, 0.2, 0.5)

@@ -8,11 +8,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from armid.model.symbolic_expression import exponential, magnitude, symbol
 from armid.model.terms.checks import require_positive, require_width
 from armid.model.terms.friction.coulomb import coulomb_law
 from armid.model.terms.selection_candidates import VELOCITY, AutomaticChoice, one_by_one
 from armid.model.terms.term import Law, single_joint_laws
+from armid.model.torque_law_expression import exponential, magnitude, symbol
 from armid.robot.robot import Robot
 
 VELOCITIES = (0.02, 0.05, 0.1, 0.2, 0.4)

@@ -9,7 +9,7 @@ import pytest
 
 from armid.excitation.collision.coal import too_close
 from armid.excitation.collision.collision_model import kept_apart, make_collision_model
-from armid.excitation.design.measured_pairs import POSITIONS, measured_pairs
+from armid.excitation.design.configuration_space_obstacles import POSITIONS, measured_pairs
 from armid.excitation.design.objective import CriterionGoal, Objective
 from armid.excitation.design.sqp import about_start
 from armid.excitation.limits.constraint_channels import States

@@ -14,8 +14,8 @@ from armid.excitation.plan import Plan
 from armid.excitation.poses_and_sweeps import Moves
 from armid.excitation.preflight import worst
 from armid.robot.robot import Robot
-from armid.study.plans.designed import Designed
-from armid.study.plans.plan_files import PLAN_FILE, limits_record, shape_records
+from armid.study.plans.design_result import Designed
+from armid.study.plans.plan_reading import PLAN_FILE, limits_record, shape_records
 from armid.study.plans.poses_and_sweeps import DesignedMoves
 from armid.study.plans.preflight_text import mark_of, report_record, report_text
 from armid.study.storage.atomic_folder import refuse, whole_folder

@@ -19,8 +19,8 @@ from armid.measurement.log_format import LogFormat
 from armid.measurement.processing.options import ProcessingOptions
 from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics_model import DynamicsModel
+from armid.model.memoryless_model import slipping
 from armid.model.motion import Motion
-from armid.model.slipping_hysteresis import slipping
 from armid.model.terms import (
     Coulomb,
     Hysteresis,
@@ -34,10 +34,10 @@ from armid.model.terms import (
     Viscous,
 )
 from armid.robot import load_robot
-from armid.runs.estimated_torque import estimated_torque
+from armid.runs.design_torque_model import estimated_torque
 from armid.runs.run import Run
 from armid.runs.validation_and_prediction import predict
-from armid.study.plans.goals import DesignConstraints, constrained_limits
+from armid.study.plans.design_options import DesignConstraints, constrained_limits
 from armid.study.plans.poses_and_sweeps import CHECK_RATE, MovesGoal, design_moves
 from armid.study.plans.torque_constraint import judged_torque, torque_lacks
 from trees import random_states

@@ -10,7 +10,7 @@ from armid.estimation.estimate_record import torque_parameters
 from armid.excitation.limits.torque_limits import EstimatedTorque, TorqueModel
 from armid.kernel import Tree
 from armid.model.base_parameters import BaseParameters, find_base_parameters
-from armid.model.slipping_hysteresis import slipping
+from armid.model.memoryless_model import slipping
 from armid.robot.robot import Robot
 from armid.runs.run import Run
 
@@ -23,7 +23,7 @@ def estimated_torque(run: Run, robot: Robot) -> EstimatedTorque | None:
     """Torque of the estimate of a run, with all of its terms, for an arm with its own gravity.
 
     Hysteresis depends on the earlier motion; its elements always slip in the model
-    (`armid.model.slipping_hysteresis`).
+    (`armid.model.memoryless_model`).
 
     Args:
         run: The run.

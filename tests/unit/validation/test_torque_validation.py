@@ -22,8 +22,8 @@ from armid.measurement.observations import Observations, ObservedRun
 from armid.model.base_parameters import BaseParameters, find_base_parameters
 from armid.model.terms import RigidBody
 from armid.study.storage.records import to_json, validation_record
-from armid.validation import prediction_interval, torque_errors
-from armid.validation.torque_errors import Score, score, validate
+from armid.validation import prediction_interval, torque_validation
+from armid.validation.torque_validation import Score, score, validate
 from labs import small_model, small_plan, small_truth
 from problems import one_run, raw
 
@@ -164,7 +164,7 @@ def test_bands_of_long_recordings_are_looked_at_every_so_many_rows(monkeypatch: 
     runs = (run_of(2), run_of(3))
     estimate = estimate_from(run_of(1), band=band)
     every_row = score(small_model(), estimate, Observations(runs, band)).coverage95
-    monkeypatch.setattr(torque_errors, "COVERED_ROWS", 300)
+    monkeypatch.setattr(torque_validation, "COVERED_ROWS", 300)
     seen: list[int] = []
     columns = prediction_interval.all_rows
 

@@ -12,9 +12,9 @@ from dataclasses import dataclass, replace
 from typing import ClassVar
 
 from armid.model.dynamics_model import DynamicsModel
-from armid.model.symbolic_expression import Expression, sign, symbol
 from armid.model.terms import Term
 from armid.model.terms.term import Law
+from armid.model.torque_law_expression import Expression, sign, symbol
 from armid.robot.robot import Robot
 
 

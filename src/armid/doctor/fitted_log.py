@@ -14,8 +14,8 @@ from armid.checked_array import Array
 from armid.doctor.downsample import DownsampledLog
 from armid.doctor.known_links import DESCRIPTION, KnownLinks, torque_with_load
 from armid.doctor.quick_fit import QuickFit, QuickRows, make_rows, solve, solve_joint
+from armid.information.base_regressor_layout import ColumnSource, column_source
 from armid.information.filtering import in_band
-from armid.information.regressor_columns import ColumnSource, column_source
 from armid.measurement.observations import ObservedRun
 from armid.model.base_parameters import BaseParameters
 from armid.model.dynamics_model import DynamicsModel

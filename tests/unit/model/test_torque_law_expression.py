@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from armid.errors import ModelError
-from armid.model.symbolic_expression import (
+from armid.model.torque_law_expression import (
     FUNCTIONS,
     cosine,
     derivative,

@@ -8,7 +8,7 @@ from armid.report.data.number_format import fixed, short
 from armid.report.section import Section
 from armid.report.tables import Column, Table, TableCell
 from armid.thesis.errata import Erratum
-from armid.thesis.page.chapter import List, Numbers, Text, chapter, counted, named, number, subscripts
+from armid.thesis.page.chapter_elements import List, Numbers, Text, chapter, counted, named, number, subscripts
 from armid.thesis.published import published
 from armid.thesis.reproduction import Thesis
 from armid.thesis.setting import Extent

@@ -21,7 +21,7 @@ from armid.measurement.columns.units import factors, hold_current, overruled, st
 from armid.measurement.columns.unread import ambiguous_columns, effort_possible, no_such_column, positions_missing
 from armid.measurement.log_format import PRESETS, QUANTITIES, LogFormat
 from armid.measurement.recording import Recording
-from armid.measurement.suggested_log_format import lines, naming
+from armid.measurement.remedy_builders import lines, naming
 from armid.remedy import Remedy, setting
 from armid.robot.robot import Robot
 

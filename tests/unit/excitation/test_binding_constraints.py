@@ -11,7 +11,7 @@ from armid.model.dynamics_model import DynamicsModel
 from armid.model.terms import RigidBody
 from armid.robot import load_robot
 from armid.study.plans.design import design_plan
-from armid.study.plans.goals import DesignConstraints, DesignGoal, SearchBudget
+from armid.study.plans.design_options import DesignConstraints, DesignGoal, SearchBudget
 
 MASS = '<inertial><mass value="1"/><inertia ixx=".1" iyy=".1" izz=".1" ixy="0" ixz="0" iyz="0"/></inertial>'
 

@@ -18,7 +18,7 @@ from armid.checked_array import Array
 from armid.errors import EstimationError
 from armid.estimation.fit_result import Fit
 from armid.estimation.uncertainty.covariance import estimate_covariance
-from armid.estimation.update.joint_covariance import JointCovariance, prior_information
+from armid.estimation.update.stacked_covariance import JointCovariance, prior_information
 from armid.estimation.update.stacked_problem import StackedProblem, right_hand_sides, triangular
 from armid.information.information import Information, JointFactors, select, stack, total
 from armid.maths.linalg import condition, null_directions, scaled_condition, unit_columns
