@@ -10,8 +10,8 @@ from typing import Literal
 import numpy as np
 
 from armid.doctor.downsample import downsample
+from armid.doctor.earlier_run_links import KnownLinks
 from armid.doctor.fitted_log import LogState
-from armid.doctor.known_links import KnownLinks
 from armid.doctor.remedy_trial import RemedyTrial, try_remedy
 from armid.doctor.stuck_channels import stuck_stretches, without_stuck
 from armid.errors import Finding

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from armid import kernel
 from armid.checked_array import Array
 from armid.doctor.downsample import DownsampledLog
-from armid.doctor.known_links import DESCRIPTION, KnownLinks, torque_with_load
+from armid.doctor.earlier_run_links import DESCRIPTION, KnownLinks, torque_with_load
 from armid.doctor.quick_fit import QuickFit, QuickRows, make_rows, solve, solve_joint
 from armid.information.base_regressor_layout import ColumnSource, column_source
 from armid.information.filtering import in_band

@@ -24,7 +24,7 @@ from armid.kernel.dispatch import (
 )
 from armid.kernel.information_gradient import columns_adjoint, information, information_adjoint
 from armid.kernel.joint_column_layout import ColumnLayout, make_layout
-from armid.kernel.reweighted import reweighted_least_squares
+from armid.kernel.reweighted_solver import reweighted_least_squares
 from armid.kernel.tree import Tree
 
 __all__ = [

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from armid.checked_array import Array
 from armid.dataclass_files import load
 from armid.doctor.checks.dynamics.rotor_inertia_missing import CODE as ROTOR_INERTIA_MISSING
-from armid.doctor.known_links import KnownLinks
+from armid.doctor.earlier_run_links import KnownLinks
 from armid.errors import Finding, RobotError, StudyError
 from armid.estimation.estimate_record import torque_parameters
 from armid.estimation.friction_per_recording import changing_parameters

@@ -12,7 +12,7 @@ import numpy as np
 from armid.doctor import CHECKS, SEVERITIES, LogEvidence, checks_of, effects, examine, explanations_of
 from armid.doctor.check_definition import Scope
 from armid.doctor.checks.signals.motor_side import explain as explain_scale
-from armid.doctor.known_links import KnownLinks
+from armid.doctor.earlier_run_links import KnownLinks
 from armid.doctor.position_unit import reconsidered
 from armid.errors import ArmidError, EstimationError, Finding, RecordingError
 from armid.measurement.convention_conversion import to_robot_convention, understood

@@ -23,7 +23,7 @@ from armid.excitation.collision.ignored_pairs import IgnoredBodies, IgnoredPair,
 from armid.excitation.collision.pairs import bounding_volumes, joints_between, stands
 from armid.excitation.collision.required_distances import ALWAYS, HALF, LEAST, MOSTLY, RARE
 from armid.excitation.limits.joint_limits import Limits
-from armid.maths.swept_profiles import SweptProfile, swept_profile
+from armid.maths.rotation_clearance import SweptProfile, swept_profile
 from armid.robot.collision_body_names import BodyPair
 from armid.robot.kinematics import forward_kinematics
 from armid.robot.robot import Robot

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from armid.checked_array import Array
-from armid.doctor.known_links import KnownLinks
+from armid.doctor.earlier_run_links import KnownLinks
 from armid.maths.inertia import com_inertia_to_vector
 from armid.model.base_parameters import find_base_parameters
 from armid.remedy import Remedy

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from armid.maths.swept_profiles import swept_profile
+from armid.maths.rotation_clearance import swept_profile
 
 ROUNDING = 1e-12
 

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 import armid.kernel._native as _native
 from armid.checked_array import Array
 from armid.errors import ArmidError
-from armid.kernel import reference_reweighted
+from armid.kernel import reference_reweighted_solver
 from armid.kernel.dispatch import TWIN, in_use
 
 
@@ -67,7 +67,7 @@ def reweighted_least_squares(
     offset, flat = _flat(tuple(np.asarray(own, dtype=np.int32).tobytes() for own in parameters), count)
     chosen = chosen or in_use()
     if chosen == TWIN:
-        return reference_reweighted.reweighted_least_squares(
+        return reference_reweighted_solver.reweighted_least_squares(
             products, parameters, count, rows, sign, passes=passes, settled=settled, floor=floor, ridge=ridge
         )
     x, sigma = np.empty(count), np.empty(n)
