@@ -44,3 +44,31 @@ def described_drives(robot: Robot) -> dict[str, Array]:
         Viscous.name: np.array([drive.viscous for drive in drives]),
         Coulomb.name: np.array([drive.coulomb for drive in drives]),
     }
+
+
+DRIVE_TERMS = {
+    "rotor-inertia": ("rotor inertia", ("kg·m²", "kg")),
+    "viscous": ("viscous friction", ("N·m·s/rad", "N·s/m")),
+    "coulomb": ("Coulomb friction", ("N·m", "N")),
+}
+"""Names of described values of drives, with their units at turning and at sliding joints."""
+
+
+def described_torque_text(robot: Robot) -> str:
+    """Sentence with the values of the description from which the torque is computed."""
+    parts: list[str] = []
+    for term, values in described_drives(robot).items():
+        name, units = DRIVE_TERMS[term]
+        texts = [
+            f"{value:g} {units[joint.is_prismatic]}" if value else ""
+            for joint, value in zip(robot.joints, values, strict=True)
+        ]
+        entries = [f"{joint.name} {text}" for joint, text in zip(robot.joints, texts, strict=True) if text]
+        same = len(set(texts)) == 1 and robot.n > 1
+        parts += [f"{name} ({f'{texts[0]} at every joint' if same else ', '.join(entries)})"] if entries else []
+    links = "torque is computed from the masses and inertias of the description"
+    if not parts:
+        return f"{links}, without rotor inertia and friction, because it contains none"
+    missing = [name for term, (name, _) in DRIVE_TERMS.items() if not described_drives(robot)[term].any()]
+    without = f"; it contains no {' and no '.join(missing)}" if missing else ""
+    return f"{links}, and from its {', '.join(parts)}{without}"

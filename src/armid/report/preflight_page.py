@@ -10,6 +10,7 @@ from armid.excitation.certification import Margin
 from armid.excitation.collision.closest_approach import ClosestApproach
 from armid.excitation.limits.workspace import SCALE
 from armid.excitation.preflight import Preflight, worst
+from armid.model.described_torque import described_torque_text
 from armid.report.data.joint_names import groups_of, label_of
 from armid.report.data.number_format import fixed, share, short
 from armid.report.page import assemble
@@ -258,7 +259,9 @@ def _cell(value: float) -> TableCell:
 def show_motion(designed: Checked) -> Section:
     """Section of position, velocity, acceleration and torque over time, with their limits."""
     model = designed.problem.goal.model if isinstance(designed, Designed) else designed.model
-    content = {"torque": model.nominal_parameters() is not None}
+    described = described_torque_text(model.robot) if model.nominal_parameters() is not None else ""
+    estimated = any(finding.code == "torque-estimated" for finding in designed.findings)
+    content = {"torque": described[:1].upper() + described[1:], "estimated": estimated}
     return motion_section(designed.plan, model, designed.limits, content)
 
 

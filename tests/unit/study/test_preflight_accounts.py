@@ -67,6 +67,13 @@ def test_torque_that_nothing_limits_is_said_not_to_be_judged(weightless, tmp_pat
     assert report_record(judged)["torque_share"] == pytest.approx(0.9)
 
 
+def test_the_page_says_from_which_friction_the_drawn_torque_is_computed(tmp_path):
+    made = planned(tmp_path, effort="90", inertial=INERTIAL, dynamics='<dynamics damping="2" friction="3"/>')
+    page = render_preflight(made)
+    assert "from its viscous friction (turn 2 N·m·s/rad), Coulomb friction (turn 3 N·m)" in page
+    assert "without friction" not in page and "torque of the earlier run" not in page
+
+
 def test_masses_that_are_missing_are_said_where_torque_is_not_judged(tmp_path):
     (said,) = evidence(planned(tmp_path, effort="90"), "torque-unknown")
     assert said.startswith("torque is not checked and not limited, because the description of arm has no masses")

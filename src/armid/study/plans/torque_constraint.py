@@ -17,7 +17,12 @@ from armid.excitation.limits.joint_limits import (
 from armid.excitation.limits.torque_limits import EstimatedTorque, Torque, TorqueModel
 from armid.excitation.start_pose import Holds, TorqueHolds, any_pose
 from armid.model.base_parameters import find_base_parameters
-from armid.model.described_torque import described_drives, described_torque
+from armid.model.described_torque import (
+    DRIVE_TERMS,
+    described_drives,
+    described_torque,
+    described_torque_text,
+)
 from armid.robot.missing_inertia import inertial_key, joints_with_unknown_load, links_without_inertia, massless_joints
 from armid.robot.robot import Robot
 from armid.study.plans.design_options import DesignConstraints
@@ -53,7 +58,7 @@ def judged_torque(
             if not np.isfinite(limits.effort).any():
                 return None, findings
         described, values = _described(robot)
-        findings = (*findings, Finding("torque-nominal", "info", "", _counted(robot)))
+        findings = (*findings, Finding("torque-nominal", "info", "", described_torque_text(robot)))
         limited = [name for name, limit in zip(limits.joints, limits.effort, strict=True) if np.isfinite(limit)]
         if values is not None and (empty := [name for name in massless_joints(robot) if name in limited]):
             evidence = (
@@ -80,34 +85,6 @@ def _described(robot: Robot) -> tuple[TorqueModel | None, Array | None]:
     return TorqueModel(model, base), base.values_of(standard)
 
 
-COUNTED = {
-    "rotor-inertia": ("rotor inertia", ("kg·m²", "kg")),
-    "viscous": ("viscous friction", ("N·m·s/rad", "N·s/m")),
-    "coulomb": ("Coulomb friction", ("N·m", "N")),
-}
-"""Names of described values of drives, with their units at turning and at sliding joints."""
-
-
-def _counted(robot: Robot) -> str:
-    """Sentence with the values of the description from which the torque is computed."""
-    parts: list[str] = []
-    for term, values in described_drives(robot).items():
-        name, units = COUNTED[term]
-        texts = [
-            f"{value:g} {units[joint.is_prismatic]}" if value else ""
-            for joint, value in zip(robot.joints, values, strict=True)
-        ]
-        entries = [f"{joint.name} {text}" for joint, text in zip(robot.joints, texts, strict=True) if text]
-        same = len(set(texts)) == 1 and robot.n > 1
-        parts += [f"{name} ({f'{texts[0]} at every joint' if same else ', '.join(entries)})"] if entries else []
-    links = "torque is computed from the masses and inertias of the description"
-    if not parts:
-        return f"{links}, without rotor inertia and friction, because it contains none"
-    missing = [name for term, (name, _) in COUNTED.items() if not described_drives(robot)[term].any()]
-    without = f"; it contains no {' and no '.join(missing)}" if missing else ""
-    return f"{links}, and from its {', '.join(parts)}{without}"
-
-
 def _contained(estimate: EstimatedTorque) -> str:
     """Sentence with the terms of an estimate that the torque contains."""
     slipping = "; hysteresis counts as slipping in the direction of motion" if "hysteresis" in estimate.terms else ""
@@ -125,7 +102,7 @@ def torque_lacks(robot: Robot, constraints: DesignConstraints, torque: Torque | 
     if torque is None or constraints.estimate is not None:
         return ""
     drives = described_drives(robot)
-    missing = [name for term, (name, _) in COUNTED.items() if not drives[term].any()]
+    missing = [name for term, (name, _) in DRIVE_TERMS.items() if not drives[term].any()]
     if {"viscous friction", "Coulomb friction"} <= set(missing):
         missing = ["friction", *(name for name in missing if "friction" not in name)]
     return " and ".join(missing)
