@@ -141,7 +141,7 @@ def _constant_text(approach: NearestBodies) -> str:
     """Sentence that names the pairs of constant distance; empty if there are none."""
     pairs = "; ".join(f"{pair} {1000.0 * distance:.1f} mm" for pair, distance in approach.constant)
     return (
-        f"Neighbours whose distance changes by less than 3 mm in all poses are not in the chart: {pairs}."
+        f"Not in the chart are neighbouring links at a nearly constant distance (it varies by 3 mm at most): {pairs}."
         if pairs
         else ""
     )

@@ -163,7 +163,7 @@ def _approach_lines(report: Preflight) -> list[str]:
 def constant_text(constant: Sequence[ClosestApproach]) -> str:
     """Sentence that names pairs with constant distance, their distances, and the required distances."""
     pairs = "; ".join(f"{a.pair} {1000 * a.distance:.1f} mm ({1000 * a.asked:.1f} mm)" for a in constant)
-    return f"neighbours whose distance changes by 3 mm at most, with it (required distance): {pairs}"
+    return f"neighbouring links at a nearly constant distance, with this and the required distance: {pairs}"
 
 
 def _criterion_lines(designed: Designed) -> list[str]:
