@@ -273,6 +273,10 @@ def test_each_offered_next_command_works(armid: Armid, small: Path, tmp_path: Pa
         program, *words = shlex.split(command)
         assert program == "armid"
         assert armid(*("other.csv" if word == "RECORDING" else word for word in words)).code == 0, command
+    if "physical" not in options:  # what the line says of the other format holds, too
+        assert "(--to urdf): bodies nearest to the description" in done.out
+        written = armid("export", Path("runs") / "a run", "--to", "urdf", "--out", "nearest.urdf")
+        assert written.code == 0 and "nearest to the description" in " ".join(written.err.split())
     assert all(armid(*shlex.split(line)[1:]).code == 0 for line in _offered_in(tmp_path))
 
 

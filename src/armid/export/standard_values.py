@@ -280,9 +280,9 @@ def _choice_finding(run: Run, standard: StandardParameters, theta: Array | None,
         if theta is not None:
             change += f" ({distance_to_description(run, theta):.3g} for the estimated links)"
         what = (
-            f"{what} are nearest to the description: the relative change of the pseudo-inertias (mass, first moment "
-            f"and inertia) of all links together is {change}; the mass of a single link may be further from the "
-            "description"
+            f"{what} are nearest to the description; their distance from it, as the relative change of mass, first "
+            f"moment and inertia (pseudo-inertia) over all links, is {change}; the mass of a single link may be "
+            "further from the description"
         )
     elif theta is not None:
         what = f"the description contains no masses, so {what} are nearest to the estimate"

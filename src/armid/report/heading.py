@@ -68,7 +68,7 @@ def commands_of(page_data: PageData) -> list[tuple[str, str]]:
 
 
 def export_command(run: str, estimate: Estimate, robot: Robot, description: str) -> tuple[str, str]:
-    """Export that works for an estimate: as a description if it has a body for each link, otherwise as source code.
+    """Export that works for an estimate: as a description if a body of each link is estimated, otherwise as code.
 
     Args:
         run: Path of the run, as the command line needs it.
@@ -78,25 +78,28 @@ def export_command(run: str, estimate: Estimate, robot: Robot, description: str)
     """
     suffix = Path(description).suffix
     format_name = "mjcf" if suffix in (".xml", ".mjcf") else "urdf"
-    needed = needed_for_description(estimate, robot)
-    if needed:
-        other = f"a robot description (--to {format_name}) needs {needed}"
+    condition = condition_of_description(estimate, robot)
+    if condition:
+        other = f"as a robot description (--to {format_name}): {condition}"
         return f"armid export {run} --to c", f"the model as source code; {other}"
     if suffix not in EDITED:
         return f"armid export {run} --to c", f"the model as source code; as a robot description: --to {format_name}"
     return f"armid export {run} --to {format_name}", "the model as a robot description, or code: --to c"
 
 
-def needed_for_description(estimate: Estimate, robot: Robot) -> str:
-    """Requirement of a robot description with the identified bodies; empty if it is fulfilled."""
+def condition_of_description(estimate: Estimate, robot: Robot) -> str:
+    """What a robot description of an estimate needs or contains instead of estimated bodies; empty if these."""
     bodies = estimate.fit.standard
-    if bodies is None or bodies.proof.smallest_eigenvalue <= 0.0 or bodies.proof.lowest < 0.0:
-        return "bodies: identify with --method physical"
-    status = dict(zip(bodies.names, bodies.status, strict=True))
+    status = {} if bodies is None else dict(zip(bodies.names, bodies.status, strict=True))
     numbered = enumerate(robot.links, 1)
     massless = [(k, link.name) for k, link in numbered if link.inertial is None or link.inertial.mass <= 0.0]
     unknown = [name for k, name in massless if status.get(ParameterName("M", k)) != "identified"]
-    return f"masses of {', '.join(unknown)} in the description" if unknown else ""
+    if unknown:
+        return f"needs masses of {', '.join(unknown)} in the description"
+    if bodies is None or bodies.proof.smallest_eigenvalue <= 0.0 or bodies.proof.lowest < 0.0:
+        nearest = "bodies nearest to the description, if any consistent ones have these base parameters"
+        return f"{nearest}; identify with --method physical to estimate bodies"
+    return ""
 
 
 def _recordings(page_data: PageData, role: str) -> str:

@@ -15,6 +15,7 @@ from armid.estimation.uncertainty.cross_products_by_frequency import find_period
 from armid.measurement.log_format import LogFormat
 from armid.measurement.processing.period import FEWEST_COMPARED, SHORTEST, repetition
 from armid.measurement.processing.pipeline import ProcessingOptions, process_recording
+from armid.study.remedy_translation import OPTIONS, at_the_prompt
 from motions import codes, recording
 
 NEAR = 0.1  # samples
@@ -122,7 +123,8 @@ def test_a_found_period_is_told_and_makes_repetitions_of_short_blocks():
     (run,), findings = process_recording(log, ProcessingOptions(), period="find")
     (told,) = [each for each in findings if each.code == "period-found"]
     assert told.severity == "info" and "8 s, 3 times" in told.evidence and "are not used" in told.evidence
-    assert f"{FEWEST_PERIODS} are needed" in told.remedy and "in another way" in told.remedy
+    assert f"only if there are {FEWEST_PERIODS} or more" in told.remedy
+    assert "--period none (in a study: " in at_the_prompt(told.remedy, OPTIONS)
     assert run.repetition is not None
     counted = run.mask.any(axis=1)
     assert set(run.repetition[counted]) == {0, 1, 2}

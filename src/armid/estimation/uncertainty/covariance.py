@@ -157,9 +157,10 @@ class Uncertainty:
         report = replace(report, moved=moved, reach=reach)
         if share:
             reversal_text = (
-                f"samples next to velocity reversals shift a parameter by up to {share:.1f} standard deviations"
+                "intervals are widened by the shift that samples next to velocity reversals cause, up to "
+                f"{share:.1f} standard deviations of a parameter"
             )
-            report = replace(report, why=f"{why}; {reversal_text}, by which intervals are widened")
+            report = replace(report, why=f"{why}; {reversal_text}")
         return replace(self._with(scatter.covariance, kind, scatter.freedom), report=report)
 
     def reversal_effect(self, covariance: Array) -> tuple[Array, float, float]:

@@ -22,6 +22,7 @@ from armid.maths.median import median
 from armid.measurement.processing.standstill import position_noise
 from armid.measurement.processing.uniform_runs import Stretch
 from armid.measurement.remedy_builders import lines
+from armid.remedy import Remedy, setting
 
 RATE = 100.0
 """Rate at which positions are compared [Hz]; at 5 Hz, linear interpolation has an error of 1 % of the amplitude."""
@@ -138,17 +139,21 @@ def find_period(pieces: Sequence[Stretch], source: str, findings: list[Finding])
         return None, None
     begin, end = float(piece.time[0]), float(piece.time[-1]) + 1.0 / piece.rate
     before, after = max(0.0, found.start - begin), max(0.0, end - found.start - found.count * found.period)
-    rest = before + after
-    outside = f" {rest:.3g} s before and after the repetitions are not used." if rest > OUTSIDE else ""
+    ends = f"{before:.3g} s before and {after:.3g} s after the repetitions"
+    outside = f" {ends} are not used." if before + after > OUTSIDE else ""
     evidence = f"The positions repeat every {found.period:.6g} s, {found.count} times.{outside}"
     use = (
-        "Confidence intervals can be computed from the differences between repetitions; the result says whether "
-        "they are."
+        "Confidence intervals can be computed from the differences between repetitions; the result names what they "
+        "were computed from, and why."
         if found.count >= FEWEST_COMPARED
-        else f"For confidence intervals from the differences between repetitions, {FEWEST_COMPARED} are needed, so "
-        "they are computed in another way, which the result names."
+        else f"Confidence intervals are computed from the differences between repetitions only if there are "
+        f"{FEWEST_COMPARED} or more; the result names what they were computed from."
     )
-    remedy = f'{use} Give the key `period` if the period is different, or period = "none" if nothing repeats.'
+    remedy = Remedy(
+        f"{use} If nothing repeats, give ",
+        setting("period", "none"),
+        "; if the period is another, give it in s.",
+    )
     findings.append(Finding("period-found", "info", source, evidence, remedy))
     return found.period, found.start
 
