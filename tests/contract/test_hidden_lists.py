@@ -54,7 +54,6 @@ CHOICES = {
     "terms robot/mjcf/plain_document.py": "attributes of the format",
     "terms robot/readers/urdf.py": "attributes of the format",
     "terms model/described_torque.py": "what descriptions contain",
-    "terms study/plans/torque_constraint.py": "what descriptions contain",
     "terms runs/consistency_check.py": "terms without shapes, which a list of parameters names by symbols",
     "terms study/demo.py": "the model of the demonstration",
     "checks study/diagnosis.py": "findings of the processing, which are no check's",

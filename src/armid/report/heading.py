@@ -78,7 +78,7 @@ def export_command(run: str, estimate: Estimate, robot: Robot, description: str)
     """
     suffix = Path(description).suffix
     format_name = "mjcf" if suffix in (".xml", ".mjcf") else "urdf"
-    condition = condition_of_description(estimate, robot)
+    condition = limitation_of_description(estimate, robot)
     if condition:
         other = f"as a robot description (--to {format_name}): {condition}"
         return f"armid export {run} --to c", f"the model as source code; {other}"
@@ -87,8 +87,8 @@ def export_command(run: str, estimate: Estimate, robot: Robot, description: str)
     return f"armid export {run} --to {format_name}", "the model as a robot description, or code: --to c"
 
 
-def condition_of_description(estimate: Estimate, robot: Robot) -> str:
-    """What a robot description of an estimate needs or contains instead of estimated bodies; empty if these."""
+def limitation_of_description(estimate: Estimate, robot: Robot) -> str:
+    """Limitation of the robot description that an estimate gives; empty if it has an estimated body of each link."""
     bodies = estimate.fit.standard
     status = {} if bodies is None else dict(zip(bodies.names, bodies.status, strict=True))
     numbered = enumerate(robot.links, 1)
