@@ -51,7 +51,7 @@ def entries(catalogue: Any) -> list[Any]:
 
 
 def module_of(entry: Any) -> str:
-    if isinstance(entry, RecordingFormat):
+    if isinstance(entry, RecordingFormat | robot_readers.DescriptionFormat):
         return entry.module
     if isinstance(entry, LogCheck):
         return entry.look.__module__

@@ -13,7 +13,7 @@ from armid.robot import Robot, load_robot
 from armid.robot.readers import READERS
 
 ARMS = Path(__file__).parent / "arms"
-SAMPLES = {name: [p for p in ARMS.iterdir() if p.suffix == reader.SUFFIXES[0]] for name, reader in READERS.items()}
+SAMPLES = {name: [p for p in ARMS.iterdir() if p.suffix == form.suffixes[0]] for name, form in READERS.items()}
 
 EXACT = 1e-15
 """Lengths of a few decimetres, in some formats through quaternions and Pinocchio."""
@@ -22,7 +22,7 @@ READER = pytest.mark.parametrize("name", READERS)
 
 
 def sample(name: str) -> Path:
-    assert len(SAMPLES[name]) == 1, f"arms/ needs one file ending in {READERS[name].SUFFIXES[0]}"
+    assert len(SAMPLES[name]) == 1, f"arms/ needs one file ending in {READERS[name].suffixes[0]}"
     return SAMPLES[name][0]
 
 
@@ -39,16 +39,16 @@ def assert_read_or_refused(path: Path, content: bytes) -> ArmidError | None:
 
 @READER
 def test_suffixes(name: str):
-    assert READERS[name].SUFFIXES
-    assert all(suffix == suffix.lower() and suffix.startswith(".") for suffix in READERS[name].SUFFIXES)
+    assert READERS[name].suffixes
+    assert all(suffix == suffix.lower() and suffix.startswith(".") for suffix in READERS[name].suffixes)
 
 
 @READER
 def test_recognises_its_own_and_no_other(name: str):
     """The text decides where readers share an ending."""
     text = sample(name).read_text()
-    sharing = [r for r in READERS.values() if set(r.SUFFIXES) & set(READERS[name].SUFFIXES)]
-    assert [r for r in sharing if r.recognises(text)] == [READERS[name]]
+    sharing = [r for r in READERS.values() if set(r.suffixes) & set(READERS[name].suffixes)]
+    assert [r for r in sharing if r.reader.recognises(text)] == [READERS[name]]
 
 
 @READER
@@ -93,7 +93,7 @@ def test_unknown_names_are_refused_with_the_known_ones(name: str, wrong: dict):
 
 @READER
 def test_junk_is_refused(name: str, tmp_path: Path):
-    for suffix in READERS[name].SUFFIXES:
+    for suffix in READERS[name].suffixes:
         for content in (b"", *junk()):
             assert assert_read_or_refused(tmp_path / f"junk{suffix}", content) is not None, content[:20]
 
@@ -101,9 +101,9 @@ def test_junk_is_refused(name: str, tmp_path: Path):
 @READER
 def test_other_formats_are_refused(name: str, tmp_path: Path):
     """One format under the ending of another, unless the reader of the former takes that ending, too."""
-    for suffix in READERS[name].SUFFIXES:
+    for suffix in READERS[name].suffixes:
         for other in READERS:
-            if suffix not in READERS[other].SUFFIXES and {name, other} != {"urdf", "xacro"}:
+            if suffix not in READERS[other].suffixes and {name, other} != {"urdf", "xacro"}:
                 content = sample(other).read_bytes()
                 assert assert_read_or_refused(tmp_path / f"arm{suffix}", content) is not None, (suffix, other)
 

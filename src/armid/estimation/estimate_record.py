@@ -40,6 +40,10 @@ class TermUse:
         object.__setattr__(self, "shapes", shapes)
 
 
+EARLIER_RUN = "earlier run"
+"""Role of the digest of the earlier estimate in the inputs of a recalibrated estimate."""
+
+
 @dataclass(frozen=True, slots=True)
 class InputDigest(TextValue):
     """Digest of an input of an estimate: `robot 1f2e…`.

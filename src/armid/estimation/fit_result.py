@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -48,7 +49,7 @@ class CovarianceReport:
             object.__setattr__(self, name, array(getattr(self, name), (None,), name))
 
 
-@dataclass(frozen=True, eq=False, slots=True, repr=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Fit(Displayed):
     """Estimate of b parameters from the rows of n joints.
 
@@ -121,7 +122,7 @@ class Fit(Displayed):
         note = f"intervals: {self.covariance_kind}, {self.report.why}; condition number {self.condition:.4g}"
         return Summary(f"{len(rows)} parameters", ("parameter", "value", "σ", "95 % interval"), rows, note)
 
-    @property
+    @cached_property
     def intervals(self) -> Array:
         """95 % intervals of the parameters by Student's t distribution, shape (b, 2)."""
         half = student_quantile(self.freedom) * self.deviation

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from armid.estimation.catalogue import Estimator
-from armid.estimation.estimators import WeightedLeastSquares
+from armid.estimation.estimators.wls import WeightedLeastSquares
 from armid.estimation.fit_result import Fit
 from armid.estimation.problem import EstimationProblem
 from armid.estimation.uncertainty.covariance import estimate_covariance

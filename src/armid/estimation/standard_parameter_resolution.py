@@ -25,6 +25,9 @@ from armid.notebook_display import Displayed, Summary, interval_text
 
 Status = Literal["identified", "prior-dominated", "not identifiable"]
 
+NOT_JUDGED = "that of one sample, because there are too few blocks for cross-validation"
+"""Origin of the weight of a prior if no weight could be chosen on held-out blocks."""
+
 IDENTIFIED = 0.9
 """Share of the data from which a parameter counts as identified. At this share, at most a tenth of an error of the
 prior enters the value."""

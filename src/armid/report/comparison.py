@@ -10,7 +10,7 @@ import numpy as np
 from armid.checked_array import Array
 from armid.errors import ArmidError
 from armid.estimation.estimate_record import averaged
-from armid.estimation.update.recalibration import ParameterChange, changed
+from armid.estimation.update.parameter_change import ParameterChange, changed
 from armid.model.base_formulas import base_formulas
 from armid.model.parameter_name import ParameterName
 from armid.report.data.joint_names import label_of

@@ -14,7 +14,7 @@ from armid.errors import RobotError
 from armid.robot.angle_rounding import rounded
 from armid.robot.joint_selection import held_joints
 from armid.robot.packages import forget, give_packages
-from armid.robot.readers import READERS, DescriptionReader, urdf, xacro
+from armid.robot.readers import READERS, DescriptionFormat, DescriptionReader
 from armid.robot.robot import Robot
 
 Locked = Mapping[str, float] | Iterable[str]
@@ -105,33 +105,35 @@ def _names(given: str | Iterable[str]) -> tuple[str, ...]:
 
 def _expanded(description: str | Path) -> tuple[str, str, DescriptionReader]:
     """Text, source and reader of a description; xacro is expanded to URDF."""
-    text, source, reader = _find(description)
-    return (xacro.expand(text, source), source, urdf) if reader is xacro else (text, source, reader)
+    text, source, form = _find(description)
+    if form is READERS["xacro"]:
+        from armid.robot.readers.xacro import expand
+
+        return expand(text, source), source, READERS["urdf"].reader
+    return text, source, form.reader
 
 
-def _find(description: str | Path) -> tuple[str, str, DescriptionReader]:
-    """Text, source and reader of a description."""
+def _find(description: str | Path) -> tuple[str, str, DescriptionFormat]:
+    """Text, source and format of a description."""
     if str(description) in builtin_arms():
         path, source = ARMS / f"{description}.toml", str(description)
     else:
         path, source = Path(description), str(description)
-    readers = [reader for reader in READERS.values() if path.suffix.lower() in reader.SUFFIXES]
-    if not readers or not path.is_file():
+    formats = [form for form in READERS.values() if path.suffix.lower() in form.suffixes]
+    if not formats or not path.is_file():
         raise _not_found(path)
     try:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise RobotError(f"{source} cannot be read: {error}.", remedy="give a UTF-8 text file.") from error
-    if len(readers) == 1:
-        return text, source, readers[0]
-    recognised = [reader for reader in readers if reader.recognises(text)]
-    # Where no reader recognises the text, the first one raises the error.
-    return text, source, (recognised or readers)[0]
+    # The later formats are not loaded once one recognises the text; where none does, the first one raises the error.
+    known = (form for form in formats if len(formats) == 1 or form.reader.recognises(text))
+    return text, source, next(known, formats[0])
 
 
 def _not_found(path: Path) -> RobotError:
     """Error for a name that is neither a built-in arm nor a readable file."""
-    suffixes = sorted({suffix for reader in READERS.values() for suffix in reader.SUFFIXES})
+    suffixes = sorted({suffix for form in READERS.values() for suffix in form.suffixes})
     neighbours = [str(p) for p in path.parent.iterdir() if p.suffix in suffixes] if path.parent.is_dir() else []
     close = get_close_matches(str(path), [*builtin_arms(), *neighbours], 1)
     if path.exists():

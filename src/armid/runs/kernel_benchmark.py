@@ -20,7 +20,7 @@ import numpy as np
 from armid import kernel
 from armid.checked_array import Array
 from armid.errors import ArmidError
-from armid.estimation.estimators import OrdinaryLeastSquares
+from armid.estimation.estimators.ols import OrdinaryLeastSquares
 from armid.estimation.problem import build_problem
 from armid.excitation.design.objective import CriterionGoal, Objective, along
 from armid.excitation.rest_to_rest_basis import SeriesBasis

@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 
 from armid.doctor.checks.dynamics.rotor_inertia_missing import CODE as ROTOR_INERTIA_MISSING
 from armid.errors import ArmidError, EstimationError, Finding, StudyError
-from armid.estimation.estimate_record import Estimate, InputDigest
-from armid.estimation.update.recalibration import ParameterChange, recalibrate_fit
+from armid.estimation.estimate_record import EARLIER_RUN, Estimate, InputDigest
+from armid.estimation.update.parameter_change import ParameterChange
+from armid.estimation.update.recalibration import recalibrate_fit
 from armid.estimation.whitened_system import minimum_norm_solution
 from armid.hashes import digest, sha256_of_file
 from armid.information.information import Information, stack, total
@@ -35,9 +36,6 @@ Changed = Literal["friction", "tool", "all"]
 
 RECALIBRATED = ", recalibrated"
 """Suffix of the name of the method, because the properties of the method do not hold for the new values."""
-
-EARLIER_RUN = "earlier run"
-"""Name of the digest of the earlier estimate in the inputs of a recalibrated estimate."""
 
 SAME_ERROR = 1.5
 """Torque error on the new recordings, divided by the error of the earlier run in training, from which more than

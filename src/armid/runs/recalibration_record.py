@@ -5,13 +5,16 @@ from __future__ import annotations
 import json
 import math
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from armid.errors import ArmidError
-from armid.estimation.update.recalibration import ParameterChange
+from armid.estimation.estimate_record import EARLIER_RUN
+from armid.estimation.update.parameter_change import ParameterChange
 from armid.hashes import sha256_of_file
-from armid.runs.recalibration import EARLIER_RUN, Recalibration
 from armid.runs.run import Run
+
+if TYPE_CHECKING:
+    from armid.runs.recalibration import Recalibration
 
 CHANGES = "changes.json"
 """File in the folder of a recalibrated run with every base parameter before and after."""

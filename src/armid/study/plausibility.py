@@ -13,11 +13,11 @@ from armid.doctor import effects
 from armid.doctor.checks.dynamics.excitation_weak import WEAK_CONDITION, excitation_severity, poorly_determined
 from armid.errors import Finding
 from armid.estimation.crossvalidation import FOLDS
-from armid.estimation.estimators.physical import NOT_JUDGED
 from armid.estimation.fit_result import Fit
 from armid.estimation.friction.selection import FEWEST
 from armid.estimation.friction_per_recording import offset_names
 from armid.estimation.problem import EstimationProblem, StandardParameters
+from armid.estimation.standard_parameter_resolution import NOT_JUDGED
 from armid.estimation.uncertainty.covariance_choice_thresholds import FEWEST_BLOCKS, FEWEST_ROWS
 from armid.information.information import Information, stack, total
 from armid.maths.linalg import inverse_of, unit_columns

@@ -44,5 +44,5 @@ def test_logs_are_what_readers_read_vague_names_last_and_bags_are_folders(tmp_pa
 
 def test_descriptions_are_those_of_the_readers():
     """But for DH tables, whose suffix is that of studies."""
-    suffixes = {suffix for reader in READERS.values() for suffix in reader.SUFFIXES}
+    suffixes = {suffix for form in READERS.values() for suffix in form.suffixes}
     assert {*DESCRIPTIONS, ".toml"} == suffixes

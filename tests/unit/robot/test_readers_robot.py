@@ -62,8 +62,8 @@ def test_every_module_stands_in_the_catalogue():
 
 @pytest.mark.parametrize("name", READERS)
 def test_every_reader_names_the_source_of_what_it_cannot_read(name):
-    reader = READERS[name]
-    assert all(suffix == suffix.lower() and suffix.startswith(".") for suffix in reader.SUFFIXES)
+    reader = READERS[name].reader
+    assert all(suffix == suffix.lower() and suffix.startswith(".") for suffix in READERS[name].suffixes)
     if name == "xacro":
         pytest.importorskip("xacrodoc")
     for text in ("", "<", "\0", "[[joint]]", "<robot/>", "<mujoco/>", "joint = 3"):

@@ -82,7 +82,7 @@ def _report(recalibration: Recalibration, recordings: int) -> None:
 
     from armid.cli.console import output_console, print_verdict, validation_table
     from armid.cli.identification_result import intervals_line
-    from armid.estimation.update.recalibration import changed
+    from armid.estimation.update.parameter_change import changed
     from armid.notebook_display import plural
 
     console, result = output_console(), recalibration.result

@@ -26,7 +26,7 @@ from armid.estimation.fit_result import Fit
 from armid.estimation.friction_per_recording import standard_per_recording
 from armid.estimation.prior import GIVEN, make_prior
 from armid.estimation.problem import EstimationProblem, StandardParameters
-from armid.estimation.standard_parameter_resolution import PriorTrial, PriorUse
+from armid.estimation.standard_parameter_resolution import NOT_JUDGED, PriorTrial, PriorUse
 from armid.estimation.whitened_system import WhitenedSystem, rows_of, whiten
 from armid.information.information import Information
 from armid.threads import one_blas_thread
@@ -52,10 +52,6 @@ REMEDY = "check the signs of torque and gravity, the units, and that the descrip
 """Remedy for torques that no consistent body explains."""
 
 PRIORS = ("auto", "mass", "log-det", "euclidean", "none")
-
-
-NOT_JUDGED = "that of one sample, because there are too few blocks for cross-validation"
-"""Origin of the weight of a prior if no weight could be chosen on held-out blocks."""
 
 
 @dataclass(frozen=True, slots=True)

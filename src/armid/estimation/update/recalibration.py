@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,55 +13,11 @@ from armid.estimation.crossvalidation import held_out_squares
 from armid.estimation.estimate_record import collapse
 from armid.estimation.fit_result import Fit
 from armid.estimation.problem import EstimationProblem
+from armid.estimation.update.parameter_change import ParameterChange
 from armid.estimation.update.stacked_problem import stack_problems
 from armid.estimation.update.stacked_solution import JointSolution, solve_stacked
 from armid.information.information import Information, JointFactors, merge
 from armid.maths.distributions import student_quantile
-
-
-@dataclass(frozen=True, slots=True)
-class ParameterChange:
-    """Change of a base parameter by a recalibration.
-
-    Attributes:
-        name: Name of the parameter.
-        before: Earlier value.
-        after: New value.
-        change: Change of the value. For a parameter with separate values in earlier and new recordings, it is the
-            difference in the solution from all recordings, where common errors, such as those of torque scales,
-            cancel. So it can differ slightly from after - before.
-        deviation: Standard deviation of the change.
-        half: Half of the 95 % interval of the change.
-    """
-
-    name: str
-    before: float
-    after: float
-    change: float
-    deviation: float
-    half: float
-
-    @property
-    def size(self) -> float:
-        """Absolute change divided by half of its 95 % interval; if above 1, noise does not explain the change."""
-        if self.half > 0.0:
-            return abs(self.change) / self.half
-        return float(np.inf) if self.change else 0.0
-
-    @property
-    def beyond(self) -> bool:
-        """True if zero is outside the 95 % interval of the change."""
-        return self.size > 1.0
-
-    @property
-    def ratio(self) -> float:
-        """Absolute change in standard deviations."""
-        return abs(self.change) / self.deviation if self.deviation > 0.0 else 0.0
-
-
-def changed(changes: Iterable[ParameterChange]) -> list[ParameterChange]:
-    """Selects the changes that noise does not explain, the largest first; command line, record and page list them."""
-    return sorted((each for each in changes if each.beyond), key=lambda each: -each.size)
 
 
 @dataclass(frozen=True, eq=False, slots=True)

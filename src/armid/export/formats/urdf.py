@@ -34,6 +34,7 @@ from armid.export.types import (
 )
 from armid.export.xml_edit import Document, XmlNode, element_text
 from armid.maths.rotations import homogeneous, rpy_rotation
+from armid.robot.readers import READERS
 from armid.robot.readers import urdf as reader
 from armid.robot.readers.xacro import expand
 from armid.robot.robot import InertialParameters, Joint, Robot
@@ -52,7 +53,7 @@ def open_description(path: Path, data: bytes) -> OpenedDescription | None:
         what = "xacro was expanded; the written file is a URDF"
         text = expand(data.decode(), str(path)).encode()
         return OpenedDescription(text, (str(path),), (Finding("xacro-expanded", "info", "", what),))
-    is_urdf = reader.recognises(data.decode()) and path.suffix.lower() in reader.SUFFIXES
+    is_urdf = reader.recognises(data.decode()) and path.suffix.lower() in READERS["urdf"].suffixes
     return OpenedDescription(data, (str(path),)) if is_urdf else None
 
 

@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Protocol
+from dataclasses import dataclass
+from importlib import import_module
+from typing import Protocol, cast
 
 from armid.robot.joint_selection import JointOutline
-from armid.robot.readers import dh, mjcf, urdf, xacro
 from armid.robot.robot import Robot
 
-__all__ = ["READERS", "DescriptionReader"]
+__all__ = ["READERS", "DescriptionFormat", "DescriptionReader"]
 
 
 class DescriptionReader(Protocol):
     """Interface of a reader module."""
-
-    SUFFIXES: tuple[str, ...]
-    """Suffixes of the files of this format, in lower case, with the dot."""
 
     @staticmethod
     def recognises(text: str) -> bool:
@@ -42,9 +40,27 @@ class DescriptionReader(Protocol):
         ...
 
 
-READERS: Mapping[str, DescriptionReader] = {
-    "urdf": urdf,
-    "mjcf": mjcf,
-    "xacro": xacro,
-    "dh": dh,
+@dataclass(frozen=True, slots=True)
+class DescriptionFormat:
+    """Format of robot descriptions.
+
+    Attributes:
+        module: Module that reads it.
+        suffixes: Suffixes of its files, in lower case, with the dot.
+    """
+
+    module: str
+    suffixes: tuple[str, ...]
+
+    @property
+    def reader(self) -> DescriptionReader:
+        """Module that reads this format; it is imported on first use."""
+        return cast("DescriptionReader", import_module(self.module))
+
+
+READERS: Mapping[str, DescriptionFormat] = {
+    "urdf": DescriptionFormat("armid.robot.readers.urdf", (".urdf", ".xml")),
+    "mjcf": DescriptionFormat("armid.robot.readers.mjcf", (".mjcf", ".xml")),
+    "xacro": DescriptionFormat("armid.robot.readers.xacro", (".xacro",)),
+    "dh": DescriptionFormat("armid.robot.readers.dh", (".toml",)),
 }

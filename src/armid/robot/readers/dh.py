@@ -71,8 +71,6 @@ from armid.robot.robot import EARTH_GRAVITY, Frame, InertialParameters, Joint, L
 from armid.robot.shapes import Shape, capsule_between
 from armid.robot.xml import check_locked
 
-SUFFIXES: tuple[str, ...] = (".toml",)
-
 ROWS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "standard": (("a", "d"), ("alpha", "theta")),
     "modified": (("a", "d"), ("alpha", "theta")),

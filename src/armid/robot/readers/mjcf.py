@@ -24,8 +24,6 @@ from armid.robot.pinocchio_conversion import build, pinocchio, robot_from_model
 from armid.robot.robot import Robot
 from armid.robot.xml import check_locked, parse_xml, root_tag
 
-SUFFIXES: tuple[str, ...] = (".mjcf", ".xml")
-
 LISTED = 5
 """Number of reasons that one finding names; the others are counted."""
 

@@ -22,8 +22,6 @@ from armid.robot.robot import Robot
 from armid.robot.urdf_shapes import shapes_of_urdf
 from armid.robot.xml import check_locked, floating, identity_only, numbers, parse_xml, root_tag
 
-SUFFIXES: tuple[str, ...] = (".urdf", ".xml")
-
 ONE_DEGREE = ("revolute", "continuous", "prismatic")
 REFUSED = ("floating", "planar", "spherical", "ball")
 

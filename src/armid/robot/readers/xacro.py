@@ -19,8 +19,6 @@ from armid.robot.readers import urdf
 from armid.robot.robot import Robot
 from armid.robot.xml import parse_xml, root_tag
 
-SUFFIXES: tuple[str, ...] = (".xacro",)
-
 
 def recognises(text: str) -> bool:
     """Tests whether a text looks like xacro."""
