@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from armid.errors import RecordingError
+from armid.errors import Finding, RecordingError
 from armid.measurement.columns.column_selection import Selection, select
 from armid.measurement.columns.joint_assignment import in_joint_order
 from armid.measurement.columns.joint_name_comparison import stated_joints
@@ -31,6 +31,12 @@ def columns(joints: Sequence[str], form: str = "{joint}_{quantity}") -> list[str
 
 def read(joints: Sequence[str], log_format: LogFormat | None = None, form: str = "{joint}_{quantity}") -> Selection:
     return select(columns(joints, form), log_format or LogFormat(), Path("log.csv"), IIWA)
+
+
+def effort_possible_in(names: Sequence[str]) -> Finding:
+    found = select(["time", *names], LogFormat(), Path("log.csv"), IIWA).findings
+    (finding,) = (each for each in found if each.code == "effort-possible")
+    return finding
 
 
 @pytest.mark.parametrize("form", ["{joint}_{quantity}", "{quantity}.{joint}", "actual_{quantity}/{joint}"])
@@ -78,11 +84,26 @@ def test_a_limb_whose_first_joint_was_not_recorded_is_selected_by_its_pattern():
 
 
 def test_joints_without_effort_are_named():
-    names = [name for name in columns([f"A{k}" for k in range(1, 8)]) if name != "A7_effort"]
-    (finding,) = (
-        f for f in select(names, LogFormat(), Path("log.csv"), IIWA).findings if f.code == "effort-possible"
-    )
+    finding = effort_possible_in([name for name in columns([f"A{k}" for k in range(1, 8)]) if name != "A7_effort"])
     assert "not A7." in finding.evidence and "log the effort of A7" in finding.remedy
+
+
+@pytest.mark.parametrize("torques", ["A{}_load", "m{}"])
+def test_a_current_that_one_joint_lacks_does_not_hide_columns_that_may_hold_all_torques(torques: str):
+    """Torques of all joints are no reason to log again or to lock the joint."""
+    names = [f"A{k}_position" for k in range(1, 8)]
+    names += [*(f"A{k}_current" for k in range(1, 7)), *(torques.format(k) for k in range(1, 8))]
+    finding = effort_possible_in(names)
+    assert Remedy.read(finding.remedy).keys == {"columns": {"effort": torques}}
+    assert "torque or current" in finding.remedy and "lock" not in finding.remedy
+    assert "not A7." in finding.evidence
+
+
+def test_torque_of_some_joints_and_current_of_the_others_are_no_effort_of_all():
+    names = [f"A{k}_position" for k in range(1, 8)]
+    names += [*(f"A{k}_torque" for k in range(1, 5)), *(f"A{k}_current" for k in range(5, 8))]
+    finding = effort_possible_in(names)
+    assert "not A5, A6, A7." in finding.evidence and "log the effort of A5, A6, A7" in finding.remedy
 
 
 def test_numbered_names_of_another_arm_are_a_warning():

@@ -42,17 +42,20 @@ def effort_possible(
     if not unread:
         return ()
     listed = unread if len(unread) <= NAMED else [*unread[: NAMED - 1], f"… {unread[-1]}"]
-    partly = columns_of_joints(unread, labels, ("effort", "current"))
-    without = [label for label in labels if label not in partly]
     evidence = f"No column was read as effort; unread columns: {', '.join(listed)}."
     sets = channel_sets(unread, labels, len(chosen["q"]))
-    remedy = (
-        naming(log_format, {"effort": pattern_of(sets[0], names)}, "if they hold torque or current") if sets else ""
-    )
-    if partly and without:
-        missing = ", ".join(without[:NAMED])
+    partly = max((columns_of_joints(unread, labels, (each,)) for each in ("effort", "current")), key=len)
+    without = [label for label in labels if label not in partly]
+    missing = ", ".join(without[:NAMED]) if partly else ""
+    if missing:
         evidence += f" Some joints have a column of effort, but not {missing}."
+        sets = [each for each in sets if not set(each) & {*partly.values()}]
+    if sets:
+        remedy = naming(log_format, {"effort": pattern_of(sets[0], names)}, "if they hold torque or current")
+    elif missing:
         remedy = f"log the effort of {missing}, too, or lock joints that stood still (--lock, or lock in [robot])"
+    else:
+        remedy = ""
     if len(sets) > 1:
         evidence += f" These sets have one column for each joint: {'; '.join(shortened(each) for each in sets)}."
     return (Finding("effort-possible", "info", "effort", evidence, remedy),)
