@@ -8,7 +8,6 @@ positions are taken to be in time, so that a joint on a vertical axis, which has
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -92,6 +91,22 @@ class JointDelay:
     after: LogState
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class DelayableLog:
+    """A log, and how its torques change with delays.
+
+    Attributes:
+        state: The log.
+        late_positions: Torque of the other joints per second by which the positions of each joint are late,
+            shape (n, M, n) [N·m/s].
+        late_torques: Torque of each joint per second by which it is early, shape (n, M, n) [N·m/s].
+    """
+
+    state: LogState
+    late_positions: Array
+    late_torques: Array
+
+
 def check(evidence: LogEvidence) -> list[Finding]:
     """Reports the joint whose positions are late if this explains the log."""
     return evidence.explained(CODE)
@@ -101,9 +116,10 @@ def explain(state: LogState) -> Explanation | None:
     """Explanation by late positions of one joint; `None` if there are none."""
     if state.rows.n < 2 or state.log.band.is_open or not all(run.consecutive for run in state.log.runs):
         return None
-    judged = away_from_reversals(state)
-    if not judged.rows.mask.any():
+    away = away_from_reversals(state)
+    if not away.rows.mask.any():
         return None
+    judged = _delayable(away)
     gains = _first_order_gains(judged)
     likely = [int(j) for j in np.argsort(-gains)[:LOOKED_AT] if gains[j] > HINT]
     found = [each for j in likely if (each := _refined(judged, j)) is not None]
@@ -123,7 +139,7 @@ def explain(state: LogState) -> Explanation | None:
         lambda evidence: _remedy(evidence, best.joint, delay),
         _moved(state, best.joint, delay),
         by_error_alone=True,
-        trial=try_remedy(judged.rows, best.after.rows),
+        trial=try_remedy(away.rows, best.after.rows),
     )
 
 
@@ -159,13 +175,13 @@ def behind_velocities(log: Recording, j: int, rate: float) -> float:
     return -moved / spread if spread > 0.0 else 0.0
 
 
-def _first_order_gains(state: LogState) -> Array:
+def _first_order_gains(judged: DelayableLog) -> Array:
     """Decrease of the mean logarithm of the RMS residuals by a delay of each joint alone, to first order, shape (n,).
 
     The torque of the joint has a separate delay in both cases, so that its friction has no effect.
     """
+    state, late, own = judged.state, judged.late_positions, judged.late_torques
     rows, n, b = state.rows, state.rows.n, state.rows.count
-    late, own = _late_positions(state), _late_torques(state)
     total = np.zeros((b + 2 * n + 1, b + 2 * n + 1))
     for j, pairs in enumerate(products(rows, np.concatenate([late, own]))):
         columns = np.concatenate([rows.parameters[j], np.arange(b, len(total))])
@@ -188,66 +204,61 @@ def _without(products_of_columns: Array, columns: NDArray[np.int_]) -> Array:
     return G - G[:, columns] @ np.linalg.solve(inner, G[columns])
 
 
-def _refined(state: LogState, j: int) -> JointDelay | None:
+def _refined(judged: DelayableLog, j: int) -> JointDelay | None:
     """Delay of the positions of a joint; `None` if it is not significant or looks like another delay."""
-    total, now = 0.0, state
-    delay, deviation = _delay_of(state, j, each_torque=False)
-    common, spread = _delay_of(state, j, each_torque=True)
+    state, total, now = judged.state, 0.0, judged
+    delay, deviation = _delay_of(judged, j, each_torque=False)
+    common, spread = _delay_of(judged, j, each_torque=True)
     if abs(common - delay) > SAME * abs(delay) or abs(common) < SURE * spread:
         return None
     for _ in range(STEPS):
         if abs(total + delay) < SURE * deviation or abs(total + delay) > LONGEST:
             return None
         total += delay
-        now = _moved(state, j, total)
+        now = _delayable(_moved(state, j, total))
         delay, deviation = _delay_of(now, j, each_torque=False)
         if abs(delay) < SETTLED * deviation:
             break
-    gain = state.fit.cost - now.fit.cost
+    after = now.state
+    gain = state.fit.cost - after.fit.cost
     evidence = gain * float(np.sum(state.rows.mask.sum(axis=0) / state.fit.autocorrelation))
-    if abs(total) < max(LEAST, SURE * deviation) or gain < GAIN or evidence < SIGNIFICANT or now.conflict > AGREED:
+    if abs(total) < max(LEAST, SURE * deviation) or gain < GAIN or evidence < SIGNIFICANT or after.conflict > AGREED:
         return None
-    return JointDelay(j, total, deviation * _disagreement(now, j), gain, now)
+    return JointDelay(j, total, deviation * _disagreement(now, j), gain, after)
 
 
-def _delay_of(state: LogState, j: int, *, each_torque: bool) -> tuple[float, float]:
+def _delay_of(log: DelayableLog, j: int, *, each_torque: bool) -> tuple[float, float]:
     """Delay of the positions of a joint by the torques of the others, and its standard deviation [s].
 
     Args:
-        state: The log.
+        log: The log.
         j: Index of the joint.
         each_torque: True to estimate a separate delay of the torque of every joint, and not only of this joint.
     """
-    own = _late_torques(state)
-    fit = solve(state.rows, extra=np.concatenate([_late_positions(state)[[j]], own if each_torque else own[[j]]]))
-    return float(fit.values[state.rows.count]), float(fit.deviation[state.rows.count])
+    rows, own = log.state.rows, log.late_torques
+    fit = solve(rows, extra=np.concatenate([log.late_positions[[j]], own if each_torque else own[[j]]]))
+    return float(fit.values[rows.count]), float(fit.deviation[rows.count])
 
 
-def _disagreement(state: LogState, j: int) -> float:
+def _disagreement(log: DelayableLog, j: int) -> float:
     """Birge ratio of the delays of a joint's positions from the torque of each other joint alone."""
-    n, b = state.rows.n, state.rows.count
+    rows, late = log.state.rows, log.late_positions[j]
+    n, b = rows.n, rows.count
     others = [k for k in range(n) if k != j]
-    late = _late_positions(state)[j]
     apart = np.zeros((len(others), *late.shape))
     for row, k in enumerate(others):
         apart[row, :, k] = late[:, k]
-    fit = solve(state.rows, extra=np.concatenate([apart, _late_torques(state)[[j]]]))
+    fit = solve(rows, extra=np.concatenate([apart, log.late_torques[[j]]]))
     return birge_ratio(fit.values[b:-1], fit.deviation[b:-1])
 
 
-@lru_cache(maxsize=2)
-def _late_positions(state: LogState) -> Array:
-    """Torque of the other joints per second by which the positions of each joint are late, shape (n, M, n)."""
-    slopes, across = _slopes(state), np.arange(state.rows.n)
-    slopes[across, :, across] = 0.0
-    return slopes
-
-
-def _late_torques(state: LogState) -> Array:
-    """Torque of each joint per second by which it is early, shape (n, M, n)."""
-    across, own = np.arange(state.rows.n), np.zeros((state.rows.n, *state.rows.torque.shape))
+def _delayable(state: LogState) -> DelayableLog:
+    """The log with the changes of its torques by delays."""
+    late, across = _slopes(state), np.arange(state.rows.n)
+    late[across, :, across] = 0.0
+    own = np.zeros_like(late)
     own[across, :, across] = state.torque_slope().T
-    return own
+    return DelayableLog(state, late, own)
 
 
 def _moved(state: LogState, j: int, seconds: float) -> LogState:
