@@ -9,11 +9,10 @@ import shlex
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable
 from dataclasses import replace
 from io import StringIO
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pytest
@@ -39,68 +38,39 @@ from armid.study.storage.records import BASE_PARAMETER_KEYS, ESTIMATE_KEYS
 from armid.validation.prediction_interval import torque_band
 from armid.validation.torque_validation import Score
 from armid.validation.torque_validation import validate as judge
-from labs import STUDY, small_plan, small_recording, write_arm, write_recording, write_recordings, write_study
+from command_line import Armid, Done, command_line, exit_code
+from labs import (
+    STUDY,
+    small_folder,
+    small_plan,
+    small_recording,
+    write_arm,
+    write_recording,
+    write_study,
+)
 
 HANGING = ("--gravity", "0", "0", "9.81")
 
 COMMANDS = [str(command.callback.__name__) for command in cli.app.registered_commands if command.callback]
 
 
-class Done(NamedTuple):
-    """End of a command and its output."""
-
-    code: int
-    out: str
-    err: str
-
-    @property
-    def json(self) -> Any:
-        """Standard output as the one JSON object that it is."""
-
-        def refused(name: str) -> None:
-            raise AssertionError(f"{name} is no JSON")
-
-        return json.loads(self.out, parse_constant=refused)
-
-
-Armid = Callable[..., Done]
-
-
 @pytest.fixture
 def armid(capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Armid:
     """Runs the command line in this process, in an empty folder, with nobody watching."""
-    monkeypatch.chdir(tmp_path)
-    for name in ("FORCE_COLOR", "CLICOLOR_FORCE", "TTY_COMPATIBLE", "TTY_INTERACTIVE"):
-        monkeypatch.delenv(name, raising=False)
-
-    def run(*arguments: object) -> Done:
-        code: int | str | None = 0
-        try:
-            cli.main([str(argument) for argument in arguments])
-        except SystemExit as ended:
-            code = ended.code
-        out, err = capfd.readouterr()
-        return Done(int(code or 0), out, err)
-
-    return run
+    return command_line(capfd, monkeypatch, tmp_path)
 
 
 @pytest.fixture(scope="module")
 def small(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The small arm, two recordings and a study."""
-    folder = tmp_path_factory.mktemp("small")
-    write_recordings(folder)
-    write_study(folder)
-    return folder
+    return small_folder(tmp_path_factory)
 
 
 @pytest.fixture(scope="module")
 def run(small: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A run of the small arm's study."""
     folder = tmp_path_factory.mktemp("runs") / "run"
-    with pytest.raises(SystemExit) as ended:
-        cli.main(["identify", str(small / "study.toml"), "--out", str(folder)])
-    assert not ended.value.code
+    assert exit_code("identify", small / "study.toml", "--out", folder) == 0
     return folder
 
 

@@ -7,16 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from armid.cli import main as cli
 from armid.robot import load_robot
+from command_line import exit_code as armid
 from labs import STUDY, URDF, write_recordings, write_study
-
-
-def armid(*arguments: object) -> int:
-    """Run the command line; its exit code."""
-    with pytest.raises(SystemExit) as ended:
-        cli.main([str(argument) for argument in arguments])
-    return int(ended.value.code or 0)
 
 
 @pytest.fixture(scope="module")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,7 +11,6 @@ import numpy as np
 import pytest
 
 from armid.checked_array import Array
-from armid.cli import main as cli
 from armid.lab.inverse_dynamics_recording import record
 from armid.maths.inertia import com_inertia_to_vector
 from armid.measurement.recording import Recording
@@ -21,7 +19,18 @@ from armid.model.terms import Coulomb, RigidBody, RotorInertia, Viscous
 from armid.runs.run import save_run
 from armid.study.config import load_study
 from armid.study.identify import identify
-from labs import FRICTION, SENSORS, small_model, small_plan, small_truth, write_arm, write_recording
+from command_line import Armid, command_line
+from labs import (
+    FRICTION,
+    KNOWN_FRICTION,
+    SENSORS,
+    small_model,
+    small_plan,
+    small_truth,
+    write_arm,
+    write_recording,
+    write_study,
+)
 
 ROTOR = (0.5, 0.4, 0.2)
 """Rotor inertia of the joints, a good part of the inertia of the links that they move [kg·m²]."""
@@ -29,20 +38,8 @@ ROTOR = (0.5, 0.4, 0.2)
 HEAVY = com_inertia_to_vector(6.0, np.array([0.05, 0.02, 0.1]), np.diag([0.03, 0.04, 0.02]))
 """Load as heavy as the whole arm."""
 
-STUDY = """
-[robot]
-description = "small.urdf"
-[model]
-terms = ["rigid-body", "viscous", "coulomb"]
-coulomb = { width = 0.02 }
-[[recording]]
-path = "sensors.npz"
-"""
-
 EXTENDING = (("recalibrate", "--all", "--out", "new"), ("recalibrate", "--out", "new"), ("payload",), ("track",))
 """Commands that extend a run, with their options."""
-
-Armid = Callable[..., tuple[int, str, str]]
 
 
 def recorded(seed: int, *, load: Array | None = None, friction: float = 1.0, rotor: bool = False) -> Recording:
@@ -70,7 +67,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("new_recordings")
     write_arm(folder)
     write_recording(recorded(1), folder / "sensors.npz")
-    (folder / "study.toml").write_text(STUDY)
+    write_study(folder, KNOWN_FRICTION.format(log="sensors.npz"))
     write_recording(recorded(2, friction=2.0), folder / "sound.npz")
     write_recording(recorded(3, load=HEAVY, friction=0.5), folder / "heavy.npz")
     write_recording(changed(recorded(4, load=HEAVY), np.array([1.0, 1.0, -1.0])), folder / "sign.npz")
@@ -84,20 +81,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture
 def armid(capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, folder: Path) -> Armid:
     """Runs the command line in this process, with nobody watching."""
-    monkeypatch.chdir(folder)
-    for name in ("FORCE_COLOR", "CLICOLOR_FORCE", "TTY_COMPATIBLE", "TTY_INTERACTIVE"):
-        monkeypatch.delenv(name, raising=False)
-
-    def run(*arguments: object) -> tuple[int, str, str]:
-        code: int | str | None = 0
-        try:
-            cli.main([str(argument) for argument in arguments])
-        except SystemExit as ended:
-            code = ended.code
-        out, err = capfd.readouterr()
-        return int(code or 0), out, err
-
-    return run
+    return command_line(capfd, monkeypatch, folder)
 
 
 @pytest.mark.parametrize("command", EXTENDING, ids=" ".join)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import re
 import shutil
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -13,7 +12,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from armid.cli import main as cli
 from armid.estimation.update.payload import LOAD_NAMES
 from armid.lab.inverse_dynamics_recording import record
 from armid.maths.inertia import about_com, com_inertia_to_vector
@@ -24,28 +22,26 @@ from armid.study.identify import identify
 from armid.study.recordings.processed import process_each
 from armid.study.recordings.reading import read_choice
 from armid.study.score_recordings import score_recordings
-from labs import FRICTION, SENSORS, small_model, small_plan, small_truth, write_arm, write_recording
+from command_line import Armid, command_line
+from labs import (
+    FRICTION,
+    KNOWN_FRICTION,
+    SENSORS,
+    small_model,
+    small_plan,
+    small_truth,
+    write_arm,
+    write_recording,
+    write_study,
+)
 
 GAIN = np.array([10.0, 12.0, 8.0])
 CORRECTION = np.array([0.06, -0.05, 0.08])
 LOAD = com_inertia_to_vector(0.8, np.array([0.05, 0.02, 0.1]), np.diag([0.004, 0.005, 0.003]))
 
-STUDY = """
-[robot]
-description = "small.urdf"
-[model]
-terms = ["rigid-body", "viscous", "coulomb"]
-coulomb = {{ width = 0.02 }}
-[[recording]]
-path = "free.npz"
-{how}
-"""
-
 CURRENT = """columns = { effort = "i{}" }
 drive_gain = [10.0, 12.0, 8.0]
 drive_gain_deviation = 0.1"""
-
-Armid = Callable[..., tuple[int, str, str]]
 
 
 def recorded(
@@ -86,14 +82,14 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     write_recording(recorded(3, friction=0.6), folder / "warm.npz")
     write_recording(recorded(4, friction=0.6), folder / "later.npz")
     write_recording(recorded(5, load=True, friction=0.6), folder / "tool.npz")
-    (folder / "study.toml").write_text(STUDY.format(how=""))
+    write_study(folder, KNOWN_FRICTION.format(log="free.npz"))
     currents = folder / "currents"
     currents.mkdir()
     write_arm(currents)
     write_currents(recorded(1), currents / "free.npz")
     write_currents(recorded(2, load=True), currents / "loaded.npz")
     write_currents(recorded(7, load=True, link=2), currents / "elsewhere.npz")
-    (currents / "study.toml").write_text(STUDY.format(how=CURRENT))
+    write_study(currents, KNOWN_FRICTION.format(log="free.npz") + CURRENT)
     for place in (folder, currents):
         save_run(identify(load_study(place / "study.toml")), place / "run")
     return folder
@@ -102,20 +98,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture
 def armid(capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, folder: Path) -> Armid:
     """Runs the command line in this process, with nobody watching."""
-    monkeypatch.chdir(folder)
-    for name in ("FORCE_COLOR", "CLICOLOR_FORCE", "TTY_COMPATIBLE", "TTY_INTERACTIVE"):
-        monkeypatch.delenv(name, raising=False)
-
-    def run(*arguments: object) -> tuple[int, str, str]:
-        code: int | str | None = 0
-        try:
-            cli.main([str(argument) for argument in arguments])
-        except SystemExit as ended:
-            code = ended.code
-        out, err = capfd.readouterr()
-        return int(code or 0), out, err
-
-    return run
+    return command_line(capfd, monkeypatch, folder)
 
 
 def parameters(record: Any) -> dict[str, Any]:

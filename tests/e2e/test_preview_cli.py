@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 
-from armid.cli import main as cli
 from armid.excitation.fourier import save_plan
+from command_line import exit_code as armid
 from labs import small_plan, write_arm
 from reports import Page, make_run
 
@@ -25,13 +25,6 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     write_arm(folder)
     save_plan(small_plan(1), folder / "plan.json")
     return folder
-
-
-def armid(*arguments: object) -> int:
-    """Run the command line; its exit code."""
-    with pytest.raises(SystemExit) as ended:
-        cli.main([str(argument) for argument in arguments])
-    return int(ended.value.code or 0)
 
 
 def shown(path: Path) -> dict[str, Any]:

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from armid.cli import main as cli
 from armid.report import page as pages
 from armid.report import rendering
+from command_line import exit_code as armid
 from labs import write_recordings, write_study
 from reports import Page
 
@@ -23,21 +23,11 @@ def small(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The small arm's study, and two runs of it: with a page, and of other terms without one."""
     folder = tmp_path_factory.mktemp("small")
     write_recordings(folder)
-    study = str(write_study(folder))
-    for arguments in (["--out", str(folder / "run")], ["--terms", "rigid-body,viscous,coulomb", "--no-report"]):
-        if "--no-report" in arguments:
-            arguments += ["--out", str(folder / "other")]
-        with pytest.raises(SystemExit) as ended:
-            cli.main(["identify", study, *arguments])
-        assert not ended.value.code
+    study = write_study(folder)
+    assert armid("identify", study, "--out", folder / "run") == 0
+    terms = "rigid-body,viscous,coulomb"
+    assert armid("identify", study, "--terms", terms, "--no-report", "--out", folder / "other") == 0
     return folder
-
-
-def armid(*arguments: object) -> int:
-    """Run the command line; its exit code."""
-    with pytest.raises(SystemExit) as ended:
-        cli.main([str(argument) for argument in arguments])
-    return int(ended.value.code or 0)
 
 
 def test_identify_leaves_a_page_in_the_run(small: Path):

@@ -5,42 +5,26 @@ from __future__ import annotations
 import json
 import sys
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pytest
 
-from armid.cli import main as cli
 from armid.excitation.fourier import save_plan
 from armid.measurement.readers import load_recording
 from armid.measurement.writing import WRITERS
+from command_line import Armid, command_line
 from labs import write_arm
 from plants import short_plan
 
 
-class Done(NamedTuple):
-    code: int
-    out: str
-    err: str
-
-
 @pytest.fixture
-def armid(capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
-    monkeypatch.chdir(tmp_path)
+def armid(capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Armid:
     write_arm(tmp_path)
     save_plan(short_plan(1), tmp_path / "train.json")
     save_plan(short_plan(2), tmp_path / "unseen.json")
 
-    def run(*arguments: object) -> Done:
-        code: Any = 0
-        try:
-            cli.main([str(argument) for argument in arguments])
-        except SystemExit as ended:
-            code = ended.code
-        out, err = capfd.readouterr()
-        return Done(int(code or 0), out, err)
-
-    return run
+    return command_line(capfd, monkeypatch, tmp_path)
 
 
 LAB = """

@@ -3,35 +3,23 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
-from armid.cli import main as cli
+from command_line import Armid, command_line
 from labs import small_recording, write_arm, write_recording
-
-Armid = Callable[..., tuple[int, str, str]]
 
 
 @pytest.fixture
 def armid(capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Armid:
     """The command line in a folder with a small arm, a run and a later recording."""
-    monkeypatch.chdir(tmp_path)
     write_arm(tmp_path)
     for k in (1, 2):
         write_recording(small_recording(k), tmp_path / f"day{k}.npz")
 
-    def run(*arguments: object) -> tuple[int, str, str]:
-        code: Any = 0
-        try:
-            cli.main([str(argument) for argument in arguments])
-        except SystemExit as ended:
-            code = ended.code
-        return (int(code or 0), *capfd.readouterr())
-
+    run = command_line(capfd, monkeypatch, tmp_path)
     code, _, err = run("identify", "small.urdf", "day1.npz", "--out", "run", "--no-report")
     assert code == 0, err
     return run

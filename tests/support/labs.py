@@ -6,13 +6,14 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from armid.checked_array import Array
 from armid.excitation.fourier import Excitation
 from armid.lab.inverse_dynamics_recording import Sensors, record
 from armid.measurement.recording import Recording
 from armid.model.dynamics_model import DynamicsModel
-from armid.model.terms import Coulomb, RigidBody, Viscous
+from armid.model.terms import Coulomb, RigidBody, RotorInertia, Viscous
 from armid.robot import Robot, load_robot
 
 RATE, PERIOD = 100.0, 8.0
@@ -62,6 +63,23 @@ def small_truth() -> Array:
     for k, parameter in enumerate(model.parameters):
         if parameter.symbol in FRICTION:
             theta[k] = FRICTION[parameter.symbol][parameter.number - 1]
+    return theta
+
+
+@cache
+def small_model_with_rotors() -> DynamicsModel:
+    """The small arm with the friction of `small_model` and rotor inertia."""
+    return DynamicsModel(small_model().robot, (*small_model().terms, RotorInertia()))
+
+
+@cache
+def small_truth_with_rotors() -> Array:
+    """Standard parameters: the description's, and the same friction and rotor for every joint."""
+    model = small_model_with_rotors()
+    theta = model.nominal_parameters()
+    assert theta is not None
+    theta = theta.copy()
+    theta[model.law_columns] = np.resize([1.5, 0.8, 0.05], len(model.law_columns))
     return theta
 
 
@@ -115,8 +133,27 @@ role = "validate"
 """
 """The plainest study of the small arm."""
 
+KNOWN_FRICTION = """
+[robot]
+description = "small.urdf"
+[model]
+terms = ["rigid-body", "viscous", "coulomb"]
+coulomb = {{ width = 0.02 }}
+[[recording]]
+path = "{log}"
+"""
+"""A study of one log with the friction that the small arm has; its end is the log's table."""
+
 
 def write_study(folder: Path, text: str = STUDY) -> Path:
     path = folder / "study.toml"
     path.write_text(text)
     return path
+
+
+def small_folder(factory: pytest.TempPathFactory) -> Path:
+    """A new folder with the small arm, its two recordings and their study."""
+    folder = factory.mktemp("small")
+    write_recordings(folder)
+    write_study(folder)
+    return folder

@@ -5,23 +5,17 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from armid.cli import main as cli
 from armid.cli.commands.certify_parameters import RULES
 from armid.cli.parameter_tables import PRIORS, folded_line
 from armid.estimation.estimators.physical import PRIORS as KINDS
 from armid.runs.run import load_run
 from armid.validation.thesis_constraints import thesis_constraints
+from command_line import exit_code as armid
 from reports import make_run
 
 URDF = """<robot name="flat"><link name="base"/><joint name="j" type="continuous"><parent link="base"/>
 <child link="plate"/><axis xyz="0 0 1"/></joint><link name="plate"><inertial><mass value="1"/>
 <inertia ixx="{ixx}" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/></inertial></link></robot>"""
-
-
-def armid(*arguments):
-    with pytest.raises(SystemExit) as ended:
-        cli.main([str(argument) for argument in arguments])
-    return int(ended.value.code or 0)
 
 
 @pytest.mark.parametrize(("ixx", "code", "word"), [(0.01, 0, ""), (0.05, 1, "not ")])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import cache
 
 import numpy as np
 import pytest
@@ -19,11 +18,9 @@ from armid.information.accumulate import accumulate_information
 from armid.measurement.low_pass_band import Band
 from armid.measurement.observations import Observations, ObservedRun
 from armid.model.base_parameters import find_base_parameters
-from armid.model.dynamics_model import DynamicsModel
-from armid.model.terms import Coulomb, RigidBody, RotorInertia, Viscous
-from armid.robot.readers.urdf import read
 from armid.study.storage.records import certificate_record
-from labs import URDF
+from labs import small_model_with_rotors as model
+from labs import small_truth_with_rotors as truth
 from problems import lively_motion
 
 RATE, NOISE, MEMORY = 50.0, 0.3, 0.1
@@ -35,21 +32,6 @@ three in a hundred."""
 
 SAME = 1e-6
 """Relative difference of two ways to one interval."""
-
-
-@cache
-def model() -> DynamicsModel:
-    robot = read(URDF, source="small", locked={}, tip=None)
-    return DynamicsModel(robot, (RigidBody(), Viscous(), Coulomb(width=0.02), RotorInertia()))
-
-
-@cache
-def truth() -> Array:
-    theta = model().nominal_parameters()
-    assert theta is not None
-    theta = theta.copy()
-    theta[model().law_columns] = np.resize([1.5, 0.8, 0.05], len(model().law_columns))
-    return theta
 
 
 def recorded(seed: int, seconds: float = 20.0, scale: float = 0.0, noise: float = NOISE) -> EstimationProblem:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -28,10 +27,10 @@ from armid.maths.inertia import com_inertia_to_vector, pseudo_inertia, vector_fr
 from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics_model import DynamicsModel
 from armid.model.motion import Motion
-from armid.model.terms import Coulomb, RigidBody, RotorInertia, Viscous
+from armid.model.terms import Coulomb, Viscous
 from armid.robot.missing_inertia import PLACEHOLDER, placeholder_masses
-from armid.robot.readers.urdf import read
-from labs import URDF
+from labs import small_model_with_rotors as model
+from labs import small_truth_with_rotors as truth
 from problems import lively_motion, one_run, raw
 from trees import random_rotation
 
@@ -52,21 +51,6 @@ FARTHEST = 4.0
 
 FAR = 20.0
 """Factor between masses from which on one has nothing to do with the other."""
-
-
-@cache
-def model() -> DynamicsModel:
-    robot = read(URDF, source="small", locked={}, tip=None)
-    return DynamicsModel(robot, (RigidBody(), Viscous(), Coulomb(width=0.02), RotorInertia()))
-
-
-@cache
-def truth() -> Array:
-    theta = model().nominal_parameters()
-    assert theta is not None
-    theta = theta.copy()
-    theta[model().law_columns] = np.resize([1.5, 0.8, 0.05], len(model().law_columns))
-    return theta
 
 
 def problem_of(

@@ -11,17 +11,16 @@ import pytest
 from armid import identify, load_study
 from armid.estimation.estimate_record import Estimate
 from armid.lab.inverse_dynamics_recording import record
-from labs import SENSORS, small_model, small_plan, small_truth, write_arm, write_recording
-
-STUDY = """
-[robot]
-description = "small.urdf"
-[model]
-terms = ["rigid-body", "viscous", "coulomb"]
-coulomb = { width = 0.02 }
-[[recording]]
-path = "log.csv"
-"""
+from labs import (
+    KNOWN_FRICTION,
+    SENSORS,
+    small_model,
+    small_plan,
+    small_truth,
+    write_arm,
+    write_recording,
+    write_study,
+)
 
 
 def identified(folder: Path, lack: float, method: str = "wls") -> Estimate:
@@ -34,8 +33,8 @@ def identified(folder: Path, lack: float, method: str = "wls") -> Estimate:
     bump = np.sign(motion.ddq) * np.exp(-((motion.dq / (0.05 * usual)) ** 2))
     write_arm(folder)
     write_recording(replace(log, effort=log.effort + lack * bump[: len(log.effort)]), folder / "log.csv")
-    (folder / "study.toml").write_text(f'{STUDY}[estimation]\nmethod = "{method}"\n')
-    return identify(load_study(folder / "study.toml")).estimate
+    study = write_study(folder, KNOWN_FRICTION.format(log="log.csv") + f'[estimation]\nmethod = "{method}"\n')
+    return identify(load_study(study)).estimate
 
 
 @pytest.mark.parametrize("lack", [0.0, 2.0])

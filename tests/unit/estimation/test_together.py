@@ -22,22 +22,14 @@ from armid.runs.new_recordings import load_new_recordings
 from armid.runs.payload import find_payload, payload_record
 from armid.runs.recalibration import Changed, recalibrate
 from armid.runs.run import Run, load_run, save_run
-from labs import FRICTION, SENSORS, small_model, small_plan, small_truth, write_arm, write_recording
+from labs import FRICTION, KNOWN_FRICTION, SENSORS, small_model, small_plan, small_truth, write_arm, write_recording
 
 LOAD = com_inertia_to_vector(0.8, np.array([0.05, 0.02, 0.1]), np.diag([0.004, 0.005, 0.003]))
 LACK = 4.0
 """Torque against the turn at each reversal that the model does not have [N·m]."""
 
-STUDY = """
-[robot]
-description = "small.urdf"
-[model]
-terms = ["rigid-body", "viscous", "coulomb"]
-coulomb = {{ width = 0.02 }}
-[[recording]]
-path = "{log}"
-[estimation]
-method = "{method}"
+STUDY = f"""{KNOWN_FRICTION}[estimation]
+method = "{{method}}"
 """
 
 

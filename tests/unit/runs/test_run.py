@@ -19,16 +19,13 @@ from armid.runs.run import FORMAT, load_run, refuse_folder, save_run
 from armid.runs.validation_and_prediction import motion_of, predict, validate_run, write_torque
 from armid.study.config import ModelChoice, load_study
 from armid.study.identify import Result, identify
-from labs import small_plan, small_recording, write_recording, write_recordings, write_study
+from labs import small_folder, small_plan, small_recording, write_recording, write_recordings, write_study
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The small arm, its recordings and its study."""
-    folder = tmp_path_factory.mktemp("small")
-    write_recordings(folder)
-    write_study(folder)
-    return folder
+    return small_folder(tmp_path_factory)
 
 
 @pytest.fixture(scope="module")

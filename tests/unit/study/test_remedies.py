@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tomllib
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -31,6 +32,11 @@ SEEDS = (51, 54)
 
 def findings(case: Case) -> tuple[Finding, ...]:
     return diagnose_recording(case.robot, case.recording, case.reading)
+
+
+def errors_in(log: Path, case: Case, reading: LogFormat) -> list[Finding]:
+    found = diagnose_recording(case.robot, load_recording(log, reading, case.robot), reading)
+    return [finding for finding in found if finding.severity == "error"]
 
 
 def of(name: str, case: Case) -> tuple[Finding, ...]:
@@ -124,11 +130,7 @@ def test_a_header_with_the_wrong_unit_is_healed_by_the_remedy(header: str, scale
     table = {"t": log.time} | {f"q{j + 1} [{header}]": log.q[:, j] / scale for j in joints}
     write_csv(tmp_path / "log.csv", table | {f"tau{j + 1}": log.effort[:, j] for j in joints})
 
-    def told(reading: LogFormat) -> list[Finding]:
-        recording = load_recording(tmp_path / "log.csv", reading, case.robot)
-        found = diagnose_recording(case.robot, recording, reading)
-        return [finding for finding in found if finding.severity == "error"]
-
+    told = partial(errors_in, tmp_path / "log.csv", case)
     (found,) = told(LogFormat())
     assert found.code == "degrees" and not told(LogFormat(units=tomllib.loads(found.remedy)["units"]))
 
@@ -172,11 +174,7 @@ def test_the_unit_of_a_clock_replaces_that_of_its_header(tmp_path: Path, header:
     table = {header: log.time / unit} | {f"q{j + 1}": log.q[:, j] for j in joints}
     write_csv(tmp_path / "log.csv", table | {f"tau{j + 1}": log.effort[:, j] for j in joints})
 
-    def told(reading: LogFormat) -> list[Finding]:
-        recording = load_recording(tmp_path / "log.csv", reading, case.robot)
-        found = diagnose_recording(case.robot, recording, reading)
-        return [finding for finding in found if finding.severity == "error"]
-
+    told = partial(errors_in, tmp_path / "log.csv", case)
     (found,) = told(LogFormat())
     assert found.code == "clock-unit" and tomllib.loads(found.remedy)["time_unit"] == pytest.approx(unit, rel=1e-9)
     assert not told(LogFormat(time_unit=tomllib.loads(found.remedy)["time_unit"]))

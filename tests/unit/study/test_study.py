@@ -33,6 +33,7 @@ from armid.study.recordings.data_split import cut_recording
 from armid.study.selection_prior_options import with_selection_prior
 from labs import (
     STUDY,
+    small_folder,
     small_model,
     small_recording,
     write_arm,
@@ -509,10 +510,7 @@ def test_friction_that_is_chosen_gives_each_recording_its_offset(tmp_path: Path)
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The small arm, its recordings and its study."""
-    folder = tmp_path_factory.mktemp("small")
-    write_recordings(folder)
-    write_study(folder)
-    return folder
+    return small_folder(tmp_path_factory)
 
 
 @pytest.fixture(scope="module")
