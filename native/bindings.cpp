@@ -408,8 +408,11 @@ void reweighted(const std::string& isa, In<std::int32_t> offset, In<std::int32_t
   const auto joints = static_cast<std::size_t>(n);
   require(sign.size() == joints && rows.size() == joints && sigma.size() == joints,
           "sign, rows and sigma must have one entry a joint");
-  kernel(isa).reweighted({n, count, offset.data(), parameter.data(), products.data(), sign.data(), rows.data()},
-                         {passes, settled, floor, ridge}, x.data(), sigma.data());
+  const armid::JointProducts of{n, count, offset.data(), parameter.data(), products.data(), sign.data(), rows.data()};
+  const Kernel& k = kernel(isa);
+  double *values = x.data(), *residual = sigma.data();
+  nb::gil_scoped_release release;
+  k.reweighted(of, {passes, settled, floor, ridge}, values, residual);
 }
 
 armid::Tape make_tape(In<std::int32_t> sizes, In<double> constants, In<std::int32_t> runs, In<std::int32_t> operands,

@@ -108,9 +108,11 @@ inline void absorb(double* R, int K, double* const* columns, int rows) {
   }
 }
 
-// Factors of one block of samples [begin, end) for all joints, into R (one K x K matrix a joint, one behind another).
-inline void factor_block(const Arm& arm, const Layout& layout, const Samples& in, std::ptrdiff_t begin,
-                         std::ptrdiff_t end, Tile& tile, double* R) {
+// Adds the columns of one block of samples [begin, end) to a K x K matrix of each joint, a tile at a time; `R` holds
+// the matrices one behind another, and `add` is called with a matrix, K, its columns and the number of their rows.
+template <class Add>
+inline void add_block(const Arm& arm, const Layout& layout, const Samples& in, std::ptrdiff_t begin, std::ptrdiff_t end,
+                      Tile& tile, double* R, const Add& add) {
   Buffer<double*> columns(tile.width);
   for (int c = 0; c < tile.width; ++c) columns[c] = tile.column(c);
   for (std::ptrdiff_t s = begin; s < end; s += TILE) {
@@ -119,10 +121,17 @@ inline void factor_block(const Arm& arm, const Layout& layout, const Samples& in
     double* to = R;
     for (int j = 0; j < arm.n; ++j) {
       const int K = layout.offset[j + 1] - layout.offset[j];
-      absorb(to, K, columns.data() + layout.offset[j], padded(count));
+      add(to, K, columns.data() + layout.offset[j], padded(count));
       to += static_cast<std::size_t>(K) * K;
     }
   }
+}
+
+// Factors of one block of samples [begin, end) for all joints, into R (one K x K matrix a joint, one behind another).
+inline void factor_block(const Arm& arm, const Layout& layout, const Samples& in, std::ptrdiff_t begin,
+                         std::ptrdiff_t end, Tile& tile, double* R) {
+  add_block(arm, layout, in, begin, end, tile, R,
+            [](double* to, int K, double* const* columns, int rows) { absorb(to, K, columns, rows); });
 }
 
 // Factor of rows that are already columns of numbers: x is (K, M) with the given stride between columns.

@@ -129,18 +129,8 @@ inline void semidefinite_cholesky(double* G, int K, std::ptrdiff_t samples) {
 // Factors of one block of samples [begin, end) for all joints by their Gram matrices.
 inline void gram_factor_block(const Arm& arm, const Layout& layout, const Samples& in, std::ptrdiff_t begin,
                               std::ptrdiff_t end, Tile& tile, double* R) {
-  Buffer<double*> columns(tile.width);
-  for (int c = 0; c < tile.width; ++c) columns[c] = tile.column(c);
-  for (std::ptrdiff_t s = begin; s < end; s += TILE) {
-    const int count = static_cast<int>(smaller(TILE, end - s));
-    fill(arm, layout, in, s, count, tile);
-    double* to = R;
-    for (int j = 0; j < arm.n; ++j) {
-      const int K = layout.offset[j + 1] - layout.offset[j];
-      gram(to, K, columns.data() + layout.offset[j], padded(count));
-      to += static_cast<std::size_t>(K) * K;
-    }
-  }
+  add_block(arm, layout, in, begin, end, tile, R,
+            [](double* to, int K, double* const* columns, int rows) { gram(to, K, columns, rows); });
   for (int j = 0; j < arm.n; ++j) {
     const int K = layout.offset[j + 1] - layout.offset[j];
     semidefinite_cholesky(R, K, end - begin);

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
 import pytest
 
@@ -67,6 +69,23 @@ def test_settled_parameters_are_those_of_rows_weighted_by_their_residuals(build)
         y.append(table[-1] / s)
         np.testing.assert_allclose(np.sqrt(np.sum((table[-1] - x[p] @ table[:-1]) ** 2) / m), s, rtol=SETTLED)
     np.testing.assert_allclose(np.linalg.lstsq(np.vstack(A), np.concatenate(y))[0], x, atol=SETTLED)
+
+
+@pytest.mark.parametrize("build", COMPILED)
+def test_threads_get_the_results_of_calls_one_after_the_other(build):
+    """The interpreter is unlocked during the solution, so nothing of a call may be shared with another."""
+    calls = []
+    for seed in range(4):
+        tables, own, samples = rows_of(np.random.default_rng(seed), 7, 70)
+        calls.append(([table @ table.T for table in tables], own, 70, samples))
+
+    def solve(call):
+        return np.concatenate(kernel.reweighted_least_squares(*call, chosen=build, **RULES))
+
+    with ThreadPoolExecutor(len(calls)) as pool:
+        together = list(pool.map(solve, calls * 25))
+    for found, alone in zip(together, [solve(call) for call in calls] * 25, strict=True):
+        assert np.array_equal(found, alone)
 
 
 @pytest.mark.parametrize("build", [*COMPILED, TWIN])
