@@ -16,6 +16,7 @@ from armid.estimation.update.payload import LOAD_NAMES
 from armid.lab.inverse_dynamics_recording import record
 from armid.maths.inertia import about_com, com_inertia_to_vector
 from armid.measurement.recording import Recording
+from armid.runs.payload import failed_by_drive_gains_alone
 from armid.runs.run import load_run, save_run
 from armid.study.config import RecordingChoice, load_study
 from armid.study.identify import identify
@@ -357,20 +358,38 @@ def test_what_is_built_on_a_failed_run_says_so(armid: Armid, tmp_path: Path):
     assert "earlier-run-failed" not in armid("payload", "run", "loaded.npz")[2]
 
 
+@pytest.mark.parametrize("code", ["current-without-gain", "motor-side", "torque-unit"])
 @pytest.mark.parametrize(
     ("others", "severity"), [((), "info"), (("NRMSE of every joint below 1",), "warning")], ids=["gains", "more"]
 )
 def test_a_known_load_repairs_a_run_that_failed_for_its_gains_alone(
-    armid: Armid, tmp_path: Path, others: tuple[str, ...], severity: str
+    armid: Armid, tmp_path: Path, code: str, others: tuple[str, ...], severity: str
 ):
     failed = shutil.copytree("currents/run", tmp_path / "failed")
     validation = json.loads((failed / "validation.json").read_text())
-    names = ("errors in the recordings (current-without-gain)", *others)
+    names = (f"errors in the recordings ({code})", *others)
     checks = [{"name": name, "value": 1.0, "bound": 0.0, "ok": False} for name in names]
     (failed / "validation.json").write_text(json.dumps(validation | {"verdict": "fail", "checks": checks}))
     err = armid("payload", failed, "currents/loaded.npz", "--mass", "0.8")[2]
     assert f"{severity} earlier-run-failed" in err
     assert "warning earlier-run-failed" in armid("payload", failed, "currents/loaded.npz")[2]
+
+
+@pytest.mark.parametrize(
+    ("factor", "code"), [(0.1, "current-without-gain"), (0.02, "motor-side"), (50.0, "torque-unit")]
+)
+def test_a_run_with_other_gains_failed_for_them_alone_whatever_their_factor(
+    folder: Path, tmp_path: Path, factor: float, code: str
+):
+    shutil.copytree(folder / "currents", tmp_path, dirs_exist_ok=True)
+    text = (tmp_path / "study.toml").read_text().replace("_deviation = 0.1", "_deviation = 0.05")
+    (tmp_path / "study.toml").write_text(text.replace("[10.0, 12.0, 8.0]", str((factor * GAIN).tolist())))
+    run = load_run(save_run(identify(load_study(tmp_path / "study.toml")), tmp_path / "other"))
+    (error,) = [each for each in run.estimate.findings if each.severity == "error"]
+    assert error.code == code and failed_by_drive_gains_alone(run)
+    # The same code about positions in counts of encoders, for which no gain is the remedy.
+    counts = replace(error, channel="q", remedy="convert the positions to radians")
+    assert not failed_by_drive_gains_alone(replace(run, estimate=replace(run.estimate, findings=(counts,))))
 
 
 def test_noise_of_new_recordings_is_not_taken_for_a_change(armid: Armid, tmp_path: Path):

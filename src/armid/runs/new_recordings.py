@@ -20,7 +20,6 @@ from armid.estimation.friction_per_recording import changing_parameters
 from armid.estimation.problem import EstimationProblem, build_problem
 from armid.information.information import Information
 from armid.maths.inertia import transform
-from armid.measurement.log_format import LogFormat
 from armid.measurement.recording import Recording
 from armid.model.base_parameters import BaseParameters
 from armid.remedy import Remedy, setting
@@ -29,7 +28,7 @@ from armid.runs.run import Run, failed_checks
 from armid.study.config import RecordingChoice
 from armid.study.diagnosis import findings_of_each, merged
 from armid.study.recordings.processed import ProcessedRecording, joined_observations, process_each
-from armid.study.recordings.reading import read_choice
+from armid.study.recordings.reading import read_choice, scale_deviation
 
 ReadRecording = tuple[RecordingChoice, Recording]
 """Recording that was read, with its path, role and log format."""
@@ -102,7 +101,7 @@ def load_new_recordings(
     earlier = earlier_information(run)
     of_processing = tuple(finding for each in processed for finding in each.findings)
     told = check_new_recordings(run, (*recordings, *unseen), (*read, *read_unseen), of_processing, loaded)
-    deviation = _deviation(recordings[0][0].reading, run.robot.n)
+    deviation = scale_deviation([choice for choice, _ in recordings], run.robot)
     if gain_deviation is not None:
         deviation = np.full(run.robot.n, gain_deviation)
     samples = build_problem(run.model, observations, base=base, scale_deviation=deviation)
@@ -266,12 +265,6 @@ def new_recording_findings(run: Run) -> list[Finding]:
             "read the report of the run, and identify the arm with a better motion first.",
         )
     ]
-
-
-def _deviation(reading: LogFormat, n: int) -> Array:
-    """Relative standard deviation of the drive gain of each joint; zero if not given."""
-    given = reading.drive_gain_deviation
-    return np.array(np.broadcast_to(0.0 if given is None else np.asarray(given, dtype=np.float64), (n,)))
 
 
 def load_columns(run: Run) -> tuple[Array, Array]:

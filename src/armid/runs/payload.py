@@ -10,25 +10,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armid.checked_array import Array
-from armid.doctor.checks.signals.motor_side import CURRENT
+from armid.doctor.checks.signals.motor_side import CURRENT, MOTOR, UNIT
 from armid.errors import EstimationError, Finding, StudyError
 from armid.estimation.update.payload import LOAD_NAMES, DriveGains, PayloadEstimate, estimate_gains, estimate_payload
 from armid.estimation.update.payload_misfit import PayloadMisfit
 from armid.estimation.update.stacked_problem import stack_problems
 from armid.model.terms.rigid_body import rigid_body_units
+from armid.remedy import Remedy
 from armid.runs.new_recordings import NewRecordings, load_new_recordings
 from armid.runs.payload_link import PayloadLink, fit_finding, payload_link
 from armid.runs.run import Run, failed_checks
 from armid.study.diagnosis import diagnosed_error
-from armid.study.plausibility import RECORDING_ERRORS, contradictions, few_blocks_finding
+from armid.study.plausibility import contradictions, few_blocks_finding, recording_error
 from armid.study.storage.records import judgement_record
 from armid.validation.torque_validation import Check
 
 FAR = 3.0
 """Distance between estimate and nearest real body, in standard deviations, from which it is reported."""
 
-GAIN_ERROR = f"{RECORDING_ERRORS} ({CURRENT})"
-"""Failed check of a run whose cause a load of known mass removes."""
+GAIN_CODES = (CURRENT, MOTOR, UNIT)
+"""Codes of the findings on a torque that is not that of the described masses; wrong drive gains are one cause."""
 
 FAR_GAIN = 4.0
 """Correction of a drive gain, in stated standard deviations, from which it is reported. With gains drawn from the
@@ -132,9 +133,29 @@ def find_payload(
     return Payload(new_recordings, place, load, misfit, given, gains, findings)
 
 
+def failed_by_drive_gains_alone(run: Run) -> bool:
+    """Tests whether a run failed only because its drive gains contradict the masses of the description.
+
+    The doctor reports such gains with one of three codes, by the factor between the torques. These codes also have
+    other causes, such as positions in counts of encoders; the remedy is then no drive gain.
+
+    Args:
+        run: The run.
+    """
+    if run.verdict != "fail" or run.reading.drive_gain is None:
+        return False
+    names = failed_checks(run)
+    errors = [each for each in run.estimate.findings if each.severity == "error" and each.code in GAIN_CODES]
+    return (
+        bool(names)
+        and {*names} <= {recording_error(code) for code in GAIN_CODES}
+        and all("drive_gain" in Remedy.read(each.remedy).keys for each in errors)
+    )
+
+
 def _with_gains_sought(run: Run, findings: Sequence[Finding]) -> list[Finding]:
     """Findings about the new recordings, where a known load determines the gains for which the run failed."""
-    if run.verdict != "fail" or failed_checks(run) != [GAIN_ERROR]:
+    if not failed_by_drive_gains_alone(run):
         return list(findings)
     evidence = (
         f"The run {run.folder} did not pass its own validation, but only because its drive gains contradict the "

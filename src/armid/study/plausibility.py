@@ -296,8 +296,17 @@ def contradictions(findings: Sequence[Finding]) -> tuple[Check, ...]:
     codes = {*effects(), "recordings-disagree"}
     errors = [each.code for each in findings if each.severity == "error" and each.code in codes]
     return tuple(
-        Check(f"{RECORDING_ERRORS} ({code})", float(errors.count(code)), 0.0, False) for code in dict.fromkeys(errors)
+        Check(recording_error(code), float(errors.count(code)), 0.0, False) for code in dict.fromkeys(errors)
     )
+
+
+def recording_error(code: str) -> str:
+    """Name of the check that fails because of errors with a code in the recordings.
+
+    Args:
+        code: Code of the findings.
+    """
+    return f"{RECORDING_ERRORS} ({code})"
 
 
 def contradicted(validation: Validation, findings: Sequence[Finding]) -> Validation:
