@@ -40,6 +40,8 @@ GAIN = np.array([10.0, 12.0, 8.0])
 CORRECTION = np.array([0.06, -0.05, 0.08])
 LOAD = com_inertia_to_vector(0.8, np.array([0.05, 0.02, 0.1]), np.diag([0.004, 0.005, 0.003]))
 
+WIDE = "intervals are wide by the deviation of the drive gains, 10 % ("
+
 CURRENT = """columns = { effort = "i{}" }
 drive_gain = [10.0, 12.0, 8.0]
 drive_gain_deviation = 0.1"""
@@ -213,7 +215,22 @@ def test_drive_gains_from_a_known_mass(armid: Armid):
     )
     assert code == 0 and "Drive gains" in out and "known" in out
     words = " ".join(out.split())
-    assert "deviation of the drive gains, 10 %" in words and "hardly shows keeps nearly all of it" in words
+    assert (
+        f"{WIDE}drive_gain_deviation, --gain-deviation)" in words and "hardly shows keeps nearly all of it" in words
+    )
+
+
+def test_uncertain_gains_are_told_where_intervals_are(armid: Armid, tmp_path: Path):
+    write_currents(recorded(8, friction=0.6), tmp_path / "warm.npz")
+    for command in (
+        ("identify", "currents/study.toml", "--no-report"),
+        ("recalibrate", "currents/run", tmp_path / "warm.npz"),
+    ):
+        code, out, err = armid(*command, "--out", tmp_path / command[0])
+        assert code == 0, err
+        assert f"{WIDE}drive_gain_deviation)" in " ".join(out.split())
+    out = armid("identify", "study.toml", "--no-report", "--out", tmp_path / "torques")[1]
+    assert "intervals from" in out and "drive gains" not in out
 
 
 def test_uncertain_gains_are_in_the_interval_of_the_mass(armid: Armid):

@@ -18,6 +18,7 @@ from armid.cli.parameter_tables import estimate_table, folded_line, friction_sel
 from armid.estimation.link_properties import link_table
 
 if TYPE_CHECKING:
+    from armid.checked_array import Array
     from armid.estimation.fit_result import Fit
     from armid.study.identify import Result
 
@@ -31,9 +32,20 @@ COVARIANCE_SOURCES = {
 """Source of the noise estimate, by kind of covariance."""
 
 
-def intervals_line(fit: Fit) -> str:
-    """Line with the source of the intervals and the reason for its choice."""
-    return f"intervals from {COVARIANCE_SOURCES[fit.covariance_kind]}: {fit.report.why}"
+def intervals_text(fit: Fit, gain_deviation: Array, keys: str = "drive_gain_deviation") -> str:
+    """Line with the source of the intervals and the reason for its choice, and a line about uncertain drive gains.
+
+    Args:
+        fit: The estimate.
+        gain_deviation: Relative standard deviation of the drive gain of each joint, zero if it is exact, shape (n,).
+        keys: Names of the inputs that state the deviation.
+    """
+    source = f"intervals from {COVARIANCE_SOURCES[fit.covariance_kind]}: {fit.report.why}"
+    if not gain_deviation.any():
+        return source
+    ends = dict.fromkeys((100 * float(gain_deviation.min()), 100 * float(gain_deviation.max())))
+    deviation = " to ".join(f"{float(f'{end:.3g}'):g}" for end in ends)
+    return f"{source}\nintervals are wide by the deviation of the drive gains, {deviation} % ({keys})"
 
 
 def print_result(result: Result, *, verbose: bool = False) -> None:
@@ -61,7 +73,7 @@ def print_result(result: Result, *, verbose: bool = False) -> None:
         console.print(status_line(fit.standard))
     console.print(
         f"condition number {fit.condition:.2f}, with columns of unit length {fit.scaled_condition:.2f}; "
-        f"{int(fit.rows.max())} rows\n{intervals_line(fit)}\n"
+        f"{int(fit.rows.max())} rows\n{intervals_text(fit, result.information.scale_deviation)}\n"
         f"{estimate.seconds:.2f} s from recordings to result"
     )
 

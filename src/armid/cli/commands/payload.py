@@ -104,7 +104,7 @@ def _report(payload: Payload) -> None:
     from rich.table import Table
 
     from armid.cli.console import output_console, print_contradictions
-    from armid.cli.identification_result import intervals_line
+    from armid.cli.identification_result import intervals_text
     from armid.runs.payload import payload_record
 
     console, record = output_console(), payload_record(payload)
@@ -119,11 +119,13 @@ def _report(payload: Payload) -> None:
             f"{payload.load.distance:.2f} standard deviations away"
         )
     console.print(_parameters(record))
-    console.print(escape(intervals_line(payload.load.solution.fit)))
-    if (reason := _reason_of_width(payload)) != "":
-        console.print(escape(reason))
+    deviation = payload.new_recordings.new.scale_deviation
+    keys = "drive_gain_deviation, --gain-deviation"
+    console.print(escape(intervals_text(payload.load.solution.fit, deviation, keys)))
     if record["gains"] is None:
         return
+    if deviation.any():
+        console.print("a gain that the load hardly shows keeps nearly all of its deviation")
     table = Table(title="Drive gains")
     for name in ("joint", "given", "found", "correction", "95 % interval"):
         table.add_column(name, justify="left" if name == "joint" else "right")
@@ -137,22 +139,6 @@ def _report(payload: Payload) -> None:
             _interval(100 * each["interval95"], 1) if determined else "-",
         )
     console.print(table)
-
-
-def _reason_of_width(payload: Payload) -> str:
-    """Line about the deviation of the drive gains, which widens the intervals; empty if the gains are exact."""
-    deviation = payload.new_recordings.new.scale_deviation
-    if not deviation.any():
-        return ""
-    low, high = 100 * float(deviation.min()), 100 * float(deviation.max())
-    ends = [f"{float(f'{end:.3g}'):g}" for end in dict.fromkeys((low, high))]
-    assumed = f"{' to '.join(ends)} %"
-    line = (
-        f"intervals are wide by the deviation of the drive gains, {assumed} (drive_gain_deviation, --gain-deviation)"
-    )
-    if payload.gains is None:
-        return line
-    return f"{line}; a gain that the load hardly shows keeps nearly all of it"
 
 
 def _body(payload: Payload) -> Table:

@@ -81,7 +81,7 @@ def _report(recalibration: Recalibration, recordings: int) -> None:
     from rich.table import Table
 
     from armid.cli.console import output_console, print_verdict, validation_table
-    from armid.cli.identification_result import intervals_line
+    from armid.cli.identification_result import intervals_text
     from armid.estimation.update.parameter_change import changed
     from armid.notebook_display import plural
 
@@ -108,5 +108,5 @@ def _report(recalibration: Recalibration, recordings: int) -> None:
     console.print(
         validation_table(result.validation, result.training[:recordings], joint_units, recalibration.before)
     )
-    console.print(escape(intervals_line(result.estimate.fit)))
+    console.print(escape(intervals_text(result.estimate.fit, result.information.scale_deviation)))
     print_verdict(console, result.validation)
