@@ -50,6 +50,7 @@ def command_line(capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPa
 
     def run(*arguments: object) -> Done:
         code = exit_code(*arguments)
-        return Done(code, *capfd.readouterr())
+        out, err = capfd.readouterr()
+        return Done(code, out, err)
 
     return run
