@@ -16,7 +16,7 @@ from armid.estimation.update.payload import LOAD_NAMES
 from armid.lab.inverse_dynamics_recording import record
 from armid.maths.inertia import about_com, com_inertia_to_vector
 from armid.measurement.recording import Recording
-from armid.runs.payload import failed_by_drive_gains_alone
+from armid.runs.payload import only_drive_gains_failed
 from armid.runs.run import load_run, save_run
 from armid.study.config import RecordingChoice, load_study
 from armid.study.identify import identify
@@ -402,10 +402,10 @@ def test_a_run_with_other_gains_failed_for_them_alone_whatever_their_factor(
     (tmp_path / "study.toml").write_text(text.replace("[10.0, 12.0, 8.0]", str((factor * GAIN).tolist())))
     run = load_run(save_run(identify(load_study(tmp_path / "study.toml")), tmp_path / "other"))
     (error,) = [each for each in run.estimate.findings if each.severity == "error"]
-    assert error.code == code and failed_by_drive_gains_alone(run)
+    assert error.code == code and only_drive_gains_failed(run)
     # The same code about positions in counts of encoders, for which no gain is the remedy.
     counts = replace(error, channel="q", remedy="convert the positions to radians")
-    assert not failed_by_drive_gains_alone(replace(run, estimate=replace(run.estimate, findings=(counts,))))
+    assert not only_drive_gains_failed(replace(run, estimate=replace(run.estimate, findings=(counts,))))
 
 
 def test_noise_of_new_recordings_is_not_taken_for_a_change(armid: Armid, tmp_path: Path):

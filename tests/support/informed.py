@@ -64,7 +64,10 @@ def rows_between(run: ObservedRun, band: Band) -> int:
 
 
 def filtered(arm: Arm, run: ObservedRun, band: Band) -> Array:
-    """Dense rows (M, n, b + 1) through the band on the run's output grid, in the steps that the stream takes."""
+    """Dense rows (M, n, b + 1) through the band on the run's output grid, in the steps that the stream takes.
+
+    The sharp filter computes all rows here, of which those of the grid are taken; the stream computes no others.
+    """
     early = decimation_step(run.rate, band.cutoff, run.step)
     factor = rows_between(run, band) if early == run.step else 1
     early *= factor
@@ -74,8 +77,6 @@ def filtered(arm: Arm, run: ObservedRun, band: Band) -> Array:
     sharp = low_pass(band.family, band.order, band.cutoff, run.rate / early)
     whole = run.motion.samples % early == 0
     lead, late = (run.offset - first) // early, max(1, run.step // early)
-    if factor == 1 and not periodic:
-        return zero_phase(sharp, x, first=lead, step=late)[: len(run.rows)]
     y = periodic_filter(sharp, x) if periodic and whole else zero_phase(sharp, x)
     if factor > 1:
         return np.moveaxis(interpolate(np.moveaxis(y, 0, -1), factor, periodic=periodic), -1, 0)[: len(run.rows)]

@@ -21,7 +21,7 @@ from armid.runs.new_recordings import NewRecordings, load_new_recordings
 from armid.runs.payload_link import PayloadLink, fit_finding, payload_link
 from armid.runs.run import Run, failed_checks
 from armid.study.diagnosis import diagnosed_error
-from armid.study.plausibility import contradictions, few_blocks_finding, recording_error
+from armid.study.plausibility import contradictions, few_blocks_finding, recording_error_check
 from armid.study.storage.records import judgement_record
 from armid.validation.torque_validation import Check
 
@@ -133,7 +133,7 @@ def find_payload(
     return Payload(new_recordings, place, load, misfit, given, gains, findings)
 
 
-def failed_by_drive_gains_alone(run: Run) -> bool:
+def only_drive_gains_failed(run: Run) -> bool:
     """Tests whether a run failed only because its drive gains contradict the masses of the description.
 
     The doctor reports such gains with one of three codes, by the factor between the torques. These codes also have
@@ -148,14 +148,14 @@ def failed_by_drive_gains_alone(run: Run) -> bool:
     errors = [each for each in run.estimate.findings if each.severity == "error" and each.code in GAIN_CODES]
     return (
         bool(names)
-        and {*names} <= {recording_error(code) for code in GAIN_CODES}
+        and {*names} <= {recording_error_check(code) for code in GAIN_CODES}
         and all("drive_gain" in Remedy.read(each.remedy).keys for each in errors)
     )
 
 
 def _with_gains_sought(run: Run, findings: Sequence[Finding]) -> list[Finding]:
     """Findings about the new recordings, where a known load determines the gains for which the run failed."""
-    if not failed_by_drive_gains_alone(run):
+    if not only_drive_gains_failed(run):
         return list(findings)
     evidence = (
         f"The run {run.folder} did not pass its own validation, but only because its drive gains contradict the "

@@ -296,11 +296,11 @@ def contradictions(findings: Sequence[Finding]) -> tuple[Check, ...]:
     codes = {*effects(), "recordings-disagree"}
     errors = [each.code for each in findings if each.severity == "error" and each.code in codes]
     return tuple(
-        Check(recording_error(code), float(errors.count(code)), 0.0, False) for code in dict.fromkeys(errors)
+        Check(recording_error_check(code), float(errors.count(code)), 0.0, False) for code in dict.fromkeys(errors)
     )
 
 
-def recording_error(code: str) -> str:
+def recording_error_check(code: str) -> str:
     """Name of the check that fails because of errors with a code in the recordings.
 
     Args:
