@@ -224,7 +224,8 @@ class Robot(Displayed):
         tip: Frame of the tool flange.
         gravity: Acceleration of gravity in the base frame, shape (3,) [m/s²].
         source: Path of the description, or name of a built-in arm.
-        sha256: Digest of the text of the description; empty if there is no text.
+        sha256: Digest of the description and of all files that determine its joints and inertia; empty if there is
+            no text. Files of meshes that are only drawn or checked for collisions are not included.
         findings: Findings of the reader.
         shapes: Collision geometry of the links that the description contains.
         visuals: Visual geometry of the links that the description contains.

@@ -11,6 +11,8 @@ from armid.robot.mjcf.mesh_assets import inertia_of_triangles
 from armid.robot.mjcf.mesh_reading import UncomputableError, read_mesh
 from mesh_texts import HEIGHT, prism, write_mesh
 
+INERTIAL = '<inertial pos="0 0 0" mass="1" diaginertia="0.1 0.1 0.1"/>'
+
 ROUNDING = 1e-12
 """Relative; sums of some tens of products in double precision."""
 
@@ -104,6 +106,19 @@ def test_what_cannot_be_computed_is_said_with_the_body_and_the_reason(tmp_path):
     assert "there is no mesh 'm'" in said(path, "", mesh)
     assert "a box is fitted" in said(path, '<mesh name="m" file="open.stl"/>', '<geom type="box" mesh="m"/>')
     assert "it has a shell" in said(path, "", '<geom type="box" size="1 1 1" shellinertia="true"/>')
+
+
+@pytest.mark.parametrize(("inertial", "matters"), [("", True), (INERTIAL, False)], ids=["inertia", "drawing"])
+def test_the_digest_covers_meshes_that_give_inertia(tmp_path, inertial: str, matters: bool):
+    vertices, faces = prism()
+    path, mesh = tmp_path / "arm.xml", '<mesh name="m" file="m.stl"/>'
+    body = f'<body name="a"><joint name="j"/>{inertial}<geom type="mesh" mesh="m"/></body>'
+    path.write_text(f"<mujoco><asset>{mesh}</asset><worldbody>{body}</worldbody></mujoco>")
+    write_mesh(tmp_path / "m.stl", vertices, faces)
+    robot = load_robot(path)
+    assert load_robot(path).sha256 == robot.sha256 and robot.inertial_vector is not None
+    write_mesh(tmp_path / "m.stl", 1.1 * vertices, faces)
+    assert (load_robot(path).sha256 != robot.sha256) == matters
 
 
 def test_reasons_that_bodies_share_are_said_once(tmp_path):

@@ -64,6 +64,11 @@ class MeshAssets:
             self.computed[name] = self._unit_inertia(self.elements[name])
         return self.computed[name]
 
+    def inertia_files(self) -> list[Path]:
+        """Files of the meshes whose inertia was computed, in the order of the names of the meshes."""
+        paths = (self.path(self.elements[name]) for name in sorted(self.computed))
+        return [path for path in paths if path is not None]
+
     def existing(self) -> dict[str, tuple[str, Array, Array]]:
         """Path, scale (3,) and pose (4, 4) in the geom of each mesh whose file exists, by name.
 

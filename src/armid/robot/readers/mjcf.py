@@ -38,7 +38,8 @@ def read(text: str, *, source: str, locked: Mapping[str, float], tip: str | None
 
     Args:
         text: The MJCF text.
-        source: Path of the text. Included files are searched in its folder, and the digest depends on them, too.
+        source: Path of the text. Included files are searched in its folder. The digest depends on them, too, and on
+            files of meshes from which inertia is computed.
         locked: Joints to be locked, with positions [rad or m]. Joints with more than one degree of freedom are
             removed here; the others are still joints of the result.
         tip: Name of the body or site that is the flange; if `None`, a body is searched (see `find_tip`).
@@ -77,9 +78,13 @@ def read(text: str, *, source: str, locked: Mapping[str, float], tip: str | None
     )
     drawn = dict.fromkeys(body or WORLD for body, _ in plain.geoms)
     robot = with_bodies(replace(robot, shapes=shapes, visuals=visuals), described=drawn, markers=markers, world=WORLD)
-    if not included:
+    files = [] if plain.meshes is None else plain.meshes.inertia_files()
+    if not included and not files:
         return robot
-    return replace(robot, sha256=hashlib.sha256(ET.tostring(root)).hexdigest())
+    state = hashlib.sha256(ET.tostring(root) if included else text.encode())
+    for path in files:
+        state.update(path.read_bytes())
+    return replace(robot, sha256=state.hexdigest())
 
 
 def outline(text: str, *, source: str) -> JointOutline:
