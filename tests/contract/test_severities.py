@@ -19,13 +19,8 @@ def told() -> dict[str, set[str]]:
     found: defaultdict[str, set[str]] = defaultdict(set)
     for path in sorted((ROOT / "src").rglob("*.py")):
         tree = ast.parse(path.read_text())
-        named = {
-            target.id: node.value.value
-            for node in tree.body
-            if isinstance(node, ast.Assign) and isinstance(node.value, ast.Constant)
-            for target in node.targets
-            if isinstance(target, ast.Name)
-        }
+        named = _texts(tree)
+        made: set[str] = set()
         functions = {node.name: node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)}
         for node in ast.walk(tree):
             if not (isinstance(node, ast.Call) and isinstance(node.func, ast.Name)):
@@ -34,11 +29,47 @@ def told() -> dict[str, set[str]]:
                 found[str(node.args[0].value)].add("error")  # what stops a reading is an error of the doctor's
             if node.func.id not in MAKERS or len(node.args) <= MAKERS[node.func.id]:
                 continue
-            code = node.args[0]
-            name = named.get(code.id) if isinstance(code, ast.Name) else getattr(code, "value", None)
-            if isinstance(name, str):
+            for name in _codes(node.args[0], named):
+                made.add(name)
                 found[name] |= _severities(node.args[MAKERS[node.func.id]], functions)
+        for name in made:
+            found[name] |= _replaced(tree)
     return dict(found)
+
+
+def _codes(node: ast.expr, named: dict[str, str]) -> set[str]:
+    """Codes that an argument may be: a text, its name, or one of two."""
+    if isinstance(node, ast.IfExp):
+        return _codes(node.body, named) | _codes(node.orelse, named)
+    name = named.get(node.id) if isinstance(node, ast.Name) else getattr(node, "value", None)
+    return {name} if isinstance(name, str) else set()
+
+
+def _texts(tree: ast.Module) -> dict[str, str]:
+    """Names of a module that stand for texts."""
+    found: dict[str, str] = {}
+    for node in tree.body:
+        if isinstance(node, ast.Assign):
+            target, value = node.targets[0], node.value
+            pairs = zip(target.elts, value.elts, strict=True) if _are_tuples(target, value) else [(target, value)]
+            for each, text in pairs:
+                if isinstance(each, ast.Name) and isinstance(text, ast.Constant) and isinstance(text.value, str):
+                    found[each.id] = text.value
+    return found
+
+
+def _are_tuples(*nodes: ast.expr) -> bool:
+    return all(isinstance(node, ast.Tuple) for node in nodes)
+
+
+def _replaced(tree: ast.Module) -> set[str]:
+    """Severities that a module gives to findings that it has made: `replace(finding, severity=…)`."""
+    found: set[str] = set()
+    for call in ast.walk(tree):
+        if isinstance(call, ast.Call) and isinstance(call.func, ast.Name) and call.func.id == "replace":
+            given = [word.value for word in call.keywords if word.arg == "severity"]
+            found |= {c for value in given for each in ast.walk(value) for c in _constants(each)}
+    return found
 
 
 def _severities(node: ast.expr, functions: dict[str, ast.FunctionDef]) -> set[str]:
