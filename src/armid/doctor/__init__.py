@@ -33,12 +33,12 @@ EVERYWHERE: tuple[Scope, ...] = ("recording", "format", "command")
 
 
 def checks_of(scopes: Collection[Scope]) -> tuple[str, ...]:
-    """Names of the checks of some scopes."""
+    """Names of the checks whose scope is one of the given scopes."""
     return tuple(name for name, check in CHECKS.items() if check.scope in scopes)
 
 
 def explanations_of(scopes: Collection[Scope] = EVERYWHERE) -> tuple[Explain, ...]:
-    """Explanations of a misfit that the checks of some scopes give; all if none are named."""
+    """Functions `explain` of the checks with one of the given scopes; those of all checks if no scope is given."""
     return tuple(check.explain for check in CHECKS.values() if check.scope in scopes and check.explain is not None)
 
 
@@ -65,7 +65,7 @@ def examine(evidence: LogEvidence, checks: Collection[str] | None = None) -> tup
 
 
 def _consequences(faults: Collection[str]) -> set[str]:
-    """Codes of findings that follow from faults."""
+    """Codes of the findings that are consequences of the found faults."""
     hidden: set[str] = set()
     for name, check in CHECKS.items():
         if name in faults:

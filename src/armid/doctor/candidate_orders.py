@@ -1,4 +1,4 @@
-"""Orders of channels that occur in logs, and the joints whose limits they respect."""
+"""Orders of channels that occur in logs, and test of an order with the limits of the joints."""
 
 from __future__ import annotations
 
@@ -24,10 +24,11 @@ class LimitExcess:
     """Excess of each channel's positions over the limits of each joint.
 
     Attributes:
-        excess: Excess of channel k over the limits of joint j, divided by their span, shape (n, n); minus infinity if
-            the joint has no limits, infinity if one of j and k turns and the other slides.
-        far: Joints that are far outside their limits and move over more than their span, so that neither inaccurate
-            limits nor another zero explain it, shape (n,).
+        excess: Excess of channel k over the limits of joint j, divided by the range of joint j, shape (n, n); minus
+            infinity if the joint has no limits, infinity if one of the joints j and k is revolute and the other
+            prismatic.
+        far: Mask of the joints that are far outside their limits and move over more than the range of the limits,
+            shape (n,). Neither inaccurate limits nor a wrong zero can explain this.
     """
 
     excess: Array
@@ -40,9 +41,10 @@ class LimitExcess:
 
     @property
     def allowed(self) -> NDArray[np.bool_]:
-        """Channels whose positions each joint may have, shape (n, n).
+        """Mask of the channels k whose positions a joint j may have, shape (n, n).
 
-        A joint does not get positions far beyond its limits, unless its logged positions are equally far beyond.
+        Positions far outside the limits of a joint are allowed only if the logged positions of the joint are as far
+        outside.
         """
         return (self.excess < np.inf) & (self.excess <= np.maximum(BEYOND, np.diag(self.excess)[:, None]))
 
@@ -65,7 +67,7 @@ def limit_excess(state: LogState) -> LimitExcess:
 
 
 def usual_orders(n: int) -> list[Order]:
-    """Orders in which two channels are exchanged, all are reversed, or some in a row are shifted by one place.
+    """Orders of channels: two exchanged, all reversed, or three or more neighbouring ones shifted by one place.
 
     Args:
         n: Number of channels.
@@ -85,7 +87,7 @@ def exchanges(n: int) -> list[Order]:
 
 
 def shifts(n: int) -> list[Order]:
-    """Orders (n,) in which three or more channels in a row are shifted by one place, in either direction."""
+    """Orders (n,) in which three or more neighbouring channels are shifted by one place, in either direction."""
     result: list[Order] = []
     for first, last in combinations(range(n), 2):
         if last - first < 2:

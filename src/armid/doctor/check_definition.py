@@ -21,7 +21,7 @@ class LogCheck:
         scope: Recordings that are checked during an identification; `armid doctor` always checks all recordings.
             `recording`: every one, because the fault may differ between recordings. `format`: the longest training
             recording of each log format, and every validation recording, because the fault is in the log format.
-            `command`: none.
+            `command`: no recordings; the check is done only by `armid doctor`.
         effects: Effect of the fault on an estimate, by code of the findings of this check.
         explain: Function that explains a misfit of the model by this fault, if the fault causes one.
         untested: Reason why the remedy is not tested on left-out motion, by code.

@@ -51,8 +51,8 @@ class Explanation:
         evidence: Observation, with numbers.
         remedy: Function that returns the lines of a study that correct the fault, given the log format in use.
         after: The log with the fault corrected.
-        confirmed: Function for an independent check on the log, if there is one. It is called only for the first
-            fault.
+        confirmed: Function that tests the fault by independent evidence in the log, if there is such a test. It is
+            called only for the first fault.
         by_error_alone: True if a smaller error is the only evidence; the held-out error must then decrease, too.
             Wrong signs of torques, wrong zeros and wrong gravity also show in friction, inertias and weights.
         trial: Test on held-out motion, if the fault affects only some rows; if not given, all rows are tested.
@@ -85,10 +85,11 @@ class LogEvidence:
         noted: Findings of reading and conversion.
         model: Model of the study, if there is one; its terms are used.
         explains: Functions that explain the log by a fault; they are tried if the model does not fit the log.
-        saturation: Share of a joint's torque limit from which the study excludes rows, if it gives one; `keep` if it
-            uses all rows.
+        saturation: Share of a joint's torque limit above which the study excludes rows, if the study gives a share;
+            `keep` if the study uses all rows.
         known: Links that are compared with the log instead of those of the description.
-        cutoff: Cut-off of the study [Hz]; `None` if it follows from the motion or nothing is filtered.
+        cutoff: Cut-off of the study [Hz]; `None` if the cut-off is computed from the motion, or if nothing is
+            filtered.
     """
 
     robot: Robot
@@ -143,7 +144,7 @@ class LogEvidence:
 
     @cached_property
     def _accepted(self) -> tuple[tuple[LogState, Explanation], ...]:
-        """State of the log before each accepted explanation, and the explanation.
+        """Accepted explanations, each with the state of the log before the correction of its fault.
 
         An explanation that the log does not confirm is not reported. Its correction remains in effect, so that the
         misfit is not attributed to another fault; if nothing else explains the misfit, the search ends.
@@ -167,14 +168,14 @@ class LogEvidence:
         return tuple(accepted)
 
     def _holds(self, before: LogState, each: Explanation) -> bool:
-        """True if held-out motion supports an explanation, or does not contradict one that has other evidence."""
+        """True if held-out motion supports an explanation, or at least does not contradict its other evidence."""
         if each.severity == "error" and self._contradicts_run(before, each.after):
             return False
         trial = self._trial(before, each)
         return trial.helps if each.by_error_alone else not trial.harms
 
     def _contradicts_run(self, before: LogState, after: LogState) -> bool:
-        """True if a log agrees less with the links of a run after a correction, which then corrects no fault."""
+        """True if a correction, which must then be wrong, makes a log agree less with the links of a run."""
         if self.known is None or before.nominal is None or after.nominal is None:
             return False
         return after.nominal.alike < before.nominal.alike - LESS_ALIKE
@@ -185,7 +186,7 @@ class LogEvidence:
         return self._trial(before, accepted)
 
     def _trial(self, before: LogState, each: Explanation) -> RemedyTrial:
-        """Held-out errors before and after the correction of a fault; they are computed only once."""
+        """Held-out errors before and after the correction of a fault; the result is stored and reused."""
         if each.trial is not None:
             return each.trial
         after = each.after

@@ -1,4 +1,4 @@
-"""Reduction of a recording to a moderate sample rate, with band and rows."""
+"""Reduction of a recording to a moderate sample rate."""
 
 from __future__ import annotations
 
@@ -157,7 +157,7 @@ def downsample(recording: Recording, cutoff: float | None = None) -> Downsampled
 
 
 def _ends(pieces: Sequence[Stretch]) -> list[Stretch]:
-    """First and last half minute of a long log."""
+    """First and last half minute of a log, if it is long."""
     begin, end = float(pieces[0].time[0]), float(pieces[-1].time[-1])
     if end - begin <= 1.25 * LONGEST:
         return list(pieces)

@@ -31,7 +31,7 @@ ROUNDS = 4
 
 @dataclass(frozen=True, eq=False, slots=True)
 class KnownLinks:
-    """Links that an earlier run has identified, which may now carry a load.
+    """Links that were identified in an earlier run; in the log, the arm may carry an additional load.
 
     Attributes:
         bodies: Inertial parameters of the links, shape (n, 10).
@@ -48,9 +48,10 @@ class KnownLinks:
 
     @property
     def usual_load(self) -> Array:
-        """Standard deviations (10,) of the parameters of a load: one as heavy as the arm is not unusual.
+        """Standard deviations (10,) of the parameters of a load, for which a load as heavy as the arm is not unusual.
 
-        Bodies of base parameters have no masses; their first moments then show how heavy the arm is.
+        If the links are known by base parameters only, their masses are unknown, and the first moments are used
+        instead.
         """
         moments = float(np.linalg.norm(self.bodies[:, 1:4], axis=1).sum())
         mass = max(float(np.abs(self.bodies[:, 0]).sum()), moments / CENTRE, 1e-3)
@@ -67,9 +68,9 @@ def torque_with_load(
 ) -> Array:
     """Torque of the links with the load that explains a log best, shape (M, n) [N·m or N].
 
-    If a load alone explains the log, the scale of the log's torque is right. Otherwise the scale is unknown, too, so
-    that an effort in another unit is not taken for a load; the smallest load is then preferred. No load cancels most
-    of the torque of the links: an effort that is so small has another scale.
+    If a load alone explains the log, the scale of the log's torque is right. Otherwise the scale is estimated, too,
+    so that an effort in another unit is not mistaken for a load; small loads are then preferred. A load that would
+    cancel most of the torque of the links is not accepted: an effort that is so small has another scale.
 
     Args:
         links: Torque of the links without the load, shape (M, n).
@@ -97,7 +98,7 @@ def torque_with_load(
 
 
 def _load_alone(P: Array) -> Array:
-    """Load (10,) in units of a usual load that explains a log whose torque has the right scale.
+    """Load (10,) that explains a log whose torque has the right scale, in units of a usual load.
 
     Args:
         P: Products of the torque of links, usual load and log, shape (12, 12).
@@ -125,6 +126,6 @@ def _load_and_scale(P: Array) -> tuple[float, Array]:
 
 
 def _misfit(P: Array, scale: float, load: Array) -> float:
-    """Sum of squares of what a scale and a load (10,) leave of the log's torque."""
+    """Sum of the squared differences between the torque of the log and the torque with a scale and a load (10,)."""
     x = np.array([scale, *(scale * load), -1.0])
     return float(x @ P @ x)

@@ -111,10 +111,10 @@ class LogState:
 
     @property
     def conflict(self) -> float:
-        """Logarithm of the residual of the common fit divided by the residual of separate fits of the joints.
+        """Logarithm of a ratio: residual of the common fit, divided by that of separate fits of the joints.
 
-        An effect that the model does not contain, such as friction at reversals, is missing in both fits and cancels.
-        A large ratio therefore shows wrong geometry: order of channels, gravity, zeros, signs or scales.
+        An effect that the model does not contain, such as friction at reversals, increases both residuals and
+        cancels. A large ratio therefore shows wrong geometry: order of channels, gravity, zeros, signs or scales.
         """
         alone = np.array([fit.sigma[0] for fit in self.joint_fits])
         return self.fit.cost - float(np.mean(np.log(alone)))
@@ -247,7 +247,7 @@ class LogState:
 
     @cached_property
     def dissipation(self) -> Array:
-        """Power that the friction of each joint dissipates, divided by its standard deviation, shape (n,)."""
+        """Power that the friction of each joint dissipates, divided by its own standard deviation, shape (n,)."""
         z = np.zeros(self.rows.n)
         for j, fit in enumerate(self.joint_fits):
             power = np.array(
@@ -261,7 +261,7 @@ class LogState:
 
     @cached_property
     def inertia(self) -> Array:
-        """Mean inertia of each joint, divided by its standard deviation, shape (n,)."""
+        """Mean inertia of each joint, divided by the standard deviation of this mean, shape (n,)."""
         rows, n = self.rows, self.rows.n
         q = rows.motion.q[:: max(1, rows.motion.samples // POSES)]
         still = np.zeros_like(q)

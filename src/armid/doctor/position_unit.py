@@ -30,9 +30,9 @@ USUAL_COUNTS = 4096
 def reconsidered(evidence: LogEvidence) -> LogEvidence:
     """Replaces findings of the reader about degrees or zeros if the torque shows another unit of the positions.
 
-    Degrees that contradict the torque are positions of motors. Angles far outside all limits are degrees if the
-    torque agrees with this, and otherwise positions of motors. If such positions are whole numbers, or if all
-    positions are whole numbers too large for degrees, they are counts of encoders.
+    The reader may have reported angles in degrees; if the torque contradicts this, they are positions of motors.
+    Angles far outside all limits are degrees if the torque agrees with this, otherwise positions of motors. Positions
+    of motors that are whole numbers are counts of encoders, and also whole numbers that are too large for degrees.
 
     Args:
         evidence: The log and the findings of the reader.
@@ -60,14 +60,15 @@ def of_motors(reason: str) -> Finding:
     """Finding for positions of motors.
 
     Args:
-        reason: Beginning of the evidence, without a stop.
+        reason: Beginning of the sentence of evidence, without a full stop.
     """
     return Finding(
         "motor-side",
         "error",
         "q",
-        f"{reason}, so they are probably positions of motors on the motor side of the gears.",
-        "find out the matrix N with q_motor = N (q - joint_offset), and give it: transmission = [[N1, 0, …], …]",
+        f"{reason}, so they are probably motor positions, on the motor side of the gears.",
+        "find out the matrix N in q_motor = N (q - joint_offset), and give it in the key `transmission`: "
+        "transmission = [[N1, 0, …], …]",
     )
 
 
@@ -87,7 +88,7 @@ def _largest(evidence: LogEvidence) -> float:
 
 
 def _counts(evidence: LogEvidence) -> Finding:
-    """Finding for positions that are counts of encoders, with the motion for a usual number of counts in a turn."""
+    """Finding for positions that are counts of encoders, with the motion for a usual number of counts per turn."""
     q = evidence.raw.q
     low, high = np.nanmin(q, axis=0), np.nanmax(q, axis=0)
     reach = high.max() + 1.0 if low.min() >= 0.0 else (high - low).max() + 1.0
@@ -98,10 +99,10 @@ def _counts(evidence: LogEvidence) -> Finding:
         "error",
         "q",
         f"All positions are whole numbers, from {low.min():.0f} to {high.max():.0f}, so they are probably counts of "
-        f"encoders. With {turn} counts in a turn of the joint, the joints would move over {moves.min():.2g} to "
+        f"encoders. With {turn} counts per turn, the joints would move over {moves.min():.2g} to "
         f"{moves.max():.2g} rad.",
-        "find out the number N of counts in a turn of each joint and the count Z at its zero, and convert the "
-        "positions in the file to radians: q = 2π (count - Z) / N; velocities in counts likewise.",
+        "find out the number N of counts per turn of each joint and the count Z at its zero, and convert the "
+        "positions in the file to radians: q = 2π (count - Z) / N; convert velocities in counts in the same way.",
     )
 
 
@@ -143,7 +144,7 @@ def turns_too_far(evidence: LogEvidence) -> bool:
 
 
 def _explains_torque(evidence: LogEvidence) -> bool:
-    """True if a model explains the log in the way it is read, or with faults of single joints corrected."""
+    """True if a model explains the log as it is read, or after the correction of faults of single joints."""
     if evidence.state is None or _agrees(evidence.state):
         return evidence.state is not None
     of_all_joints = any(each.channel in ("q", "effort") for each in evidence.explanations)
@@ -151,7 +152,7 @@ def _explains_torque(evidence: LogEvidence) -> bool:
 
 
 def _agrees(state: LogState) -> bool:
-    """True if the torque agrees with the description, or the joints with each other."""
+    """True if the torque agrees with the description, or if the torques of the joints agree with each other."""
     if state.nominal is not None:
         loaded = int(np.argmax(state.nominal.size))
         alike = abs(float(state.nominal.correlation[loaded])) > PLAUSIBLE_CORRELATION

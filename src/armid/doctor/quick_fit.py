@@ -1,7 +1,7 @@
 """Weighted least squares on some hundred rows of a recording, in milliseconds.
 
-The doctor fits a model many times: to the log as it is, with channels in another order, with another gravity. As for
-an estimate, torque and columns pass the same filter, and each joint has a triangular factor.
+The doctor fits a model many times: to the log as it is, with channels in another order, with another gravity. As in
+an estimate, the same filter is applied to torque and columns, and a triangular factor is computed for each joint.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ class QuickRows:
         parameters: For each joint, the indices of these k among all base parameters, shape (k,).
         count: Number b of base parameters.
         motion: Motion at the rows.
-        torque: Shape (M, n) [N·m or N].
+        torque: Torque at the rows, shape (M, n) [N·m or N].
         mask: Mask of the rows that are used, shape (M, n).
         run: Index of the contiguous run of each row, shape (M,).
         rate: Row rate [Hz].
@@ -160,7 +160,7 @@ def solve(rows: QuickRows, extra: Array | None = None) -> QuickFit:
 
     Args:
         rows: Columns and torque.
-        extra: Further columns, shape (e, M, n): torque of each joint if the further parameter is one.
+        extra: Columns of additional parameters, shape (e, M, n): torque of each joint for a unit of the parameter.
     """
     extras = 0 if extra is None else len(extra)
     total = rows.count + extras
@@ -214,7 +214,7 @@ def solve_joint(fit: QuickFit, j: int, rows: QuickRows) -> QuickFit:
 
 
 def _lengths(A: Array) -> Array:
-    """Lengths of columns; 1 for columns that are zero."""
+    """Euclidean norms of the columns of a matrix; 1 for columns that are zero."""
     scale = np.linalg.norm(A, axis=0)
     return np.where(scale > 0.0, scale, 1.0)
 
@@ -229,7 +229,7 @@ def _inverse(A: Array) -> Array:
 
 
 def _least_squares(A: Array) -> Array:
-    """Least-squares solution for the last column by the others; the smallest solution if these are dependent."""
+    """Least-squares solution that fits the last column by the others; the smallest one if these are dependent."""
     R: Array = np.asarray(np.linalg.qr(A, mode="r"))
     k = A.shape[1] - 1
     diagonal = np.abs(R.diagonal()[:k])

@@ -1,6 +1,6 @@
-"""Rows of a log away from reversals of its joints, at which static friction has no effect.
+"""Rows of a log away from reversals of its joints; static friction has no effect in these rows.
 
-If the friction of a model reverses with the velocity, static friction at reversals causes a large part of the
+In the model, friction reverses with the velocity, so static friction at reversals causes a large part of the
 residual. It hides small effects of inertia, and it shifts estimates that depend on time, such as delays.
 """
 
@@ -46,8 +46,9 @@ def away_from_reversals(state: LogState) -> LogState:
 def judged_away_from_reversals(state: LogState) -> tuple[LogState, NDArray[np.bool_]]:
     """The recording on which models are compared, and the joints (n,) that have enough rows away from reversals.
 
-    Stiction at reversals is missing in the models, so a wrong one may fit it better by chance; on light arms it is
-    most of the residual. Joints without enough rows away from reversals keep all their rows.
+    The models do not contain stiction at reversals, which causes most of the residual of light arms. A wrong model
+    may therefore have the smaller residual by chance. Joints without enough rows away from reversals keep all their
+    rows.
     """
     moving = away_from_reversals(state)
     enough = moving.rows.mask.sum(axis=0) > 0
@@ -61,7 +62,7 @@ def is_significant(judged: LogState, gain: float) -> bool:
 
     Args:
         judged: The recording on which models are compared, with the model that has the larger residual.
-        gain: Decrease of the mean over the joints of the logarithm of the RMS residual, by the other model.
+        gain: Decrease of the logarithm of the RMS residual (mean over the joints) from this model to the other one.
     """
     return gain * float(np.sum(judged.rows.mask.sum(axis=0) / judged.fit.autocorrelation)) > SIGNIFICANT
 

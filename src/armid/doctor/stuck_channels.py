@@ -50,7 +50,7 @@ def stuck_stretches(recording: Recording, rate: float) -> tuple[tuple[int, str, 
 
 
 def without_stuck(recording: Recording, stretches: tuple[tuple[int, str, int, int], ...]) -> Recording:
-    """The recording with the rows of stuck stretches excluded."""
+    """The recording without the rows of stuck stretches."""
     valid = recording.valid.copy()
     for _, _, a, b in stretches:
         valid[a : b + 1] = False

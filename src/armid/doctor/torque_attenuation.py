@@ -1,7 +1,8 @@
 """Attenuation of the measured torque by frequency, in comparison with the torque of the model.
 
-Dry friction steps at every reversal of a joint, and these steps have all frequencies. A torque that was low-pass
-filtered lacks the high ones, while the columns of the model, which follow from the motion, still contain them.
+Dry friction changes by a step at every reversal of a joint, and a step contains all frequencies. If the torque was
+low-pass filtered, it lacks the high frequencies, but the columns of the model, which are computed from the motion,
+still contain them.
 """
 
 from __future__ import annotations
@@ -45,7 +46,7 @@ def half_frequency(state: LogState, joints: NDArray[np.bool_]) -> float | None:
         joints: Joints that are compared, shape (n,); the median of their ratios is used.
 
     Returns:
-        The frequency; `None` if the ratio does not fall to a half, or not as steeply as with a filter.
+        The frequency; `None` if the ratio does not fall to one half, or falls less steeply than with a filter.
     """
     pairs = list(_torques(state, joints))
     if not pairs:
@@ -63,7 +64,7 @@ def half_frequency(state: LogState, joints: NDArray[np.bool_]) -> float | None:
 
 
 def _fall(frequency: Array, ratio: Array) -> float | None:
-    """Lowest frequency from which on, up to twice of it, the ratio is below a half, if it falls steeply."""
+    """Lowest frequency f with the ratio below one half from f to 2 f, if the ratio falls steeply, else `None`."""
     for k, low in enumerate(frequency):
         octave = ratio[k : int(np.searchsorted(frequency, 2.0 * low, side="right"))]
         if 2.0 * low > frequency[-1]:
@@ -74,7 +75,7 @@ def _fall(frequency: Array, ratio: Array) -> float | None:
 
 
 def _torques(state: LogState, joints: NDArray[np.bool_]) -> Iterator[tuple[Array, Array, float]]:
-    """Measured and modelled torque (N, k) of some joints at every sample of each long run, and its rate."""
+    """Measured and modelled torque (N, k) of k joints at all samples of each long run of rows, and sample rate."""
     offset, values = state.source.layout.offset, state.fit.values
     for run in state.log.runs:
         samples = min(run.motion.samples, int(LONGEST * run.rate))
@@ -88,7 +89,7 @@ def _torques(state: LogState, joints: NDArray[np.bool_]) -> Iterator[tuple[Array
 
 
 def _first(run: ObservedRun, samples: int) -> ObservedRun:
-    """The first samples of a run, each one a row."""
+    """The first samples of a run, of which every sample is a row."""
     shape = (samples, run.motion.n)
     return replace(
         run,

@@ -76,7 +76,7 @@ def test_whole_numbers_are_counts_of_encoders(turn: int, zero: int, example: str
     (found,) = errors(case.logged(q=np.round(case.motion.q * turn / (2 * np.pi)) + zero, dq=None, ddq=None))
     assert (found.code, found.channel) == ("motor-side", "q")
     assert "whole numbers, from " in found.evidence and "counts of encoders" in found.evidence
-    assert f"With {example} counts in a turn" in found.evidence and "q = 2π (count - Z) / N" in found.remedy
+    assert f"With {example} counts per turn" in found.evidence and "q = 2π (count - Z) / N" in found.remedy
 
 
 def test_counts_are_named_without_limits_of_the_joints():

@@ -115,7 +115,7 @@ PADDING = 0.25
 
 
 def check(evidence: LogEvidence) -> list[Finding]:
-    """Reports a delay if it explains the log; if it is the strongest fault, it is measured again in a wider band."""
+    """Reports a delay if it explains the log; if it is the strongest fault, a wider band is used to estimate it."""
     found = evidence.explained(CODE)
     sharp = _in_wider_band(evidence) if found and evidence.explanations[0].code == CODE else None
     if sharp is None or evidence.state is None:
@@ -209,8 +209,9 @@ def _explained_by(state: LogState, judged: LogState) -> Explanation | None:
 def _with_reversals(delay: float, deviation: float, moving: float, spread: float) -> tuple[float, float]:
     """Delay [s] and its standard deviation, from all rows and from the rows away from reversals.
 
-    If the two delays differ by more than the standard deviation of the latter, stiction is assumed, and the
-    difference counts as the error of the delay from all rows. The result is their mean, weighted by the errors.
+    If the two delays differ by more than the standard deviation of the second one, the cause is probably stiction.
+    The difference then counts as an additional error of the first one. The result is the mean of the two delays,
+    weighted by their errors.
 
     Args:
         delay: Delay from all rows.
@@ -243,20 +244,20 @@ def _delay_without_friction(after: LogState) -> tuple[float, float]:
 
 
 def _away_from_reversals_alone(state: LogState) -> tuple[float, float]:
-    """Delay away from reversals and its standard deviation [s]; infinite if no joint has enough such rows."""
+    """Delay away from reversals and its standard deviation [s], infinite if no joint has enough such rows."""
     moving = away_from_reversals(state)
     return delay_of(moving)[:2] if moving.rows.mask.any() else (0.0, np.inf)
 
 
 def _with_difference(deviation: float, difference: float, spread: float) -> float:
-    """Standard deviation of a delay from all rows, including a possible error by friction at reversals [s]."""
+    """Standard deviation [s] of a delay from all rows, including the possible error by friction at reversals."""
     return float(np.hypot(deviation, difference)) if np.isfinite(spread) else deviation
 
 
 def _is_in_every_band(evidence: LogEvidence, delay: float, whole: bool) -> bool:
-    """True if the delay is the same in a wider band; an apparent delay by presliding friction is not.
+    """True if the delay is the same in a wider band; that of presliding friction depends on the band.
 
-    If noise of the positions does not allow a much wider band, it is also compared with a narrower band.
+    If the noise of the positions does not allow a much wider band, the delay in a narrower band is compared, too.
     """
     sharp = _in_wider_band(evidence)
     if sharp is None:
@@ -281,7 +282,7 @@ def _delay_text(delay: float, deviation: float, gain: float, rate: float) -> str
 
 
 def _total_delay(evidence: LogEvidence, delay: float) -> float | list[float]:
-    """Value of the key `delay` [s]: the delay plus those of the log format; one number if they are all equal."""
+    """Value of the key `delay` [s]: found delay plus the delays of the log format; one number if all are equal."""
     whole = [round(float(d) + delay, DIGITS) for d in np.asarray(evidence.reading.delay)]
     return whole[0] if len(set(whole)) == 1 else whole
 
@@ -290,9 +291,9 @@ def delay_of(state: LogState) -> tuple[float, float, LogState]:
     """Estimates the delay of the torque against the positions [s], its standard deviation, and the corrected log.
 
     The derivative of the model's torque is used, because noise in the derivative of the measured torque would bias
-    each step towards zero. Noise of the positions still makes steps smaller, all by the same share; it is estimated
-    from two steps. If the delays of single joints differ by more than their standard deviations, for instance
-    because of noisy positions or unmodelled friction, the standard deviation is enlarged.
+    each step towards zero. Noise of the positions reduces every step by the same factor; this factor is estimated
+    from two steps. If the delays of single joints differ by more than their standard deviations, for instance because
+    of noisy positions or unmodelled friction, the standard deviation is enlarged.
     """
     delay, deviation, share, before, step = 0.0, np.inf, 1.0, 0.0, 0.0
     for _ in range(STEPS):
@@ -315,7 +316,7 @@ def _with_torque_advanced(state: LogState, seconds: float) -> LogState:
 
 
 def _doubt(after: LogState, delay: float) -> str:
-    """Sentence on joints whose own torque contradicts a delay of all torques; empty if there are none.
+    """Sentence on joints whose torque contradicts a common delay of all torques; empty if there are no such joints.
 
     Args:
         after: The log with the delay removed.
@@ -353,7 +354,8 @@ def _slopes(rows: QuickRows, values: Array) -> Array:
 def _friction_alone(state: LogState) -> float:
     """Mean logarithm of the RMS residuals, with a separate lag of the dry friction of each joint.
 
-    Stiction and backlash make friction lag without a delay of the log; gravity and inertial torques do not lag then.
+    Stiction and backlash delay the torque of friction, but not gravity and inertial torques; a delay of the log
+    delays all of them.
     """
     return solve(state.rows, extra=_friction_lags(state)[0]).cost
 

@@ -48,7 +48,7 @@ def check(evidence: LogEvidence) -> list[Finding]:
 
 
 def explain(state: LogState) -> Explanation | None:
-    """Explanation by contact: the bursts, found one after the other from the strongest, and the log without them."""
+    """Explanation by contact: the bursts of the residual, and the log without them; `None` if there are none."""
     if state.log.band.is_open:
         return None
     time, run = state.rows.motion.time, state.rows.run
@@ -78,7 +78,7 @@ def explain(state: LogState) -> Explanation | None:
         "warning",
         ", ".join(names[j] for j in felt),
         f"At t = {time[peak]:.2f} s the residual is {size[peak].max():.0f} times its usual size, on "
-        f"{len(felt)} joints at the same time, as if the arm touched something.",
+        f"{len(felt)} joints at the same time. The arm probably touched something.",
         lambda evidence: excluding(evidence.reading, _stretches(near_burst, time, run)),
         after,
     )
@@ -105,7 +105,7 @@ def _residual(state: LogState, values: Array) -> Array:
 
 
 def _extrapolation(state: LogState) -> Array:
-    """Variance of the predicted torque that follows from the parameters' covariance, shape (M, n).
+    """Variance of the predicted torque, computed from the covariance of the parameters, shape (M, n).
 
     Rows that alone determine a parameter have a large variance and are therefore not taken for bursts.
     """

@@ -57,16 +57,18 @@ def check(evidence: LogEvidence) -> list[Finding]:
         return []
     larger = f", and the measured torque is about {typical:.2g} times as large" if typical > LARGE else ""
     listed = ", ".join(f"{names[j]} {nominal.correlation[j]:.2f}" for j in np.flatnonzero(compared))
-    cause = f"The log or {state.reference} is of another arm, the torque is without gravity, or springs or weights "
-    cause += f"are missing in {state.reference}."
+    cause = (
+        f"Possible causes: the log or {state.reference} belongs to another arm, the measured torque does not contain "
+        f"gravity, or springs or counterweights are missing in {state.reference}."
+    )
     return [
         Finding(
             CODE,
             "error" if larger else "warning",
             "",
-            f"The torque does not have the shape of the torque of {state.reference}: beside friction and rotor "
-            f"inertia they correlate with {alike:.2f} ({listed}){larger}. {cause}",
-            f"find out if {state.reference} is that of the recorded arm, and if the torque contains gravity",
+            f"The measured torque does not have the shape of the torque of {state.reference}: without friction and "
+            f"rotor inertia, the correlation of the two is {alike:.2f} ({listed}){larger}. {cause}",
+            f"check whether {state.reference} belongs to the recorded arm, and whether the torque contains gravity",
         )
     ]
 

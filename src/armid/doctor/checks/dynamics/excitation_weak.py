@@ -74,7 +74,7 @@ def check(evidence: LogEvidence) -> list[Finding]:
 
 
 def poorly_determined(names: tuple[str, ...], direction: Array, condition: float) -> str:
-    """Sentence on a condition number, with the parameters that dominate its weakest direction (b,)."""
+    """Sentence on a condition number, with the largest parameters in the weakest direction (b,)."""
     worst = ", ".join(names[k] for k in np.argsort(-np.abs(direction))[:NAMED])
     if condition > COMPUTED:
         return f"The motion does not separate {worst} at all, within numerical precision."

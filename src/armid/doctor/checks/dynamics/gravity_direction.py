@@ -108,9 +108,10 @@ def explain(state: LogState) -> Explanation | None:
 
 
 def _by_description(state: LogState, judged: LogState, strength: float) -> Explanation | None:
-    """Explanation by gravity along an axis with which the torque agrees with the torque of the description.
+    """Explanation by gravity along another axis, for which the measured torque agrees with that of the description.
 
-    The first moments of a single joint can be fitted to any gravity across its axis, so only the description decides.
+    For a single joint, first moments can be fitted for any gravity perpendicular to the axis of the joint. The
+    description is therefore needed for the decision.
 
     Args:
         state: The log.
@@ -148,7 +149,7 @@ def _by_description(state: LogState, judged: LogState, strength: float) -> Expla
 
 
 def _remedy(directions: Sequence[Array]) -> Remedy:
-    """Line of a study with the direction, or all directions that the log cannot distinguish."""
+    """Line of a study with the direction, or with all directions if the log cannot distinguish them."""
     options = [setting("gravity", [float(f"{x + 0.0:.4g}") for x in np.round(g, 2)]) for g in directions]
     if len(options) == 1:
         return Remedy(options[0], table="robot")
@@ -164,7 +165,7 @@ def _unexplained(state: LogState) -> float:
 
 
 def _turned(state: LogState, g: Array) -> DynamicsModel:
-    """The model under another gravity."""
+    """State of the log with another vector of gravity in the model."""
     return DynamicsModel(state.model.robot.with_gravity((float(g[0]), float(g[1]), float(g[2]))), state.model.terms)
 
 
@@ -175,7 +176,7 @@ def _opposite_cost(state: LogState, g: Array) -> float:
 
 
 def _searched(state: LogState, g0: Array, strength: float, begin: float) -> tuple[Array, float, tuple[Array, ...]]:
-    """Gravity with the smallest cost, its cost, and axes with about the same cost.
+    """Vector of gravity with the smallest cost, this cost, and axes with about the same cost.
 
     Args:
         state: The log.
@@ -204,12 +205,12 @@ def _rounded(wide: _GravityRows, g: Array, cost: float, axes: Array) -> tuple[Ar
 
 @lru_cache(maxsize=4)
 def _askew(robot: Robot) -> Robot:
-    """The arm under the gravity `ASKEW`, the same for all logs of an arm."""
+    """The arm with the gravity `ASKEW`; cached, so that all logs of an arm use the same object."""
     return robot.with_gravity(ASKEW)
 
 
 class _GravityRows:
-    """Rows for any gravity; they are linear in gravity."""
+    """Rows of the columns for any vector of gravity; the columns are linear in this vector."""
 
     def __init__(self, state: LogState) -> None:
         robot, terms = state.model.robot, state.model.terms

@@ -1,8 +1,9 @@
 """Delay of the positions of one joint.
 
-The torque of the other joints decides: it depends on the position of the joint through weight, inertia and Coriolis
-terms, and not on the friction of the joint, whose stiction can look like a delay of many milliseconds. All other
-positions are taken to be in time, so that a joint on a vertical axis, which has no weight, is judged, too.
+The delay is estimated from the torque of the other joints: it depends on the position of the joint through weight,
+inertia and Coriolis terms, and not on the friction of the joint, whose stiction can look like a delay of many
+milliseconds. The positions of all other joints are assumed to have no delay. A delay can therefore also be found for
+a joint with a vertical axis, on which gravity causes no torque.
 """
 
 from __future__ import annotations
@@ -97,9 +98,10 @@ class DelayableLog:
 
     Attributes:
         state: The log.
-        late_positions: Torque of the other joints per second by which the positions of each joint are late,
+        late_positions: Change of the torque of the other joints per second of delay of the positions of each joint,
             shape (n, M, n) [N·m/s].
-        late_torques: Torque of each joint per second by which it is early, shape (n, M, n) [N·m/s].
+        late_torques: Change of the torque of each joint per second by which this torque is early, shape (n, M, n)
+            [N·m/s].
     """
 
     state: LogState
@@ -144,7 +146,7 @@ def explain(state: LogState) -> Explanation | None:
 
 
 def _remedy(evidence: LogEvidence, j: int, delay: float) -> str:
-    """Manual work that removes the delay of a joint [s]; velocities that are in time stay as they are."""
+    """Remedy, to be done by hand, that removes the delay of a joint [s]; velocities without delay are not changed."""
     log, name = evidence.recording, evidence.robot.joint_names[j]
     behind = 0.0 if log is None else behind_velocities(log, j, evidence.rate)
     channels = "positions" if abs(behind - delay) < SAME * abs(delay) else "positions and velocities"
@@ -155,7 +157,7 @@ def _remedy(evidence: LogEvidence, j: int, delay: float) -> str:
 def behind_velocities(log: Recording, j: int, rate: float) -> float:
     """Time by which the positions of a joint are behind its velocities [s]; zero if the velocities are not logged.
 
-    Positions are compared with the integral of the velocities, run by run, because gaps have no integral.
+    Positions are compared with the integral of the velocities, separately for each contiguous run of rows.
     """
     if log.dq is None:
         return 0.0
@@ -176,9 +178,10 @@ def behind_velocities(log: Recording, j: int, rate: float) -> float:
 
 
 def _first_order_gains(judged: DelayableLog) -> Array:
-    """Decrease of the mean logarithm of the RMS residuals by a delay of each joint alone, to first order, shape (n,).
+    """First-order decrease of the mean logarithm of the RMS residuals by a delay of each single joint, shape (n,).
 
-    The torque of the joint has a separate delay in both cases, so that its friction has no effect.
+    With and without this delay, a separate delay of the torque of the joint is fitted, so that its friction has no
+    effect.
     """
     state, late, own = judged.state, judged.late_positions, judged.late_torques
     rows, n, b = state.rows, state.rows.n, state.rows.count
@@ -228,7 +231,7 @@ def _refined(judged: DelayableLog, j: int) -> JointDelay | None:
 
 
 def _delay_of(log: DelayableLog, j: int, *, each_torque: bool) -> tuple[float, float]:
-    """Delay of the positions of a joint by the torques of the others, and its standard deviation [s].
+    """Delay of the positions of a joint, from the torques of the other joints, and its standard deviation [s].
 
     Args:
         log: The log.

@@ -148,7 +148,7 @@ def _explanation(
 
 
 def _searched(state: LogState, judged: LogState, begin: _Order, limits: LimitExcess) -> tuple[_Order, list[_Order]]:
-    """Order with the smallest residual, found by exchanges of pairs, and others that were fitted to judged rows."""
+    """Order with the smallest residual, found by exchanges of pairs, and the other orders that were tried."""
     same, coarse = begin.motion, state.log.coarse()
     takes = limits.allowed, limits.excess < np.inf
     near = _evaluated(state, coarse, same, same).cost + NEAR
@@ -224,7 +224,7 @@ def _listed(order: NDArray[np.intp]) -> str:
 
 
 def _remedy(evidence: LogEvidence, order: _Order) -> str:
-    """Lines of a study that correct the order: columns of the quantities, or joints of the channels."""
+    """Lines of a study that correct the order: the columns of the quantities, or the joints of the channels."""
     recording = evidence.recording
     assert recording is not None
     quantities = {"q": order.motion, "dq": order.motion, "ddq": order.motion, "effort": order.torque}
@@ -249,9 +249,9 @@ def _remedy(evidence: LogEvidence, order: _Order) -> str:
 
 
 def _renamed(evidence: LogEvidence, order: NDArray[np.intp]) -> str | None:
-    """Line of a study that assigns all quantities of the channels to other joints; `None` if it is unknown.
+    """Line of a study that assigns all quantities of a channel to another joint; `None` if the channels are unknown.
 
-    Named channels are those of messages, numbered ones those of matrices.
+    Channels of messages have names; channels of matrices have numbers.
     """
     names, given = evidence.robot.joint_names, evidence.reading.joint_map
     owner = dict(zip((names[k] for k in order), names, strict=True))
@@ -269,14 +269,14 @@ def _evaluated(state: LogState, log: DownsampledLog, motion: NDArray[np.intp], t
 
 
 def _distinct(orders: Iterable[_Order]) -> list[_Order]:
-    """Each order once."""
+    """Removes repeated orders."""
     return list({(*order.motion, *order.torque): order for order in orders}.values())
 
 
 def _with_torques(
     rows: QuickRows, log: DownsampledLog, motion: NDArray[np.intp], torques: Sequence[NDArray[np.intp]]
 ) -> Iterator[_Order]:
-    """Orders of motion and torque with their costs, from columns that are already computed.
+    """Orders of motion and torque with their costs, computed from existing columns.
 
     If the same rows are used for all joints, products of columns are computed once for all orders of the torque.
     """

@@ -1,8 +1,9 @@
 """Offsets between the logged positions and the zeros of the description.
 
-A wrong zero changes the geometry and thus the torque. With the inertias of the description as a prior, it is detected
-more clearly: the gravity torque of a forearm has a known phase for any mass. The torque does not depend on the zero
-of a vertical first joint, and it hardly depends on the zeros of light wrists.
+A wrong zero changes the geometry and thus the torque. The inertias of the description are used as a prior, because
+they make the offset more visible: the gravity torque of a forearm, for instance, has a known phase for any mass. The
+offset of a vertical first joint cannot be found, because the torque does not depend on it. Offsets of light wrists
+have little effect on the torque.
 """
 
 from __future__ import annotations
@@ -75,8 +76,9 @@ def check(evidence: LogEvidence) -> list[Finding]:
 def explain(state: LogState) -> Explanation | None:
     """Explanation by offsets of the positions; `None` if there are none.
 
-    Rows away from reversals are judged first, because stiction at reversals is much of the residual of all rows and
-    hides offsets of joints with little weight. All rows are judged next: more rows show offsets in slow motion.
+    Rows away from reversals are used first: stiction at reversals causes much of the residual of all rows and hides
+    offsets of joints that carry little weight. All rows are used next: in slow motion, more rows are needed to find
+    an offset.
     """
     moving = away_from_reversals(state)
     judged = [each for each in (moving, state) if each.rows.mask.any()]
@@ -84,7 +86,7 @@ def explain(state: LogState) -> Explanation | None:
 
 
 def _explanation(state: LogState, judged: LogState) -> Explanation | None:
-    """Explanation by offsets that some rows of the log show; `None` if they show none.
+    """Explanation by offsets that are significant in some rows of the log; `None` if there are none.
 
     Args:
         state: The log with all rows.
@@ -154,13 +156,13 @@ def offsets_of(state: LogState) -> tuple[Array, Array, LogState]:
 
 
 def _known_bodies(state: LogState) -> Array | None:
-    """Standard parameters (p,) that the prior is made of; `None` if the links that are compared have no masses."""
+    """Standard parameters (p,) from which the prior is computed; `None` if the links to compare have no masses."""
     without_masses = state.known is not None and (state.known.bodies[:, 0] <= 0.0).any()
     return None if without_masses else state.described
 
 
 def _prior(state: LogState) -> tuple[Array, Array]:
-    """Prior from the description: precision (b, b) and base parameters (b,); zeros if it contains no inertias."""
+    """Prior from the description: precision (b, b) and base parameters (b,); zeros if there are no inertias."""
     b, model = state.base.count, state.model
     theta = _known_bodies(state)
     if theta is None:

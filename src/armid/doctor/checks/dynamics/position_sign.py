@@ -1,4 +1,4 @@
-"""Positions of one or some joints whose sign is opposite to the description."""
+"""Positions of one or more joints with a sign opposite to that of the description."""
 
 from __future__ import annotations
 

@@ -37,8 +37,8 @@ def check(evidence: LogEvidence) -> list[Finding]:
     If the study names no terms, the finding is only information, because an identification then adds rotor inertia
     itself.
 
-    Rows away from reversals are judged first, because stiction is much of the residual of all rows and hides rotors
-    in slow motion. All rows are judged next: more rows show rotors where the torque is noisy.
+    Rows away from reversals are used first: stiction causes much of the residual of all rows and hides rotor inertia
+    in slow motion. All rows are used next: if the torque is noisy, more rows are needed to find rotor inertia.
     """
     state = evidence.corrected
     if state is None or (evidence.model is not None and any(t.name == "rotor-inertia" for t in evidence.model.terms)):
@@ -57,7 +57,7 @@ def check(evidence: LogEvidence) -> list[Finding]:
 
 
 def _rotors(state: LogState) -> tuple[list[str], str, float] | None:
-    """Joints with rotor inertia, a sentence about it and the gain by it; `None` where the rows do not show any."""
+    """Joints with rotor inertia, a sentence about it and the decrease of the residual; `None` if none is found."""
     without = _without_rotors(state)
     gain = solve(without).cost - state.fit.cost
     values, deviation = state.fit.values, state.fit.deviation
@@ -75,7 +75,7 @@ def _rotors(state: LogState) -> tuple[list[str], str, float] | None:
 
 
 def _term_names(evidence: LogEvidence) -> list[str]:
-    """Names of the terms of the study; `default` for the default terms, which keeps their shapes."""
+    """Names of the terms of the study; `default` for the default terms, so that their shapes do not change."""
     terms = DEFAULT_TERMS if evidence.model is None else evidence.model.terms
     return ["default"] if terms == DEFAULT_TERMS else [term.name for term in terms]
 

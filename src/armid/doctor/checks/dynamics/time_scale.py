@@ -1,4 +1,4 @@
-"""Wrong scale of time: a wrong sample rate or unit of the clock, which gravity and inertia contradict."""
+"""Wrong scale of time: a wrong sample rate or unit of the clock, found from the ratio of gravity and inertia."""
 
 from __future__ import annotations
 
@@ -108,14 +108,14 @@ def _costs(state: LogState, about: float) -> Callable[[float], float]:
 
 
 def _products(still: Array, whole: Array) -> tuple[Array, Array, Array]:
-    """Products of the columns at rest, of these with the moving part, and of the moving part of the columns."""
+    """Products of columns: rest part with itself, rest part with moving part, moving part with itself."""
     moving = whole - still  # zero in the row of the torque
     mixed = still @ moving.T
     return still @ still.T, mixed + mixed.T, moving @ moving.T
 
 
 def _refined(cost_with: Callable[[float], float], factor: float) -> float:
-    """Factor with the smallest residual near a factor, by bisection of the distance to its neighbours."""
+    """Factor with the smallest residual near a given factor, found by halving the distance to the neighbours."""
     ratio, best = np.sqrt(FACTORS[1] / FACTORS[0]), cost_with(factor)
     for _ in range(STEPS):
         for trial in (factor * ratio, factor / ratio):

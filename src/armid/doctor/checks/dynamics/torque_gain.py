@@ -1,7 +1,7 @@
 """Torque of one joint whose scale differs from that of the others.
 
-One model describes all joints only if their torques have a common scale, because the torque of a joint depends on the
-links that it carries, which other joints carry, too. Without a description, the common scale cannot be determined.
+A link is carried by several joints, so its parameters affect the torques of all of them. One model can therefore fit
+all joints only if their torques have a common scale. This common scale cannot be determined without a description.
 """
 
 from __future__ import annotations
@@ -112,12 +112,12 @@ def _cost(state: LogState, pairs: Sequence[Array], j: int, factor: float) -> flo
 
 
 def _best_factor(cost_with: Callable[[float], float], begin: float, *, wide: bool) -> tuple[float, float]:
-    """Factor on a joint's torque with the smallest cost, and that cost; infinite if the log does not determine it.
+    """Factor on a joint's torque with the smallest cost, and this cost, infinite if the factor is undetermined.
 
     Args:
         cost_with: Function that returns the mean logarithm of the RMS residuals with a factor.
         begin: Mean logarithm of the RMS residuals with the factor 1.
-        wide: True if factors of other units are tried, too.
+        wide: True if the factors between units of torque are tried, too.
     """
     candidates = [_lowest_about(cost_with, 1.0, 2)] if min(map(cost_with, NEAREST)) < begin else []
     if wide:
@@ -127,12 +127,12 @@ def _best_factor(cost_with: Callable[[float], float], begin: float, *, wide: boo
 
 
 def _lowest_about(cost_with: Callable[[float], float], middle_factor: float, apart: int) -> tuple[float, float]:
-    """Best product of a factor and one of `FACTORS`, interpolated, and its cost; infinite if not determined.
+    """Best product of a factor and one of `FACTORS`, interpolated, and its cost, infinite if it is not determined.
 
     Args:
         cost_with: Function that returns the mean logarithm of the RMS residuals with a factor.
-        middle_factor: The factor.
-        apart: Number of steps from the best one to those whose cost must be larger.
+        middle_factor: Factor that is multiplied by each of `FACTORS`.
+        apart: Number of steps from the best product to the two products whose costs must be larger.
     """
     tried = middle_factor * FACTORS
     cost = np.array([cost_with(float(factor)) for factor in tried])
@@ -146,7 +146,7 @@ def _lowest_about(cost_with: Callable[[float], float], middle_factor: float, apa
 
 
 def _gain(evidence: LogEvidence, correction: Array) -> str:
-    """Drive gains of the log format with that of one joint corrected, and their deviations."""
+    """Drive gains of the log format with a corrected gain of one joint, and their standard deviations."""
     reading = evidence.reading
     given = np.ones(len(correction)) if reading.drive_gain is None else np.asarray(reading.drive_gain)
     deviation = np.zeros(len(correction))

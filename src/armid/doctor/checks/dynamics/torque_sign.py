@@ -1,4 +1,4 @@
-"""Torque of all or some joints whose sign is opposite to the convention of the description."""
+"""Torque of one or more joints with a sign opposite to the convention of the description."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ def explain(state: LogState) -> Explanation | None:
 
 
 def signs_value(sign: Array) -> int | list[int]:
-    """Value of the key of a study for signs (n,): a single number if all signs are equal."""
+    """Value of the study's key for signs (n,): a single number if all signs are equal, otherwise a list."""
     whole = [int(s) for s in sign]
     return whole[0] if len(set(whole)) == 1 else whole
 
@@ -124,9 +124,9 @@ def relative_signs(state: LogState) -> tuple[Array, float, NDArray[np.bool_]]:
 
 
 def _best_of_all(rows: QuickRows, pairs: Sequence[Array], first: float) -> tuple[Array, float]:
-    """Signs with the smallest residual and that residual; the first joint's sign is fixed.
+    """Signs with the smallest residual, and this residual; the sign of the first joint is fixed.
 
-    All combinations are tried, because if several signs are wrong, changing only one may not lower the residual.
+    All combinations are tried: if several signs are wrong, a change of only one sign may not reduce the residual.
     """
     best = np.ones(rows.n), first
     for others in product((1.0, -1.0), repeat=rows.n - 1):
@@ -144,7 +144,7 @@ def cost_with_signs(state: LogState, sign: Array) -> float:
 
 
 def _doubt(state: LogState, sign: Array) -> str:
-    """Sentence that other signs of the positions explain the log equally well; empty if they do not."""
+    """Sentence that other signs of the positions explain the log equally well; empty if they explain it less well."""
     if (sign < 0.0).all() or cost_with_signs(state, sign) > cost_of(state.rows, products(state.rows), sign) + ALSO:
         return ""
     return (
@@ -159,7 +159,7 @@ def _flipped(sign: Array, j: int) -> Array:
 
 
 def _votes(state: LogState) -> Array:
-    """Evidence for the sign of each joint from friction, inertia and the description; beyond ±1 it is conclusive."""
+    """Evidence for the sign of each joint from friction, inertia and description; above 1 or below -1 it suffices."""
     votes = (np.clip(state.dissipation, -MOST, MOST) + np.clip(state.inertia, -MOST, MOST) / 2) / SURE
     if state.nominal is not None:
         r = state.nominal.correlation

@@ -1,1 +1,1 @@
-"""Checks of the signals by themselves."""
+"""Checks of the signals, without a dynamic model."""

@@ -41,8 +41,8 @@ def check(evidence: LogEvidence) -> list[Finding]:
 def _rests(evidence: LogEvidence) -> Finding | None:
     """Information about the rests of all joints, or `None` if there are none.
 
-    A motion that is repeated with rests in between has several. They are no fault: long rests show gravity, and all
-    repetitions contain them.
+    A motion that is repeated with pauses contains several rests. They are not a fault: gravity can be seen in long
+    rests, and every repetition contains them.
     """
     recording = evidence.recording
     assert recording is not None

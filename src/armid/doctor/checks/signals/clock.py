@@ -73,7 +73,7 @@ def _missing(pieces: Sequence[Stretch]) -> int:
 
 
 def _as_logged(raw: Recording) -> Recording | None:
-    """Recording that contains only the clock of a file; `None` if times are missing or do not increase."""
+    """Recording with only the time stamps of a file; `None` if time stamps are missing or do not increase."""
     if raw.time is None or not np.isfinite(raw.time).all() or not (np.diff(raw.time) > 0.0).all():
         return None
     return _clock_alone(raw)

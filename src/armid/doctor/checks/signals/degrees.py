@@ -1,4 +1,4 @@
-"""Angles of all or some joints in another unit than the study states, if no joint limit shows it."""
+"""Angles of joints in another unit than the study states, in cases that cannot be seen from the joint limits."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def check(evidence: LogEvidence) -> list[Finding]:
 
 
 def explain(state: LogState) -> Explanation | None:
-    """Explanation by other units; `None` if the units with which the log is read explain it."""
+    """Explanation by other units of angles; `None` if the units with which the log is read are correct."""
     best: tuple[float, LogState, NDArray[np.bool_], str] | None = None
     for which, factor, unit in _suspects(state):
         after = state.on(state.log.scaled(np.where(which, factor, 1.0)))
@@ -63,7 +63,8 @@ def explain(state: LogState) -> Explanation | None:
 def _suspects(state: LogState) -> list[tuple[NDArray[np.bool_], float, str]]:
     """Joints that may have the other unit, factor on their angles, and unit in which they are read.
 
-    Candidates are all revolute joints, or only those that leave their limits by turns or hardly move.
+    Candidates are all revolute joints, or only the joints that are outside their limits by whole turns or hardly
+    move.
     """
     joints = state.model.robot.joints
     turns = np.array([not joint.is_prismatic for joint in joints])

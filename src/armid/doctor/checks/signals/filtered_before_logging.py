@@ -1,8 +1,8 @@
 """Torque that was low-pass filtered before logging.
 
-A spectrum that keeps falling, or that falls into the noise of the rounding, only raises the suspicion: a sensor may
-be better than its resolution. The comparison with the torque of the model then shows whether a filter is the cause,
-and its cut-off.
+A filter is suspected if the spectrum of the torque falls without reaching a noise floor, or if its noise floor is
+only that of the rounding. Both can have another cause: the noise of a sensor may be smaller than its resolution. The
+comparison with the torque of the model then shows whether a filter is the cause, and gives its cut-off.
 """
 
 from __future__ import annotations
@@ -97,7 +97,7 @@ def check(evidence: LogEvidence) -> list[Finding]:
 
 
 def _found(joints: int, cutoff: float, used: float) -> Finding:
-    """Finding about a filter, with the severity of its harm.
+    """Finding about a filter; its severity depends on the effect of the filter on the estimate.
 
     Args:
         joints: Number of joints.
@@ -129,8 +129,8 @@ def _suspicions(effort: Array, rate: float, logged: Array) -> tuple[Array, NDArr
         logged: Torque as logged, shape (M, n).
 
     Returns:
-        Frequency from which a falling spectrum is a thousandth [Hz], NaN if there is a noise floor, shape (n,); and
-        the joints whose floor is that of the rounding, shape (n,).
+        Frequency above which a falling spectrum is below a thousandth of its largest value [Hz], NaN if there is a
+        noise floor, shape (n,); and a mask of the joints whose noise floor is that of the rounding, shape (n,).
     """
     frequency, power = _spectrum(effort, rate)
     above = frequency > min(MOTION, 0.2 * rate)
@@ -149,7 +149,7 @@ def _suspicions(effort: Array, rate: float, logged: Array) -> tuple[Array, NDArr
 
 
 def _step(values: Array) -> float:
-    """Step to which values (N,) are rounded, a power of ten; 0 if they have more decimals than are looked for."""
+    """Step to which values (N,) are rounded, a power of ten; 0 if no step is found."""
     few = values[:: max(1, len(values) // TESTED)]
     size = float(np.abs(few).max(initial=0.0))
     for decimals in range(-1, DECIMALS + 1):

@@ -94,7 +94,7 @@ def check(evidence: LogEvidence) -> list[Finding]:
 
 
 def _covers(evidence: LogEvidence, finding: Finding) -> bool:
-    """Tests whether the stated deviations of the given gains cover the gains that a finding proposes."""
+    """Tests whether the gains that a finding proposes lie within the given gains and their stated deviations."""
     given, stated = evidence.reading.drive_gain, evidence.reading.drive_gain_deviation
     if given is None or stated is None or evidence.known is not None:  # a run has the same gains
         return False
@@ -104,7 +104,7 @@ def _covers(evidence: LogEvidence, finding: Finding) -> bool:
 
 
 def _declared(finding: Finding) -> Finding:
-    """Finding as a warning: whoever states so large a deviation has not forgotten the gains."""
+    """The finding as a warning, because a user who states so large a deviation has not forgotten the gains."""
     evidence = (
         f"{finding.evidence} The stated deviation of the drive gains allows for it, so this is no error; the "
         "intervals are as wide as the deviation."
@@ -232,7 +232,7 @@ def _deviations(correlation: Array, known: NDArray[np.bool_]) -> list[float]:
 
 
 def _gains(evidence: LogEvidence, gains: list[float], note: str, deviations: list[float] | None = None) -> str:
-    """Drive gains that correct the log format: joint torque divided by logged effort, times its present gains."""
+    """Corrected drive gains: present gains of the log format times the ratio of joint torque and logged effort."""
     given = evidence.reading.drive_gain
     total = np.asarray(gains) * (1.0 if given is None else np.asarray(given))
     given_gains = [float(f"{gain:.3g}") for gain in total]

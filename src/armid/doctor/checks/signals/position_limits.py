@@ -1,4 +1,4 @@
-"""Joints that are outside their limits as long as they move: another arm's log, other zeros, or motor positions."""
+"""Joints outside their limits in the whole motion: log of another arm, other zeros, or motor positions."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ REMEDY = (
 
 
 def check(evidence: LogEvidence) -> list[Finding]:
-    """Reports joints that are outside their limits in all of their motion, unless another fault explains it."""
+    """Reports joints that are outside their limits in their whole motion, unless another fault explains this."""
     if evidence.recording is None:
         return []
     robot, q = evidence.robot, evidence.recording.q
@@ -61,7 +61,7 @@ def check(evidence: LogEvidence) -> list[Finding]:
 
 
 def always_outside(robot: Robot, q: Array) -> NDArray[np.bool_]:
-    """Joints that move and are outside their limits in nearly all samples, also by whole turns, shape (n,).
+    """Mask (n,) of moving joints that are outside their limits in nearly all samples, also plus whole turns.
 
     Args:
         robot: The arm.

@@ -1,4 +1,4 @@
-"""Findings that were made while the recording and the description were read."""
+"""Findings of the readers of the recording and of the description."""
 
 from __future__ import annotations
 

@@ -54,7 +54,7 @@ def check(evidence: LogEvidence) -> list[Finding]:
 
 
 def _clipped(joint: Joint, flat: Plateau, *, kept: bool) -> Finding:
-    """Finding of a plateau; an error if the study uses its samples and they are more than a few."""
+    """Finding of a plateau; an error if the study uses the samples of the plateau and their number is not small."""
     text = (
         f"{flat.count} of {flat.samples} samples have the same extreme value, {flat.level:.4g} {joint.effort_unit}; "
         "the true torque is larger."
@@ -73,7 +73,7 @@ def _clipped(joint: Joint, flat: Plateau, *, kept: bool) -> Finding:
 
 
 def _beyond(joint: Joint, tau: Array) -> Finding:
-    """Finding of torque that no drive with the limit of the description gives."""
+    """Finding of torque beyond the limit of the description."""
     unit, limit, size = joint.effort_unit, joint.effort_limit, np.abs(tau)
     return Finding(
         "torque-beyond-limit",
@@ -81,8 +81,8 @@ def _beyond(joint: Joint, tau: Array) -> Finding:
         joint.name,
         f"{int((size > limit).sum())} of {len(tau)} samples are beyond the effort limit of the description, "
         f"{limit:.4g} {unit}; the largest is {size.max():.4g} {unit}.",
-        f"check the unit of this torque (drive_gain, one number for each joint, converts it to {unit}) and the limit "
-        "in the description.",
+        f"check the unit of this torque (the key `drive_gain`, one number for each joint, converts it to {unit}) and "
+        "the limit in the description.",
     )
 
 

@@ -37,7 +37,7 @@ MOVING = 0.02
 
 
 def check(evidence: LogEvidence) -> list[Finding]:
-    """Reports each joint whose velocity does not match; if all match, a common delay."""
+    """Reports each joint whose velocity does not match; if there are none, a common delay of the velocities."""
     recording = evidence.recording
     if recording is None or recording.dq is None or recording.effort is None or recording.consecutive is False:
         return []
