@@ -1,9 +1,9 @@
 """Agreement of one recording with the other recordings of the same arm, computed from their triangular factors.
 
-Links are the same in all recordings, friction and offsets may differ. So the inertial parameters are common to the
-recording and the others, while each of these two sides has separate friction parameters. The weighted sum of squared
-residuals of this common fit is compared with that of separate fits, and with that of a fit in which the torque of
-each joint j in the recording has an unknown scale s_j,
+Links are the same in all recordings, friction and offsets may differ. So the recording is one side of a comparison,
+and all other recordings are the other side. The inertial parameters are common to both sides; each side has separate
+friction parameters. The weighted sum of squared residuals of this common fit is compared with that of separate fits,
+and with that of a fit in which the torque of each joint j in the recording has an unknown scale s_j,
 
     ρ_j = s_j R_j π + noise,
 
@@ -79,7 +79,7 @@ class Agreement:
 
     @property
     def excess(self) -> float:
-        """Weighted RMS residual of all joints in the common fit, divided by that of a fit of the recording alone."""
+        """Weighted RMS residual of all joints in the common fit, divided by that in a fit of this recording alone."""
         alone = float(np.linalg.norm(self.weights * self.alone))
         return float(np.linalg.norm(self.weights * self.common)) / max(alone, np.finfo(float).tiny)
 
@@ -91,14 +91,14 @@ class Agreement:
 
     @property
     def expected(self) -> float:
-        """Largest `cost` - `separate` that correlated noise explains: its mean plus five standard deviations."""
+        """Largest `cost` - `separate` that correlated noise can cause: its mean plus five standard deviations."""
         parameters = 2 * self.sides.count
         return CORRELATED * (parameters + 5.0 * np.sqrt(2.0 * parameters))
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class TorqueScales:
-    """Ratio of each joint's torque in a recording to the torque that the model of the other recordings gives.
+    """Ratio of the torque of each joint in a recording to the torque of the model of the other recordings.
 
     Attributes:
         scale: Scale of each joint, shape (n,).
@@ -199,9 +199,9 @@ def scale_deviations(
 
 
 def _groups(wide: Information, values: Array, weights: Array, inverse: Array) -> Groups | None:
-    """Groups of neighbouring blocks, enlarged until they are uncorrelated or the recording would have too few groups.
+    """Groups of neighbouring blocks; they are enlarged until they are uncorrelated or the recording has few groups.
 
-    If all blocks of the recording were in one group, its scales would be undetermined when that group is left out.
+    The recording needs several groups: if the only group is left out, the scales of the recording are undetermined.
     """
     own = wide.recording == 1
     per_group, groups = 1, group_blocks(wide)
@@ -235,7 +235,7 @@ def _compare(rest: Information, part: Information, number: int, own: NDArray[np.
 
 
 def _side_by_side(rest: Information, part: Information) -> Information:
-    """The others as block 0 and the recording as block 1."""
+    """Information with the other recordings as block 0 and this recording as block 1."""
     joints = tuple(
         JointFactors(a.parameters, np.concatenate([a.R, b.R])) for a, b in zip(rest.joints, part.joints, strict=True)
     )
@@ -277,7 +277,7 @@ def _damped_step(A: Array, residual: Array, damping: float) -> Array:
 
 
 def _alone(part: Information, weights: Array) -> tuple[Array, Array]:
-    """Sum of squared residuals of a separate fit and sum of its leverages, both of each joint, shape (n,)."""
+    """Sum of squared residuals and sum of leverages of each joint in a separate fit, shape (n,) each."""
     squares = held_out_squares(part, _solve(part, weights))
     A, _ = stack(total(part), weights)
     U, size, _ = np.linalg.svd(unit_columns(A)[0], full_matrices=False)
@@ -287,7 +287,7 @@ def _alone(part: Information, weights: Array) -> tuple[Array, Array]:
 
 
 def _first_scales(sides: Information, agreement: Agreement, weights: Array) -> tuple[Array, Array]:
-    """Parameters that the other recordings determine, zero for the rest, and the scales that follow from them."""
+    """Start values: parameters from the other recordings, zero if they are undetermined, and scales from these."""
     alone = _solve(select(sides, np.array([0])), weights)
     values = np.where(alone != 0.0, alone, agreement.values)
     scale = np.ones(sides.n)
@@ -299,7 +299,7 @@ def _first_scales(sides: Information, agreement: Agreement, weights: Array) -> t
 
 
 def _scaled(sides: Information, scale: Array) -> Information:
-    """Both sides with given scales of the torques of the recording."""
+    """Information of both sides, with the torques of the recording scaled by given factors."""
     joints: list[JointFactors] = []
     for joint, factor in zip(sides.joints, scale, strict=True):
         R = joint.R.copy()
@@ -323,7 +323,7 @@ def _cost(sides: Information, values: Array, scale: Array, weights: Array) -> fl
 
 
 def _linearised(split: Information, values: Array, scale: Array) -> Information:
-    """Information about parameters and scales, linearised at the given values; the recording has the number 1."""
+    """Information about parameters and scales, linearised at the given values; block 1 is this recording."""
     names = (*split.names, *(ParameterName(f"scale_{j + 1}") for j in range(split.n)))
     of_recording = split.recording == 1
     joints: list[JointFactors] = []

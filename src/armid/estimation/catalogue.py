@@ -12,13 +12,13 @@ if TYPE_CHECKING:
 
 
 class Estimator(Protocol):
-    """Estimator: a frozen dataclass whose fields are its options.
+    """Interface of an estimator: a frozen dataclass whose fields are the options of the estimator.
 
-    An option `weight` is the weight of a prior in independent samples. If friction is selected and the option is
-    `auto`, the weight of the selection is used.
+    If there is an option `weight`, it is the weight of a prior in independent samples. If it is `auto` and friction
+    is selected automatically, the weight that the selection has found is used.
 
     Attributes:
-        name: Name of the estimator in a study, where its key is `method`.
+        name: Name of the estimator in a study: the value of the key `method`.
         quick: True if the estimator takes well under a second, so that it can be repeated without parts of the data.
     """
 

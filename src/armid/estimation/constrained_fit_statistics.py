@@ -63,7 +63,7 @@ class PhysicalEstimate:
     Attributes:
         standard: The standard parameters.
         weighted: The whitened data.
-        prior: The prior for weight 1; if the estimate has none, the prior that fits any arm.
+        prior: The prior for weight 1; if the estimate has no prior, a prior that is suitable for any arm.
         use: Kind and weight of the prior in the estimate.
         values: The estimate, shape (p,).
         gap: Duality gap of the solution; NaN if the estimator computes none.
@@ -91,7 +91,7 @@ class PhysicalEstimate:
 
     @property
     def is_informed(self) -> bool:
-        """Tests whether the prior determines parameters that the data do not determine."""
+        """True if the prior determines the parameters that the data do not determine."""
         return self.use.kind in INFORMED
 
     @property
@@ -102,12 +102,13 @@ class PhysicalEstimate:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Held:
-    """Masks (p,) of parameters that constraints or prior hold away from the values that fit the data best.
+    """Masks (p,) of parameters that would fit the data better with values that constraints or prior prevent.
 
     Attributes:
         at_zero: Parameters at the bound zero.
         at_limit: Parameters at a limit that the study gives.
-        inside: Parameters between all bounds, held by the prior or by the consistency of the body.
+        inside: Parameters between all bounds whose values are affected by the prior or by the consistency of the
+            body.
     """
 
     at_zero: NDArray[np.bool_]
@@ -195,7 +196,7 @@ def _bounded(standard: StandardParameters) -> Array:
 def _standard_fit(
     estimate: PhysicalEstimate, prior: Array, eigenvalues: Array, price: float, lift: StandardMap
 ) -> tuple[StandardFit, _Held]:
-    """Standard parameters, the share of the data in each value, and masks of the parameters that are held."""
+    """Fit of the standard parameters, with the share of the data in each value and the status of each parameter."""
     standard, data, values, basis = estimate.standard, estimate.weighted, estimate.values, estimate.basis
     columns = data.rows @ standard.regrouping @ basis
     covariance, share = shares(columns.T @ columns, prior)

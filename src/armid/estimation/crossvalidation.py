@@ -7,10 +7,10 @@ random, the held-out error would be as small as the residual of the fit. The hel
 
 with R_j and ρ_j the factor and the right-hand side of joint j in the fold that is left out, M_j its rows there and
 w_j its weight. Blocks next to the fold are left out of the fit, too, because filter and pose correlate them with the
-fold. Where each recording has separate friction parameters, a fold contains a part of every recording, so that the
-other folds determine all parameters.
+fold. If each recording has separate friction parameters, a fold contains a part of every recording, so that the other
+folds determine all parameters.
 
-Where a motion repeats, the other folds contain the same motion. The error then measures noise and drift, not the
+If a motion repeats, the other folds contain the same motion. The error then measures noise and drift, not the
 prediction of other motions.
 """
 
@@ -46,10 +46,10 @@ class Fold:
 def folds(information: Information, count: int = FOLDS) -> NDArray[np.int64]:
     """Assigns each block to a fold; returns the number of the fold from 0, shape (blocks,).
 
-    A fold consists of consecutive blocks of one run. Longer runs are divided into more folds. A run far shorter than
-    a fold is joined with the next run, the last one with the run before it. Blocks without rows in use belong to the
-    fold of their neighbours. If parameters have copies for each recording (`FV_1[2]` is that of recording 2), a fold
-    consists of one part of every recording.
+    A fold consists of consecutive blocks of one run. Longer runs are divided into more folds. A run that is far
+    shorter than a fold is joined with the next run; if it is the last run, with the run before it. Blocks without
+    rows in use belong to the fold of their neighbours. If recordings have separate copies of parameters (`FV_1[2]` is
+    the copy of recording 2), a fold consists of one part of every recording.
 
     Args:
         information: Blocks in their order.
@@ -72,7 +72,7 @@ def folds(information: Information, count: int = FOLDS) -> NDArray[np.int64]:
 
 
 def split(information: Information, fold: NDArray[np.int64]) -> tuple[Fold, ...]:
-    """Leaves out each fold in turn; the result is empty if no data would remain for the fit without some fold.
+    """Leaves out each fold in turn; the result is empty if, without one of the folds, no data remain for the fit.
 
     Args:
         information: All blocks.
@@ -131,13 +131,14 @@ def held_out_error(held_out: Information, values: Array, weights: Array) -> floa
 
 
 def one_standard_error(errors: Array) -> int:
-    """Index of the first candidate whose mean error is larger than the smallest by at most one standard error.
+    """Index of the first candidate whose mean error exceeds the smallest mean error by at most one standard error.
 
-    The standard error is that of the difference of the two candidates, taken fold by fold: the level of the error
-    differs far more between folds than between candidates.
+    This is the standard error of the difference between the two candidates, computed from their differences in each
+    fold, because errors differ far more between folds than between candidates.
 
     Args:
-        errors: Shape (candidates, folds), the simplest candidate first; infinite where one failed.
+        errors: Error of each candidate in each fold, shape (candidates, folds), the simplest candidate first;
+            infinite if a candidate failed.
     """
     mean = errors.mean(axis=1)
     best = int(np.argmin(mean))
@@ -182,7 +183,7 @@ def _parts_of_each(information: Information, rows: Array, count: int) -> NDArray
 
 
 def _trains(information: Information, recording: NDArray[np.bool_], fold: NDArray[np.int64], parts: int) -> bool:
-    """Tests whether a recording has a part in every fold, and without it still rows of each joint for the fit."""
+    """Tests whether a recording has a part in every fold, and rows of each joint remain without any single part."""
     if len(np.unique(fold[recording])) < parts:
         return False
     seen = information.rows[recording].any(axis=0)

@@ -78,7 +78,7 @@ class Estimate(Displayed):
         fit: Values, deviations, covariance and residuals.
         findings: Findings made during the identification.
         made_from: Digests of the inputs: robot description, recordings and options.
-        made_by: Build of the compiled kernel, and method of factorisation, with which the information was computed.
+        made_by: Build of the compiled kernel and method of factorisation that were used for the information.
         seconds: Time from recordings to result [s].
         speeds: Highest speed of each joint in the training rows, shape (n,) [rad/s or m/s]; `None` if it is not
             known.
@@ -120,10 +120,10 @@ class Estimate(Displayed):
 
 
 def torque_parameters(base: BaseParameters, fit: Fit) -> Array:
-    """Standard parameters (p,) with the torque of the estimate: base values on kept columns, zero elsewhere.
+    """Standard parameters (p,) that give the torque of the estimate: base values on kept columns, zero elsewhere.
 
     The torque is the same (Y θ = Y_base π), but no real body has these parameters. If friction was estimated for each
-    recording, its mean is used. If the estimator estimates standard parameters, these are returned.
+    recording, its mean is used. If the estimator has estimated standard parameters, these are returned instead.
     """
     if fit.standard is not None:
         return collapse(base.standard_names, fit.standard)
@@ -133,7 +133,7 @@ def torque_parameters(base: BaseParameters, fit: Fit) -> Array:
 
 
 def collapse(names: Sequence[str], fit: Fit | StandardFit) -> Array:
-    """Values of parameters by name; the mean if a parameter has one value for each recording, as in `FV_1[2]`."""
+    """Values of parameters, by name; the mean if a parameter has one value for each recording, as in `FV_1[2]`."""
     groups: dict[str, list[float]] = {}
     for name, value in zip(fit.names, fit.values, strict=True):
         groups.setdefault(name.of_all, []).append(float(value))
@@ -159,9 +159,9 @@ def averaged(names: tuple[ParameterName, ...], fit: Fit) -> Fit:
 def standard_parameters(estimate: Estimate) -> list[dict[str, Any]]:
     """Records of all standard parameters, with a value if the data determine the parameter.
 
-    The data determine a parameter if its column is kept and no other parameter is regrouped into it. A regrouped
-    parameter has no value, unless the estimator estimates standard parameters; its status then shows how far the data
-    determine it.
+    The data determine a parameter if the column of the parameter is kept and no other parameter is regrouped into it.
+    A regrouped parameter has no value, unless the estimator estimates standard parameters. In that case the status of
+    the parameter states how far the data determine it.
     """
     if estimate.fit.standard is not None:
         return _estimated(estimate.fit.standard)

@@ -30,9 +30,9 @@ class CovarianceReport:
         why: Text of the reason.
         parts: Number of blocks, periods or frequency bands from which the covariance was computed; 0 for none.
         whiteness: p-value of the test of whiteness of the residuals; `None` if it was not made.
-        noise: Standard deviation of the torque of each joint about the model, in the band, shape (n,) [N·m or N]. An
-            interval of a measured torque contains it in addition to the uncertainty of the parameters. Empty if only
-            the residual is known.
+        noise: Standard deviation of the torque of each joint about the model, in the band, shape (n,) [N·m or N]. The
+            interval of a measured torque includes this noise in addition to the uncertainty of the parameters. Empty
+            if only the residual is known.
         moved: Change of the estimate if rows next to reversals are left out, shape (b,); empty if not computed.
         reach: Share of `moved` that counts as one standard deviation: the covariance contains reach² · moved movedᵀ.
     """
@@ -59,8 +59,8 @@ class Fit(Displayed):
         white_deviation: Standard deviations for white residuals, equations (2.44) to (2.46) of the thesis, shape
             (b,).
         covariance: Covariance from which the intervals are computed, shape (b, b).
-        covariance_kind: Kind of the covariance: `white` by the estimator; after `estimate` also `period`, `spectral`
-            or `block`.
+        covariance_kind: Kind of the covariance: `white` in the result of an estimator; in the result of `estimate`
+            also `period`, `spectral` or `block`.
         freedom: Degrees of freedom of the interval of each parameter, shape (b,), or one number for all.
         residual_rms: Root mean square of the residual of each joint in the band, shape (n,) [N·m or N].
         rows: Number of rows used for each joint, shape (n,).
@@ -151,5 +151,5 @@ class Fit(Displayed):
 
 
 def _for_each(value: ArrayLike, count: int) -> ArrayLike:
-    """Value of each of `count` parameters, if one number is given for all."""
+    """Array of `count` values from an array, or from one number for all parameters."""
     return np.full(count, value) if np.ndim(value) == 0 else value

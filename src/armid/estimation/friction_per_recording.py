@@ -29,7 +29,7 @@ def offset_names(model: DynamicsModel) -> tuple[str, ...]:
 
 
 def changing_parameters(model: DynamicsModel) -> NDArray[np.bool_]:
-    """Mask (p,) of the standard parameters that may differ between recordings: friction and offsets, no inertia."""
+    """Mask (p,) of the standard parameters that may differ between recordings: friction and offsets."""
     changing = np.zeros(len(model.parameters), dtype=np.bool_)
     for column, (_, law) in zip(model.law_columns, model.laws, strict=True):
         changing[column] = "ddq" not in symbols(law.expression)

@@ -30,9 +30,8 @@ class Solution:
         values: Estimate, shape (b,).
         inverse: Inverse of the weighted normal equations, shape (b, b).
         squares: Sum of squared residuals of each joint, unweighted, shape (n,).
-        spent: Sum of the leverages of each joint's rows, by which the fit reduces their degrees of freedom; the
-            values of
-            all joints add to b, shape (n,).
+        spent: Sum of the leverages of the rows of each joint, shape (n,): number of degrees of freedom that the fit
+            uses. The sum over all joints is b.
         whole: The information, all blocks merged into one.
     """
 
@@ -108,7 +107,7 @@ def _require_rank(whole: Information) -> None:
     if rows < whole.count:
         raise EstimationError(
             f"The recordings have {rows} usable rows, which cannot determine {whole.count} base parameters.",
-            remedy="record longer, trim or mask fewer rows, or use fewer torque terms.",
+            remedy="record a longer motion, trim or mask fewer rows, or use fewer torque terms.",
         )
     directions = null_directions(A)
     if not len(directions):
@@ -121,7 +120,7 @@ def _require_rank(whole: Information) -> None:
 
 
 def _named(directions: Array, names: Sequence[str]) -> list[str]:
-    """Names undetermined directions (k, b): first single parameters, then sets that are determined only together."""
+    """Names of undetermined directions (k, b): single parameters, then sets with an undetermined combination."""
     touched = sorted(np.flatnonzero(row).tolist() for row in _reduced(directions))
     parts = [[names[k] for k in part] for part in touched]
     alone = [part[0] for part in parts if len(part) == 1]

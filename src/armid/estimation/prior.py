@@ -1,20 +1,20 @@
 """Priors of the standard parameters: their penalty functions, and the unit of their weight.
 
 - `log-det`: for each link the divergence tr(J₀⁻¹J) - log det(J₀⁻¹J) - 4 of the pseudo-inertia J from that of the
-  description, J₀ [Lee2020]. It does not depend on frames and units, and tends to infinity at the boundary of the
-  physically consistent bodies. For small changes it is half the squared relative change.
+  description, J₀ [Lee2020]. The divergence does not depend on frames and units, and tends to infinity at the boundary
+  of the set of physically consistent bodies. For small changes it is half the squared relative change.
 - `euclidean`: half the squared change of the parameters. Changes are divided by the mean mass of the links in the
   description and, for moments, by powers of their radius of gyration.
 - `mass`: the size of all bodies (masses, and second moments / LENGTH²), divided by ten kilograms. It changes a
-  parameter with a standard deviation of s kg by s / 10 standard deviations: hardly if the data determine the
-  parameter, and to the smallest possible body if they do not.
+  parameter with a standard deviation of s kg by s / 10 standard deviations. This is little if the data determine the
+  parameter; if they do not, the body becomes as small as possible.
 
-In all three, parameters that are not inertial have the mean zero. Their standard deviation is the value with which
-the parameter alone would give the whole torque of the joint.
+In all three, parameters that are not inertial have the mean zero. Their standard deviation is the value for which the
+torque of this parameter alone is as large as the whole torque of the joint.
 
 The unit of the weight is one independent sample: with weight 1 a change of 100 % costs as much as a residual of one
-standard deviation in one independent row of a joint. The weight applies to the links; friction and the like, of which
-a description says nothing, keep the weight 1.
+standard deviation in one independent row of a joint. The weight applies to the links. The prior of friction and of
+other parameters that a description does not contain keeps the weight 1.
 """
 
 from __future__ import annotations
@@ -114,7 +114,7 @@ class Prior:
         return result
 
     def inside(self, standard: StandardParameters) -> Array:
-        """Values (p,) strictly inside the cone: bodies of the description, or else `BODY`, and a little friction."""
+        """Values (p,) strictly inside the cone: bodies of the description or `BODY`, and a little friction."""
         values = self.mean.copy()
         if not values[standard.inertial].any():
             values[standard.inertial] = BODY
@@ -125,10 +125,10 @@ class Prior:
     def lifted(
         self, standard: StandardParameters, values: Array, pull: Array, weight: float, *, bodies: bool = True
     ) -> Array:
-        """Values (p,) moved from the boundary of the cone to the inside, about as far as the minimum with a barrier.
+        """Values (p,) moved from the boundary of the cone to the inside, about to the minimum with a barrier.
 
-        If the slope of the cost holds an eigenvalue at zero, its value at the minimum with a barrier is the weight of
-        the barrier divided by the slope.
+        If the cost increases with an eigenvalue that is zero at the best values, this eigenvalue at the minimum with
+        a barrier is the weight of the barrier divided by the slope of the cost.
 
         Args:
             standard: The standard parameters.
@@ -232,7 +232,7 @@ def relative_precision(J: Array) -> Array:
 
 
 def _others(standard: StandardParameters, weighted: WhitenedSystem, others: NDArray[np.intp]) -> Array:
-    """Precision of parameters that are not inertial: a deviation is the value that alone gives the joint's torque."""
+    """Precision of parameters that are not inertial; see the module for their standard deviations."""
     precision = np.zeros(len(others))
     for joint, rows in zip(weighted.whole.joints, weighted.whole.rows[0], strict=True):
         torque = float(np.sum(joint.R[0, :, -1] ** 2))
@@ -243,7 +243,7 @@ def _others(standard: StandardParameters, weighted: WhitenedSystem, others: NDAr
 
 
 def _nominal(standard: StandardParameters) -> tuple[Array, tuple[Finding, ...]]:
-    """Inertial parameters (links, 10) of the description, moved into the cone if they are outside or on its edge."""
+    """Inertial parameters (links, 10) of the description, moved into the cone if outside or on its boundary."""
     if standard.nominal is None:
         raise EstimationError(
             "A prior towards the description needs inertial parameters, but the description contains none.",
@@ -254,7 +254,7 @@ def _nominal(standard: StandardParameters) -> tuple[Array, tuple[Finding, ...]]:
     for link, mass in zip(standard.links, result[:, 0], strict=True):
         if not mass > 0.0:
             raise EstimationError(
-                f"In the description, the link {link} has the mass {mass:g} kg, which gives no prior.",
+                f"In the description, the link {link} has the mass {mass:g} kg, so no prior can be computed from it.",
                 possible='prior = "mass" or "none"',
                 remedy="choose one of these priors, or write mass and inertia of this link into the description.",
             )
@@ -316,8 +316,8 @@ def _without_placeholders(standard: StandardParameters, nominal: Array) -> tuple
             "nominal-projected",
             "info",
             standard.links[k],
-            f"The mass in the description, {masses[k]:.2g} kg, is a placeholder and says nothing of the link; the "
-            f"prior uses a body like that of the lightest other link, of {masses[lightest]:.3g} kg.",
+            f"The mass in the description, {masses[k]:.2g} kg, is a placeholder and not the mass of the link; the "
+            f"prior uses the body of the lightest other link instead, with {masses[lightest]:.3g} kg.",
             "write mass and inertia of the link into the description if they are known.",
         )
         for k in np.flatnonzero(empty)

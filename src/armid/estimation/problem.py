@@ -20,7 +20,7 @@ from armid.robot.missing_inertia import placeholder_masses
 
 @dataclass(frozen=True, eq=False, slots=True)
 class StandardParameters:
-    """The p standard parameters from which b base parameters follow.
+    """The p standard parameters from which the b base parameters are computed.
 
     Attributes:
         names: Names of the p standard parameters.

@@ -5,8 +5,8 @@ With H the normal matrix of the data and P the precision of the prior, both in s
     (H + P)⁻¹ H
 
 is the share of a parameter's value that comes from the data; the rest comes from the prior [Backus1968]. Torques
-determine only base parameters, so the values of most standard parameters depend on the prior or the cone, even if the
-data are good.
+determine only base parameters. Therefore the values of most standard parameters depend on the prior or the cone, even
+if the data are good.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ value."""
 
 @dataclass(frozen=True, slots=True)
 class PriorTrial:
-    """Weight of the prior that was tried, with its held-out error.
+    """Trial of a weight of the prior, with the held-out error.
 
     Attributes:
         weight: Number of independent samples of each joint to which the prior is equivalent.
@@ -76,7 +76,7 @@ class PriorUse:
 
 @dataclass(frozen=True, slots=True)
 class Proof:
-    """Certificate of a solution, computed from the values and not taken from the status of the solver.
+    """Certificate of a solution, computed from its values without use of the status of the solver.
 
     Attributes:
         price: Increase of the weighted squared residual by constraints and prior, divided by its value without them.
@@ -96,10 +96,10 @@ class StandardMap:
     """Map from the covariance of b base parameters to the covariance of p standard parameters.
 
     Attributes:
-        share: Derivative of the standard parameters by the base parameters, if changes are distributed as the prior
-            prefers, shape (p, b).
-        rest: Covariance of the standard parameters, by prior and cone, if the base parameters are known, shape (p,
-            p).
+        share: Derivative of the standard parameters by the base parameters, shape (p, b), if the prior decides how a
+            change of base parameters is distributed.
+        rest: Covariance of the standard parameters that follows from prior and cone for known base parameters, shape
+            (p, p).
         shift: Difference between the analytic centre of the feasible set and the estimate, shape (p,).
         base_shift: The same difference in base parameters, shape (b,).
         bounded: 1 for parameters that cannot be negative, otherwise 0, shape (p,).
@@ -136,8 +136,8 @@ class StandardFit(Displayed):
         status: Status of each parameter: `identified`, `prior-dominated` or `not identifiable`.
         prior: Kind and weight of the prior.
         proof: Certificate of the solution.
-        lift: Map from which covariance and intervals follow when the covariance of the base parameters is known;
-            otherwise `None`.
+        lift: Map from the covariance of the base parameters to covariance and intervals of the standard parameters;
+            `None` if these are final.
     """
 
     names: tuple[ParameterName, ...]
@@ -214,7 +214,7 @@ def shares(information: Array, precision: Array) -> tuple[Array, Array]:
 def map_to_standard(
     precision: Array, regrouping: Array, basis: Array, correlation: float, shift: Array, bounded: Array
 ) -> StandardMap:
-    """Computes mean and covariance of standard parameters by a prior if the base parameters are known.
+    """Computes mean and covariance that a prior gives to the standard parameters if the base parameters are known.
 
     With P the precision of the prior and L the regrouping, known base parameters π give the standard parameters θ the
     mean G π with G = P⁻¹Lᵀ(L P⁻¹Lᵀ)⁻¹, and the covariance P⁻¹ - G L P⁻¹. This covariance is zero for a parameter that

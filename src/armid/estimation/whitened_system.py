@@ -1,8 +1,8 @@
 """Data as one block of whitened rows, also if the data do not determine all parameters.
 
 The weight of each joint is that of weighted least squares without constraints: one divided by the standard deviation
-of its residual. Constraints and priors increase the residual of some joints. If the weights followed from that
-residual, the increase would count as noise and reduce the weight of these joints.
+of its residual. Constraints and priors increase the residual of some joints. If the weights were computed from this
+larger residual, the increase would count as noise and reduce the weight of these joints.
 """
 
 from __future__ import annotations
@@ -33,17 +33,17 @@ class WhitenedSystem:
 
     Attributes:
         whole: The information, all blocks merged into one.
-        weights: Weight of each joint's rows, one over the standard deviation of its residual, shape (n,).
+        weights: Weight of each joint's rows, one divided by the standard deviation of its residual, shape (n,).
         rows: Triangular factor of the weighted rows, shape (k, b) with k at most b.
-        values: Least-squares parameters, shape (b,). Where they are not unique: those with the smallest norm if each
-            parameter is multiplied by the length of its weighted column.
+        values: Least-squares parameters, shape (b,). If they are not unique, the ones with the smallest norm are
+            given; for this norm each parameter is multiplied by the length of its weighted column.
         inverse: Pseudo-inverse of rowsᵀ rows, shape (b, b).
         unseen: Directions of the parameters that do not change the residual, shape (m, b); m is 0 at full rank.
         squares: Sum of the squared residuals of each joint at `values`, unweighted, shape (n,).
         spent: Sum of the leverages of each joint's rows, by which the fit reduces the degrees of freedom,
             shape (n,).
-        correlation: Number of consecutive rows that inform as much as one independent row, from the scatter between
-            blocks; at least 1.
+        correlation: Number of consecutive rows that contain as much information as one independent row, from the
+            scatter between blocks; at least 1.
     """
 
     whole: Information
@@ -129,8 +129,9 @@ def minimum_norm_solution(A: Array, y: Array) -> tuple[Array, Array, Array]:
 def _correlation(information: Information, weights: Array, values: Array, half: Array) -> float:
     """Variance of the gradients of the blocks, divided by its value for white residuals; 1 if there are few blocks.
 
-    Residuals that are correlated over many rows increase this variance. Blocks are few and have contributed to the
-    estimate, so the number is rather too small than too large. It is only the unit of a prior's weight.
+    Residuals that are correlated over many rows increase this variance. The number of blocks is small, and the
+    estimate was computed from the same blocks, so the result is rather too small than too large. It is used only as
+    the unit of a prior's weight.
     """
     used = np.flatnonzero(information.rows.any(axis=1))
     if len(used) < 4:

@@ -1,8 +1,8 @@
-"""Finding for a plan in which bodies or other limits keep joints well below the limits of these joints.
+"""Finding for a plan in which some joints stay well below their limits because of collisions or other limits.
 
 The amplitude of each joint that stays well below all its own limits is enlarged up to the first of these limits. The
-pairs of bodies that then come too close, and the limits that are exceeded, keep the plan smaller. The ratio of the
-predicted standard deviations of both motions shows the loss of accuracy.
+pairs of bodies that then come too close, and the limits that are then exceeded, are the reason why the plan is small.
+The ratio of the predicted standard deviations of both motions shows the loss of accuracy.
 """
 
 from __future__ import annotations
@@ -58,8 +58,8 @@ class Restraint:
     Attributes:
         limit: Kind of the limit, `collision` for the distance of two bodies.
         label: Name of the joint, of the plane or of the pair of bodies.
-        required: Required distance of two bodies [m]; zero for other limits.
-        part: Part of the enlargement at which the limit is exceeded.
+        required: Required distance of two bodies [m]; zero if the limit is not a distance.
+        part: Share of the enlargement, from 0 to 1, at which the limit is first exceeded.
     """
 
     limit: str
@@ -78,7 +78,7 @@ class Restraint:
 def restrained_motion(
     problem: DescentProblem, x: Array, margins: Sequence[Margin], collision: CollisionOptions | None
 ) -> Finding | None:
-    """Finding about joints that stay well below their limits, with the cause and the loss of accuracy.
+    """Finding about joints that stay well below their limits, with the reason and the loss of accuracy.
 
     Args:
         problem: Criterion and limits of the design.
@@ -123,8 +123,8 @@ def _restraints(
 ) -> list[Restraint]:
     """Limits that are exceeded first while joints are enlarged by factors (n,), at most `NAMED`.
 
-    Nothing is named unless a pair of bodies or a limit of another joint is exceeded before the enlargement is
-    complete.
+    The result is empty if neither the distance of a pair of bodies nor a limit of another joint is violated before
+    the enlargement is complete.
     """
     basis, robot = problem.basis, problem.goal.model.robot
     grid = problem.grid(max(100, round(TESTED * basis.period)))

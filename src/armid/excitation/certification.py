@@ -49,8 +49,8 @@ class Margin:
         bound: Limit for this value.
         unit: Unit of `value` and `bound`.
         time: Time of this value [s], from the start of the series; NaN for limits that do not depend on time.
-        share: Utilisation on the grid, which is 1 at the limit: value divided by limit. For a distance it falls
-            linearly to 0 at `SCALE` above the required distance.
+        share: Utilisation of the limit on the grid: the value divided by the limit. For a distance it is 1 at the
+            required distance, and decreases linearly to 0 at a distance that is larger by `SCALE`.
         certified: Utilisation on the grid plus the upper bound of its rise between the points of the grid.
     """
 
@@ -81,8 +81,8 @@ Peaks = list[tuple[Array, Array, Array]]
 def _peaks(problem: DescentProblem, grid: tuple[Objective, ...], x: Array) -> Peaks:
     """Maximum utilisation (m,), certified utilisation (m,) and times (m,) [s] of each channel.
 
-    The rise between points is bounded for each chunk separately, and only roughly if a chunk is far from a limit. The
-    bound is therefore added before the chunks are compared.
+    The bound of the rise between points is computed for each chunk separately, and only roughly if the chunk is far
+    from the limit. It is therefore added to the maximum of each chunk before the chunks are compared.
     """
     step = problem.basis.period / sum(len(chunk.times) for chunk in grid)
     by_channel: list[list[tuple[Array, Array, Array]]] = [[] for _ in problem.channels]
@@ -140,7 +140,7 @@ def certified(problem: DescentProblem, grid: tuple[Objective, ...], x: Array) ->
         Unknowns (n k,) of the certified plan, and its margins to the limits.
 
     Raises:
-        ArmidError: Even a very small motion violates a limit; the message names limit and joint.
+        ArmidError: Even a very small motion violates a limit; the message names the limit and the joint.
     """
     factor, trial = 1.0, x
     for k in range(STEPS):
@@ -160,8 +160,8 @@ def certified(problem: DescentProblem, grid: tuple[Objective, ...], x: Array) ->
         key=lambda each: each[2],
     )
     raise ArmidError(
-        f"The limit of {name} of {label} cannot be kept: even with a very small motion, {100 * worst:.1f} % of it "
-        "is reached.",
+        f"The limit of {name} of {label} cannot be kept: even a very small motion about the start pose reaches "
+        f"{100 * worst:.1f} % of it.",
         remedy=f"relax {name} of {label}, or choose another start pose.",
     )
 
@@ -193,7 +193,7 @@ def _margins(problem: DescentProblem, x: Array, peaks: Peaks) -> tuple[Margin, .
 
 
 def _physical(channel: ConstraintChannel, k: int, share: float, slides: bool) -> tuple[float, float, str]:
-    """Value, bound and unit of entry k of a channel, computed from the utilisation of its limit."""
+    """Value, bound and unit of the limit k of a channel, computed from the utilisation of this limit."""
     if isinstance(channel, RangeLimit):
         bound, unit = float(channel.half[k]), UNITS[channel.order][slides]
     elif isinstance(channel, Torque):

@@ -40,7 +40,7 @@ class Excitation(Displayed):
         a: Sine coefficients, shape (n, L) [rad/s or m/s].
         b: Cosine coefficients, shape (n, L) [rad/s or m/s].
         offset: Position about which the joints move, shape (n,) [rad or m].
-        robot: Name of the arm for which it was designed.
+        robot: Name of the arm for which the motion was designed.
     """
 
     base_frequency: float
@@ -97,7 +97,7 @@ class Excitation(Displayed):
         return self.at(np.arange(round(periods * self.period * rate)) / rate)
 
     def stretched(self, period: float) -> Excitation:
-        """Same path with another period [s]; velocities change in inverse proportion to the period."""
+        """Motion along the same path with another period [s]; velocities are inversely proportional to the period."""
         ratio = self.period / period
         return replace(self, base_frequency=self.base_frequency * ratio, a=self.a * ratio, b=self.b * ratio)
 
@@ -109,19 +109,22 @@ def load_plan(path: Path | str) -> Excitation:
         path: The file `plan.json`, or a folder that `armid excite` has written.
 
     Raises:
-        ArmidError: The file is missing, is not JSON, or lacks a key, as plans of poses or sweeps do.
+        ArmidError: The file is missing, is not JSON, or lacks a key; plans of poses or sweeps, for instance, lack
+            keys.
     """
     path = Path(path)
     path = path / PLAN_FILE if path.is_dir() else path
     try:
         plan: Any = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
-        raise ArmidError(f"{path} is not a plan: {error}.", remedy="give a plan.json.") from error
+        raise ArmidError(
+            f"{path} is not a plan: {error}.", remedy="give a plan.json that armid excite has written."
+        ) from error
     missing = [key for key in PLAN_KEYS if not isinstance(plan, dict) or key not in plan]
     if missing:
         point_to_point = isinstance(plan, dict) and "stretches" in plan
         raise ArmidError(
-            f"{path} is not a plan of a periodic excitation: it lacks {', '.join(missing)}.",
+            f"{path} is not a plan of a periodic excitation: it lacks the keys {', '.join(missing)}.",
             possible=", ".join(PLAN_KEYS),
             remedy="this is a plan of poses or sweeps: read it with armid.study.plans.plan_reading.read_whole_plan."
             if point_to_point

@@ -121,7 +121,7 @@ def choose_poses(
     seed: int = 1,
     allowed: Callable[[Array], NDArray[np.bool_]] | None = None,
 ) -> Array:
-    """Selects the static poses (count, n) that determine the gravity parameters best, from random poses.
+    """Selects from random poses the static poses (count, n) that determine the gravity parameters best.
 
     Args:
         model: Arm and torque terms.
@@ -193,7 +193,7 @@ def _short_way(q: Array) -> list[int]:
 
 
 def _range(limits: Limits) -> tuple[Array, Array]:
-    """Lowest and highest positions of poses: the range without its ends, or ± π if it is unbounded."""
+    """Lowest and highest positions of poses: the joint ranges without their ends, or ± π without limits."""
     low = np.where(np.isfinite(limits.lower), limits.lower, -np.pi)
     high = np.where(np.isfinite(limits.upper), limits.upper, np.pi)
     edge = EDGE * (high - low)
@@ -205,7 +205,7 @@ def _acceleration(limits: Limits) -> Array:
 
 
 def _way(a: Array, b: Array, limits: Limits) -> float:
-    """Duration [s] of a move from one pose to another at half the limits."""
+    """Duration [s] of a move from one pose to another with half of the limits of velocity and acceleration."""
     return max(seconds_for(b - a, SHARE * limits.velocity, SHARE * _acceleration(limits), limits.jerk), 0.2)
 
 
@@ -286,7 +286,7 @@ def sweeps_plan(start: Array, limits: Limits, speeds: Sequence[float] = (0.05, 0
         speeds: Velocities divided by the velocity limit of each joint, above 0 and at most 1.
 
     Raises:
-        ArmidError: A velocity is outside this range, or no velocity is given.
+        ArmidError: A velocity is not above 0 and at most 1, or no velocity is given.
     """
     if not len(speeds) or not all(0.0 < speed <= 1.0 for speed in speeds):
         raise ArmidError(

@@ -1,12 +1,12 @@
 """Basis of all Fourier series that start and end at rest; its coordinates are the unknowns of a design.
 
-Rest at t = 0 is a linear condition on the coefficients of equation (3.55b) of the thesis:
+The series of equation (3.55b) of the thesis is at rest at t = 0 if its coefficients meet linear conditions:
 
     Σ a_l = 0  (velocity),   Σ l b_l = 0  (acceleration),   offset - Σ b_l / (ω l) = start  (position)        (3.55c)
 
-If the series is written in a basis of the null space of this condition, no solver has to enforce it. The thesis also
-requires Σ b_l / l = 0, so that the offset of each joint is its start position; `literal` keeps this condition.
-Without it each joint has one more unknown.
+The series is written in a basis of the null space of these conditions, so that no solver has to enforce them. The
+thesis also requires Σ b_l / l = 0, so that the offset of each joint is its start position; `literal` keeps this
+condition. Without it each joint has one more unknown.
 """
 
 from __future__ import annotations
@@ -34,9 +34,9 @@ class SeriesBasis:
         base_frequency: Angular frequency ω of the first harmonic [rad/s].
         harmonics: Number L of harmonics.
         start: Pose at t = 0, shape (n,) [rad or m]; if `free`, the pose that belongs to x = 0.
-        free: Whether the start pose is among the unknowns.
-        literal: Whether the offset of each joint is its start position, Σ b_l / l = 0, as in equation (3.55c) of the
-            thesis.
+        free: True if the start pose is among the unknowns.
+        literal: True if the offset of each joint must be its start position, Σ b_l / l = 0, as in equation (3.55c) of
+            the thesis.
     """
 
     base_frequency: float
@@ -134,7 +134,7 @@ class SeriesBasis:
         return np.arange(float(samples)) * (self.period / samples)
 
     def peaks_between(self, x: ArrayLike, order: int) -> Array:
-        """Bound of a derivative of the positions, which holds for all phases of the harmonics; shape (n,).
+        """Bound of a time derivative of the positions for any phases of the harmonics, shape (n,).
 
         The bound is the sum of the amplitudes. If a quantity is sampled on a grid of step h, it rises between the
         points by at most h²/8 times the bound of its second derivative.

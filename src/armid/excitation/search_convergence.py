@@ -18,7 +18,7 @@ OF_VARIANCES = ("d-optimal", "a-optimal", "e-optimal", "prediction")
 
 
 def unsettled(search: Search, criterion: str, budget: float | None) -> Finding | None:
-    """Finding that a search reached its time limit before its plan converged; `None` otherwise.
+    """Finding that a search reached its time limit before the plan converged; `None` if the plan converged.
 
     A plan has not converged in two cases: no descent was completed in time; or in the second half of the time,
     counted from the first completed descent, the predicted standard deviations or the condition number still

@@ -1,4 +1,4 @@
-"""Choice of the start pose of a series, if the user gives none: a pose with a large free range around it.
+"""Choice of the start pose of a series, if the user gives no start pose: a pose with a large free range around it.
 
 A series moves around its start pose. Its amplitude is limited by the joint limits, by collisions, and by poses in
 which gravity needs more torque than the joints have. The free range of a pose is therefore measured along straight
@@ -66,7 +66,7 @@ Holds = Callable[[Array], NDArray[np.bool_]]
 
 @dataclass(frozen=True, eq=False, slots=True)
 class TorqueHolds:
-    """Test of poses: whether the joint torques suffice to hold them against gravity.
+    """Test of poses: the joint torques must suffice to hold the arm against gravity.
 
     Attributes:
         joints: Names of the k joints whose torque is limited.
@@ -95,7 +95,7 @@ class Start:
     Attributes:
         pose: Joint positions, shape (n,) [rad or m].
         free_share: Share of the wanted amplitude that is free around the pose, from 0 to 1.
-        usual: Whether it is the pose of `usual_pose`.
+        usual: True if it is the pose of `usual_pose`.
     """
 
     pose: Array
@@ -120,7 +120,7 @@ def choose_start(cell: CollisionModel, limits: Limits, holds: Holds = any_pose) 
         holds: Function that tests whether the joints can hold poses.
 
     Raises:
-        ArmidError: In each of the poses bodies are too close, or the joints cannot hold it.
+        ArmidError: No suitable pose was found: in each pose bodies are too close, or the joints cannot hold the arm.
     """
     found = find_start(cell, limits, holds)
     if found is None:
@@ -143,7 +143,7 @@ def find_start(cell: CollisionModel, limits: Limits, holds: Holds = any_pose) ->
 
 
 def _good(cell: CollisionModel, limits: Limits, usual: Array, holds: Holds) -> tuple[Array, NDArray[np.intp]]:
-    """Random poses (N, n), after the usual one, and the indices of suitable ones, furthest from all bodies first.
+    """The usual pose and random poses (N, n), and the indices of the suitable poses, furthest from all bodies first.
 
     Poses near the usual pose are tried first. If none is suitable, poses in the whole range of each joint are tried.
     """
@@ -167,7 +167,7 @@ def _good(cell: CollisionModel, limits: Limits, usual: Array, holds: Holds) -> t
 
 
 def _apart(cell: CollisionModel, poses: Array, order: NDArray[np.intp]) -> NDArray[np.intp]:
-    """First of the poses in which the pairs of kind `MEASURED` keep their distance, at most `SHORT` of them."""
+    """First poses, at most `SHORT`, in which the pairs of kind `MEASURED` keep their distance."""
     for k in range(0, len(order), SHORT):
         few = order[k : k + SHORT]
         few = few[cell.apart(poses[few])]
@@ -177,7 +177,7 @@ def _apart(cell: CollisionModel, poses: Array, order: NDArray[np.intp]) -> NDArr
 
 
 def _no_start(cell: CollisionModel, poses: Array, holds: Holds) -> ArmidError:
-    """Error that no pose was found: it says what excludes random poses (N, n), and what to change."""
+    """Error that no pose was found: it states why random poses (N, n) are excluded, and what to change."""
     poses = poses[:COUNTED]
     excluded, remedies = [], ["give a pose with --start"]
     held = holds(poses)
@@ -214,7 +214,7 @@ def _most(shares: dict[str, float]) -> str:
 
 
 def _ways_apart(cell: CollisionModel, pairs: Sequence[int], least: Sequence[float], share: Array) -> list[str]:
-    """Remedies for pairs that are too close: which pairs to leave out, and which clearance they would keep.
+    """Remedies for pairs that are too close: the pairs to leave out, and the clearance that they would keep.
 
     Args:
         cell: Arm and surroundings.
@@ -232,7 +232,7 @@ def _ways_apart(cell: CollisionModel, pairs: Sequence[int], least: Sequence[floa
 
 
 def _rounded(cell: CollisionModel, limits: Limits, holds: Holds, pose: Array, usual: Array, enough: float) -> Array:
-    """Moves joints of a pose to usual positions or round numbers, as far as the free range stays large enough."""
+    """Moves joints of a pose to usual positions or round numbers, if the free range stays large enough."""
     for j in range(len(pose)):
         for value in (usual[j], *(round(pose[j] * parts) / parts for parts in (2, 10, 100))):
             trial = pose.copy()

@@ -1,9 +1,9 @@
 """Finding about a plan whose motion is too small or slow to identify the arm, with the limits that are the cause.
 
-A model must predict torque in the whole range of the joints and up to their speed limits. From the covariance of the
-base parameters that a plan predicts, the standard deviation of the torque of each joint along such a motion is
-computed. It is divided by the noise of one torque sample. The ratio depends neither on the scaling of the parameters
-nor on the assumed noise.
+A model must predict torque in the whole range of the joints and up to their speed limits. The covariance of the base
+parameters, as predicted for the plan, gives the standard deviation of the torque of each joint along such a motion.
+This is divided by the standard deviation of the noise of one torque sample. The ratio depends neither on the scaling
+of the parameters nor on the assumed noise.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ def weak_motion(
         x: Unknowns of the plan, shape (n k,).
         limits: Limits of the joints.
         collision: Pairs of bodies that must keep a distance; `None` for no collision check.
-        settled: Whether the search had converged before its time limit.
+        settled: True if the search converged before its time limit.
     """
     deviations = deviations_in_free_motion(problem, x, limits)
     weak = np.flatnonzero(~(deviations <= UNUSABLE))
@@ -126,7 +126,7 @@ def _reasons(
     """Limits that keep a plan small, as text; the limits that a larger plan would exceed most come first.
 
     Returns:
-        The reasons, the kinds of limits that a larger plan exceeds, and whether standstill already uses much of a
+        The reasons, the kinds of limits that a larger plan exceeds, and true if standstill already uses much of a
         limit.
     """
     basis, robot = problem.basis, problem.goal.model.robot

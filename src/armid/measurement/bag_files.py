@@ -32,13 +32,13 @@ OURS = {
 
 
 def is_packed(path: Path) -> bool:
-    """Tests for a single bag file that ROS 2 has compressed as a whole, for instance `run_0.db3.zstd`."""
+    """Tests whether a path is a single bag file, compressed as a whole by ROS 2, for instance `run_0.db3.zstd`."""
     return path.name.lower().endswith(READERS["bag"].packed)
 
 
 @contextmanager
 def opened(path: Path) -> Generator[list[Path]]:
-    """Context manager that gives the paths to open for a bag; compressed files are unpacked to a temporary folder.
+    """Context manager with the paths to open for a bag; compressed files are unpacked to a temporary folder.
 
     Raises:
         RecordingError: The folder has no bag, or a file cannot be decompressed.
@@ -87,7 +87,8 @@ def bag_paths(path: Path) -> list[Path]:
         possible=f"a bag folder of ROS 2 has {METADATA} and its .db3 or .mcap files, one of ROS 1 has .bag files; "
         "other recordings are single files",
         remedy=known
-        or "give the folder that ros2 bag record made, or a file; ros2 bag reindex writes the metadata anew.",
+        or f"give the folder that ros2 bag record has written, or a single file; if {METADATA} is lost, "
+        "ros2 bag reindex writes it again.",
     )
 
 
@@ -101,7 +102,7 @@ def data_files(folder: Path) -> list[Path]:
 
 
 def sha256_of_recording(path: Path) -> str:
-    """Hexadecimal SHA-256 of a file, or of the message files of a bag folder."""
+    """SHA-256, in hexadecimal digits, of a file or of all message files of a bag folder."""
     if not path.is_dir():
         return sha256_of_file(path)
     digests = [sha256_of_file(file) for file in data_files(path)]

@@ -21,7 +21,7 @@ class RecordingReader(Protocol):
 
     @staticmethod
     def read(path: Path, log_format: LogFormat, robot: Robot | None = None) -> Recording:
-        """Reads one file, using the joint names of the robot if given; `load_recording` adds the path of the file."""
+        """Reads one file, with the joint names of the robot if it is given; `load_recording` then adds the path."""
         ...
 
 

@@ -1,4 +1,4 @@
-"""Conversion of recordings to the robot's convention: its joint order, SI units, joint side, signs of the URDF."""
+"""Conversion of recordings to the robot's convention: joint order, SI units, joint side and signs of the URDF."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def to_robot_convention(recording: Recording, log_format: LogFormat, robot: Robo
 
 
 def read_recording(path: Path | str, robot: Robot, log_format: LogFormat | None = None) -> Recording:
-    """Reads a recording and converts it to the convention of the robot; the findings are from both steps.
+    """Reads a recording and converts it to the convention of the robot; returns the findings of both steps.
 
     Args:
         path: A file in one of the known formats, or the folder of a ROS bag.
@@ -131,7 +131,7 @@ def _check_channels(recording: Recording, log_format: LogFormat) -> tuple[Findin
                 f"{name} of {recording.channels[joint]} is {values[0, joint]:g} in all {recording.samples} rows.",
                 naming(log_format, {name: ""}, "leave it out")
                 if optional
-                else "find out if the sensor, its cable or the logger is faulty, then record again; or lock this "
+                else "check whether the sensor, its cable or the logger is faulty, and record again; or lock this "
                 "joint and leave its channel out.",
             )
     return tuple(
@@ -139,8 +139,8 @@ def _check_channels(recording: Recording, log_format: LogFormat) -> tuple[Findin
             "standstill",
             "warning",
             recording.channels[i],
-            f"The position of the joint is {recording.q[0, i]:g} in all rows; parameters that need its motion "
-            "are not identifiable.",
+            f"The position of the joint is {recording.q[0, i]:g} in all rows; parameters that need a motion of this "
+            "joint cannot be identified.",
             "record while this joint moves, too, or lock it.",
         )
         for i in np.flatnonzero(still)
@@ -163,7 +163,7 @@ def _check_gains(recording: Recording, log_format: LogFormat) -> None:
             "current-without-gain",
             recording,
             f"the effort is a motor current [A]{by_name} but there is no drive gain to convert it to torque.",
-            "give the torque at the joint per ampere [N·m/A] in [[recording]]: `drive_gain = […]`, one value for "
+            "give the joint torque per ampere [N·m/A] under [[recording]]: `drive_gain = […]`, one value for "
             "each joint. If it is unknown, `armid doctor` estimates it from the masses of the description, with its "
             "`drive_gain_deviation`, as lines to paste; if the description has no masses, give `drive_gain = 1` with "
             "`drive_gain_deviation = 10`. Afterwards, a load of known mass determines the gains: armid payload RUN "

@@ -21,7 +21,7 @@ FIELDS = ("position", "velocity", "effort")
 
 @dataclass(slots=True)
 class Publisher:
-    """Messages that contain the same joints, in any order.
+    """Messages with the same joints; the order of the joints may differ between messages.
 
     Attributes:
         names: Names of the joints, in the order of the first message.
@@ -43,7 +43,7 @@ class JointStates:
     Attributes:
         names: Names of the joints.
         time: Header stamps, or times of reception, shape (N,) [ns].
-        values: Position, velocity and effort, shape (N, n), as far as they were published.
+        values: Position, velocity and effort, shape (N, n) each, if they were published.
         clocked: True if the messages have time stamps.
         findings: Findings about the messages.
     """
@@ -58,7 +58,7 @@ class JointStates:
 def collect(
     publishers: dict[frozenset[str], Publisher], names: Sequence[str], at: tuple[int, int], values: Mapping[str, Any]
 ) -> None:
-    """Adds one message to the messages with the same joints; its values are put in their order.
+    """Adds one message to the messages with the same joints; its values are sorted in the order of these messages.
 
     Args:
         publishers: Messages so far, by the joints that they contain.
@@ -86,7 +86,7 @@ def names_of(publishers: Iterable[Publisher]) -> tuple[str, ...]:
 def joined(
     publishers: Sequence[Publisher], wanted: Sequence[str], spare: Sequence[str], path: Path, topic: str
 ) -> JointStates:
-    """States of the wanted joints on the clock of the publisher that has the most of these joints.
+    """States of the wanted joints, on the clock of the publisher with most of these joints.
 
     Args:
         publishers: Publishers of one topic.
@@ -173,12 +173,13 @@ def _stack(rows: Sequence[Any], names: tuple[str, ...], name: str, path: Path) -
     first = next(i for i, row in enumerate(rows) if len(row) != n)
     raise RecordingError(
         f"{path}: message {first} has {len(rows[first])} values of {name} for {n} joints.",
-        remedy="remove this part of the bag, because a field must have values in all messages or in none.",
+        remedy="remove this part of the bag; a field must have values for all joints in every message, or in no "
+        "message.",
     )
 
 
 def _received(states: Sequence[JointStates]) -> Finding:
-    """Finding that the times are times of reception."""
+    """Finding that the times of reception are used as time."""
     step = np.diff(states[0].time) * 1e-6
     typical = float(median(step)) if step.size else 0.0
     spread = (
@@ -203,8 +204,8 @@ def _merged(first: JointStates, others: Sequence[JointStates], wanted: Sequence[
     inside = (first.time >= begin) & (first.time <= end)
     if not inside.any():
         raise RecordingError(
-            "The publishers of the arm's joints did not publish at the same time.",
-            remedy="record all publishers at the same time.",
+            "The publishers of the arm's joints have no common interval of time.",
+            remedy="record the messages of all publishers during the same motion.",
         )
     time, names = first.time[inside], list(first.names)
     values = {name: [each[inside]] for name, each in first.values.items()}

@@ -76,7 +76,7 @@ class LogFormat:
         consecutive: True if the rows are consecutive in time; detected if `None`.
         torque_sign: +1 or -1, one value for all joints or one for each joint: measured torque = sign · torque in the
             convention of the URDF.
-        position_sign: Likewise for positions, velocities and accelerations.
+        position_sign: Sign of positions, velocities and accelerations, in the same form.
         drive_gain: Joint torque per ampere of current, if the effort is a current, one value or shape (n,) [N·m/A].
         drive_gain_deviation: Relative standard deviation of the drive gains, one value or shape (n,).
         transmission: Matrix N, shape (n, n), if the log is on the motor side: q_motor = N (q - joint_offset) and
@@ -87,7 +87,8 @@ class LogFormat:
         columns: For `time`, `q`, `dq`, `ddq`, `effort`: a pattern in which `{}` counts from 1 and `{0}` from 0,
             the name of one column or matrix, or a list of names. An empty name leaves the quantity out.
         units: Unit of the logged angles, `rad` or `deg` (also in velocities and accelerations), one for all joints or
-            one for each joint. If it is not given, the unit in the names of the columns is used, or else radians.
+            one for each joint. If it is not given, the unit in the names of the columns is used; without such a unit,
+            radians.
         time_unit: Length of one unit of the time column [s], for instance 0.001 if it counts milliseconds.
         joints: Robot joint for each channel name of the file. If the file only numbers its channels, a list of robot
             joints in the order of the file. An empty name leaves the channel out.
@@ -133,8 +134,8 @@ class LogFormat:
             raise _wrong("preset", self.preset, ", ".join(PRESETS))
         if self.start is not None and self.stated_period is None:
             raise RecordingError(
-                "`start` is given, but no period.",
-                remedy="give period as well, or leave start out.",
+                "The key `start` is given without the key `period`.",
+                remedy="give `period`, too, or leave `start` out.",
             )
         self._check_joint_side()
         _set(self, "columns", _columns(self.columns))
@@ -153,12 +154,12 @@ class LogFormat:
 
     @property
     def stated_period(self) -> float | None:
-        """Given period [s]; `None` if the period must be detected or the motion does not repeat."""
+        """Period that is given [s]; `None` if it must be detected or the motion does not repeat."""
         return None if self.period == "none" else self.period
 
     @property
     def clock_unit(self) -> float:
-        """Length of one unit of the time column [s], as given, or else that of the preset's time column."""
+        """Length of one unit of the time column [s]: the given one, otherwise that of the preset."""
         if self.time_unit is not None or self.preset is None or "time" in self.columns:
             return self.time_unit or 1.0
         return PRESETS[self.preset].time_unit
@@ -251,7 +252,7 @@ def _transmission(value: ArrayLike) -> Array:
         raise RecordingError(
             "`transmission` must be a square matrix, with one row for each motor and one column for "
             f"each joint; found shape {matrix.shape}.",
-            remedy="give the matrix N with q_motor = N (q - joint_offset).",
+            remedy="give the matrix N of q_motor = N (q - joint_offset).",
         )
     scale = np.linalg.svd(matrix, compute_uv=False)
     if scale[-1] <= SINGULAR * scale[0]:
@@ -291,7 +292,7 @@ def _delays(value: object) -> Array:
 
 
 def _units(value: Any) -> str | tuple[str, ...] | None:
-    """Units of angles: one for all joints, one for each, or `None` for the unit in the file."""
+    """Units of angles: one for all joints, one for each joint, or `None` for the unit in the file."""
     if value is None:
         return None
     listed = tuple(value) if isinstance(value, list | tuple) else (value,)

@@ -23,7 +23,7 @@ class Band:
     Attributes:
         family: `butterworth` (forward and backward, -6 dB at the cut-off), `fir` (linear phase) or `none`.
         cutoff: Cut-off frequency [Hz]; ignored for `none`.
-        order: Order of one Butterworth pass, or number of cut-off periods that the FIR spans.
+        order: Order of one Butterworth pass, or length of the FIR filter in periods of the cut-off frequency.
         edges: Treatment of the ends of a run. `periodic`: the run is a whole number of periods. `pad`: the run is
             extended by odd reflection and all rows are kept. `drop`: as `pad`, but the rows that the ends influence
             are dropped.

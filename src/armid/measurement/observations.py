@@ -31,8 +31,8 @@ class ObservedRun:
             stated, otherwise about one second.
         consecutive: True if the samples are consecutive in time; otherwise nothing may be filtered.
         recording: Index of the recording to which the run belongs.
-        repetition: Repetition of the motion to which each row belongs, if repetitions were detected, shape (M,).
-            Apart from masked rows, a block does not contain rows of two repetitions.
+        repetition: Repetition of the motion to which each row belongs, if repetitions were detected, shape (M,). The
+            rows of a block that are in use belong to one repetition.
     """
 
     motion: Motion
@@ -59,7 +59,8 @@ class ObservedRun:
         block = np.array(self.block, dtype=np.int64)
         if mask.shape != (rows, n) or block.shape != (rows,):
             raise ArmidError(
-                f"mask and block must have shapes {(rows, n)} and {(rows,)}; found {mask.shape}, {block.shape}."
+                f"`mask` and `block` must have the shapes {(rows, n)} and {(rows,)}; found {mask.shape} and "
+                f"{block.shape}."
             )
         mask.setflags(write=False)
         block.setflags(write=False)
@@ -68,7 +69,7 @@ class ObservedRun:
         if self.repetition is not None:
             repetition = np.array(self.repetition, dtype=np.int64)
             if repetition.shape != (rows,):
-                raise ArmidError(f"repetition must have shape {(rows,)}; found {repetition.shape}.")
+                raise ArmidError(f"`repetition` must have the shape {(rows,)}; found {repetition.shape}.")
             repetition.setflags(write=False)
             object.__setattr__(self, "repetition", repetition)
 

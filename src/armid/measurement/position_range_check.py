@@ -61,7 +61,7 @@ def check_limits(recording: Recording, log_format: LogFormat, robot: Robot) -> t
         raise recording_error(
             "degrees",
             recording,
-            f"{evidence}; if the angles were degrees, {inside} would be inside.",
+            f"{evidence}; if the angles were in degrees, {inside} would be inside the limits.",
             lines("or transmission and joint_offset, if the log is on the motor side", units=units),
         )
     return (
@@ -70,21 +70,22 @@ def check_limits(recording: Recording, log_format: LogFormat, robot: Robot) -> t
             "warning",
             robot.joint_names[worst],
             f"J{evidence[1:]}.",
-            "find out units, joint_offset, transmission, the order of the channels and the position limits.",
+            "check the keys `units`, `joint_offset` and `transmission`, the order of the channels and the position "
+            "limits.",
         ),
     )
 
 
 def in_degrees(robot: Robot, q: Array, read_so: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Joints that are far outside their limits and inside if their angles are degrees, shape (n,).
+    """Mask (n,) of joints that are far outside their limits, but inside if their angles are in degrees.
 
-    One log has one unit: all revolute joints are in degrees, or none. Only some are if their angles are larger than a
-    turn and, in degrees, they move over as much of their limits as the other joints do in radians.
+    Usually all revolute joints of a log have the same unit. Only some joints are taken as degrees if their angles are
+    larger than a turn and if, in degrees, these joints use as much of their range as the other joints do in radians.
 
     Args:
         robot: The arm.
         q: Positions, shape (N, n) [rad or m].
-        read_so: Joints whose angles are read as degrees already, shape (n,).
+        read_so: Mask of the joints whose angles are already read as degrees, shape (n,).
     """
     nobody = np.zeros(robot.n, dtype=np.bool_)
     turns = np.array([not joint.is_prismatic for joint in robot.joints])

@@ -74,18 +74,20 @@ class Recording(Displayed):
             object.__setattr__(self, "time", self._fitting(self.time, (samples,), "time"))
         if self.number is not None and len(self.number) != samples:
             raise RecordingError(
-                f"{self.source or 'The recording'} has {len(self.number)} sample numbers for {samples} samples.",
-                remedy="give a number for each remaining sample, or no numbers.",
+                f"{self.source or 'The recording'} has {samples} samples, but `number` has {len(self.number)} "
+                "entries.",
+                remedy="give one number for each sample, or leave `number` out.",
             )
         object.__setattr__(self, "joint_names", tuple(str(name) for name in self.joint_names))
         if self.joint_names and len(self.joint_names) != n:
             raise RecordingError(
-                f"{self.source or 'The recording'} has {len(self.joint_names)} names for {n} channels.",
-                remedy="give a name for each channel, or no names.",
+                f"{self.source or 'The recording'} has {n} channels, but `joint_names` has {len(self.joint_names)} "
+                "entries.",
+                remedy="give one name for each channel, or leave `joint_names` out.",
             )
         valid = np.array(self.valid, dtype=np.bool_)
         if valid.shape not in ((), (samples,), (samples, n)):
-            raise RecordingError(f"valid must have shape {(samples, n)} or {(samples,)}; found {valid.shape}.")
+            raise RecordingError(f"`valid` must have the shape {(samples, n)} or {(samples,)}; found {valid.shape}.")
         valid = np.broadcast_to(valid[:, None] if valid.ndim == 1 else valid, (samples, n)).copy()
         valid.setflags(write=False)
         object.__setattr__(self, "valid", valid)
@@ -128,7 +130,7 @@ class Recording(Displayed):
 
 
 def recording_error(code: str, recording: Recording, problem: str, remedy: str, possible: str = "") -> RecordingError:
-    """Error about a recording; `code` is that of the corresponding finding of the doctor."""
+    """Error about a recording; `code` is the code of the corresponding finding of the doctor."""
     return RecordingError(problem, possible=possible, remedy=remedy, source=recording.source, code=code)
 
 

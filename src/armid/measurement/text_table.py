@@ -54,7 +54,7 @@ class TextTable:
 
 
 def decoded(data: bytes, path: Path) -> str:
-    """Text of a file in UTF-8, UTF-16 or, for other plain text, the Windows code page.
+    """Text of a file, which is decoded as UTF-8, UTF-16 or, if neither fits, with the Windows code page.
 
     Raises:
         RecordingError: The data are not text.
@@ -96,7 +96,9 @@ def table_of(text: str, path: Path) -> TextTable:
         numbers = numbers[1:]
     rows = [lines[i] for i in numbers]
     if not rows:
-        raise RecordingError(f"{path} has a header, but no rows.", remedy="record again; nothing was written.")
+        raise RecordingError(
+            f"{path} has a header, but no rows.", remedy="record again, because no data were written."
+        )
     names, rows = _without_ends(names, rows, delimiter)
     findings = _cut_end(rows, numbers[-1], len(names), delimiter, ended=text.endswith("\n"))
     rows, numbers = rows[: len(rows) - len(findings)], numbers[: len(numbers) - len(findings)]
@@ -114,7 +116,7 @@ def numbers_of(table: TextTable, wanted: Sequence[str], path: Path) -> dict[str,
         if table.names.count(name) > 1:
             raise RecordingError(
                 f"{path}: {table.names.count(name)} columns have the same name {name!r}.",
-                remedy="rename these columns, or use other columns.",
+                remedy="rename these columns, or name other columns under `columns`.",
             )
     if not wanted:
         return {}
@@ -189,7 +191,7 @@ def _header_index(lines: Sequence[str], path: Path) -> int:
         i for i, line in enumerate(lines) if line.strip() and not line.startswith(COMMENTS) and line[:4] != "sep="
     ]
     if not plain:
-        raise RecordingError(f"{path} is empty.", remedy="record again; nothing was written.")
+        raise RecordingError(f"{path} is empty.", remedy="record again, because no data were written.")
     first = plain[0]
     if not _begins_with_number(lines[first]):
         return _after_notes(lines, plain[: PREAMBLE + 1])
@@ -220,7 +222,7 @@ def _begins_with_number(line: str) -> bool:
 
 
 def _units(fields: Sequence[str], count: int) -> list[str]:
-    """Units in a second line of the header that change the values; empty if this line is a row."""
+    """Units in the second line of the header, if values must be converted; empty if this line is a row."""
     units = [field.strip().strip("[]()") for field in fields]
     if (
         len(units) != count
@@ -246,14 +248,14 @@ def _without_ends(names: list[str], rows: list[str], delimiter: str) -> tuple[li
 
 
 def _cut_end(rows: Sequence[str], number: int, width: int, delimiter: str, *, ended: bool) -> tuple[Finding, ...]:
-    """Finding about a last row that was not written to its end; empty if it is complete, or the only row.
+    """Finding about a last row that was not written completely; empty if it is complete, or if it is the only row.
 
     Args:
         rows: Lines of the table.
         number: Line number of the last row, counted from 0.
         width: Number of columns.
         delimiter: Delimiter of fields.
-        ended: Whether the text ends with an end of line.
+        ended: True if the text ends with an end of line.
     """
     if len(rows) < 2:
         return ()
@@ -287,7 +289,7 @@ def _check_widths(rows: Sequence[str], numbers: Sequence[int], width: int, delim
 
 
 def _rows_behind(count: int) -> str:
-    """Clause with the number of rows behind a faulty line; it shows whether the end of the file is cut off."""
+    """Clause with the number of rows after a faulty line, which shows whether the end of the file is missing."""
     if not count:
         return ", and it is the last row"
     return f", and {plural(count, 'row')} follow{'s' if count == 1 else ''} it"

@@ -31,7 +31,7 @@ FLOAT = "%.17g"
 
 
 def save_recording(recording: Recording, path: Path | str) -> Path:
-    """Writes a recording in the format that the suffix shows; the file is written completely or not at all.
+    """Writes a recording in the format of the suffix; the file is written completely or not at all.
 
     Args:
         recording: The recording; its mask is not written.
@@ -45,7 +45,7 @@ def save_recording(recording: Recording, path: Path | str) -> Path:
     writer = WRITERS.get(path.suffix.lower())
     if writer is None:
         raise OutputError(
-            f"{path} has a suffix for which no format can be written.",
+            f"No format is known for the suffix of {path}, so the recording cannot be written.",
             possible=", ".join(WRITERS),
             remedy="give the file one of these suffixes.",
         )

@@ -275,7 +275,7 @@ def test_bad_input_is_one_message():
         update(begin(information), information, -1.0)
     with pytest.raises(EstimationError, match="so far determine"):
         fit(begin(information))
-    with pytest.raises(EstimationError, match="are not those of the blocks"):
+    with pytest.raises(EstimationError, match="differ from those of the new blocks"):
         resume(other, WeightedLeastSquares().solve(EstimationProblem(information)))
     with pytest.raises(EstimationError, match="shape"):
         begin(information, ForgettingOptions(changing=np.ones(3, dtype=np.bool_)))

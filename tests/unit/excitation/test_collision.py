@@ -183,9 +183,9 @@ def test_neighbours_are_skipped_and_others_refused():
     assert "link_1 - link_2" not in made.every.labels
     assert "base - floor" not in made.every.labels
     low = Shape("shelf", -1, "box", np.array([1.0, 1.0, 0.1]), homogeneous(np.eye(3), [0.0, 0.0, 1.2]))
-    with pytest.raises(ArmidError, match=r"In the start pose, the distance of link_\d - shelf"):
+    with pytest.raises(ArmidError, match=r"In the start pose, the distance between link_\d - shelf"):
         collision_of(robot, limits, np.zeros(7), [low])
-    with pytest.raises(ArmidError, match="has no shapes of its links"):
+    with pytest.raises(ArmidError, match="contains no shapes of the links"):
         collision_of(load_robot("iiwa14-r820").__class__(
             robot.name, robot.joints, robot.links, robot.tip), limits, np.zeros(7))  # fmt: skip
 
@@ -231,7 +231,7 @@ def test_the_floor_is_touched_by_construction_by_the_first_link_alone():
         "shoulder - floor": True,
         "upper arm - floor": False,
     }
-    with pytest.raises(ArmidError, match="In the start pose, the distance of upper arm - floor is 0 mm"):
+    with pytest.raises(ArmidError, match="In the start pose, the distance between upper arm - floor is 0 mm"):
         collision_of(robot, limits, np.zeros(7), [floor()])
 
 

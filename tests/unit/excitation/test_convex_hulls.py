@@ -125,7 +125,7 @@ def test_a_pair_that_needs_them_is_looked_at(elbow):
     assert made.skipped == () and made.every.labels == (PAIR,)
     assert made.searched is not None and made.searched.labels == (PAIR,)
     bent = np.array([0.0, 0.0, 0.0, 1.2, 0.0])
-    with pytest.raises(ArmidError, match=f"In the start pose, the distance of {PAIR} is"):
+    with pytest.raises(ArmidError, match=f"In the start pose, the distance between {PAIR} is"):
         kept_apart(cell, bent)
     for size in (0.15, 0.4):
         wrong, corners = slopes_wrong(elbow, STRAIGHT, made.every, size)

@@ -37,7 +37,7 @@ def test_an_unknown_column_is_answered_with_what_is_there(tmp_path):
 
 def test_a_gap_in_the_numbers_is_refused(tmp_path):
     gap = {name: column for name, column in TABLE.items() if name != "tau2"}
-    refused("must count from 1 without a gap; found tau1, tau3", write_csv(tmp_path / "gap.csv", gap))
+    refused("must start at 1 and have no gap; found tau1, tau3", write_csv(tmp_path / "gap.csv", gap))
     zero = {name.replace("3", "0"): column for name, column in TABLE.items()}
     path = write_csv(tmp_path / "zero.csv", zero)
     guessed = load_recording(path)

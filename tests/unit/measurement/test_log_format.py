@@ -52,7 +52,7 @@ def test_saving_and_loading_gives_the_same_reading(tmp_path):
         ({"rate": "fast"}, "`rate` must be a number"),
         ({"rate": float("nan")}, "rate must be finite"),
         ({"period": -1.0}, "period = -1.0"),
-        ({"start": 1.0}, "no period"),
+        ({"start": 1.0}, "without the key `period`"),
         ({"consecutive": "yes"}, "consecutive = 'yes'"),
         ({"torque_sign": 0.5}, "torque_sign = 0.5"),
         ({"torque_sign": [1, 0]}, "torque_sign"),

@@ -42,7 +42,7 @@ from motions import PERIOD, clock, codes, motion, one, recording
         ({"standstill": "mask"}, "drop, keep"),
         ({"average": True}, "because the mean of the repetitions is one closed period"),
         ({"derivatives": "periodic"}, 'needs edges = "periodic"'),
-        ({"derivatives": "filter", "family": "none"}, "uses the filter to differentiate"),
+        ({"derivatives": "filter", "family": "none"}, "computes derivatives with the filter"),
     ],
 )
 def test_options_that_make_no_sense_are_refused(options: dict[str, object], message: str):

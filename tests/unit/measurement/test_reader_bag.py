@@ -46,7 +46,9 @@ def test_one_topic_of_joint_states_is_found_and_several_must_be_chosen_from(tmp_
 
 
 def test_a_bag_without_joint_states_lists_its_topics(tmp_path):
-    error = refused("has no topic of sensor_msgs/msg/JointState", write_bag(tmp_path, ".mcap", {"/clock": []}))
+    error = refused(
+        "has no topic with messages of type sensor_msgs/msg/JointState", write_bag(tmp_path, ".mcap", {"/clock": []})
+    )
     assert "/clock (std_msgs/msg/Header)" in error.possible
 
 

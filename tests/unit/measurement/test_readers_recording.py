@@ -255,12 +255,12 @@ class Bomb:
 def test_a_pickle_by_another_name_is_never_unpickled(tmp_path, suffix):
     path = tmp_path / f"bomb{suffix}"
     path.write_bytes(pickle.dumps({"q": Bomb()}))
-    refused("needs pickle" if suffix == ".npz" else "cannot be read as a MATLAB file", path)
+    refused("pickle would be needed" if suffix == ".npz" else "cannot be read as a MATLAB file", path)
 
 
 def test_an_archive_with_objects_is_refused(tmp_path):
     np.savez(tmp_path / "run.npz", q=np.array([Bomb()], dtype=object))
-    refused("needs pickle", tmp_path / "run.npz")
+    refused("pickle would be needed", tmp_path / "run.npz")
     np.savez(tmp_path / "side.npz", **TABLE, note=np.array([Bomb()], dtype=object))
     assert_same(load_recording(tmp_path / "side.npz"))
 

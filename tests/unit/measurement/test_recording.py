@@ -67,8 +67,8 @@ def test_raw_values_may_be_nan_because_judging_comes_later():
             {"q": Q.T, "time": TIME},
             r"time has shape \(12,\), but it must have shape \(2,\), because q has shape \(2, 12\)",
         ),
-        ({"joint_names": ("a",)}, "has 1 names for 2 channels"),
-        ({"valid": np.ones(3, dtype=bool)}, "valid must have shape"),
+        ({"joint_names": ("a",)}, "has 2 channels, but `joint_names` has 1 entries"),
+        ({"valid": np.ones(3, dtype=bool)}, "`valid` must have the shape"),
     ],
 )
 def test_shapes_that_disagree_are_refused(change, words):

@@ -1,4 +1,4 @@
-"""Requirements on standard parameters in addition to physical consistency, as cones and as fewer unknowns.
+"""Requirements on standard parameters in addition to physical consistency: cones, and a reduction of the unknowns.
 
     θ = origin + basis · x
 
@@ -38,11 +38,12 @@ class Requirements:
     Attributes:
         epsilon: Smallest eigenvalue of a pseudo-inertia.
         heaviest: Largest mass of any link [kg].
-        total_mass: Least and largest mass of all links together [kg].
-        masses: Least and largest mass of a link [kg], by its number.
-        com: Points around a link's centre of mass [m], by its number: two corners of a box, or a hull.
-        equal: Sets of parameters that have one value.
-        fixed: Parameters that are known.
+        total_mass: Smallest and largest total mass of all links [kg].
+        masses: Smallest and largest mass of a link [kg], by the number of the link.
+        com: Points that enclose the centre of mass of a link [m], by the number of the link: two corners of a box, or
+            points of a convex hull.
+        equal: Sets of parameters that must have equal values.
+        fixed: Known values of parameters, by name.
         known: Numbers of links whose parameters the description gives.
     """
 
@@ -62,8 +63,8 @@ class Feasible:
 
     Attributes:
         origin: Fixed part of the parameters, shape (p,).
-        basis: Derivative of the parameters by the x unknowns, shape (p, x); each parameter depends on one unknown at
-            most.
+        basis: Derivative of the p parameters by the x unknowns, shape (p, x); each parameter depends on at most one
+            unknown.
         cones: Cones of the unknowns x.
     """
 
@@ -76,7 +77,7 @@ class Feasible:
         return self.origin + self.basis @ x
 
     def unknowns(self, values: Array) -> Array:
-        """Computes the unknowns (x,) from standard parameters (p,), or from the nearest origin + basis · x."""
+        """Computes the unknowns (x,) of standard parameters (p,), or of the nearest possible parameters."""
         return np.asarray(self.basis.T @ (values - self.origin), dtype=np.float64) / np.sum(self.basis**2, axis=0)
 
 
@@ -86,11 +87,11 @@ def feasible_set(standard: StandardParameters, asked: Requirements, margin: floa
     Args:
         standard: The standard parameters.
         asked: The requirements.
-        margin: Addition to the smallest eigenvalue, which covers the rounding of a solver.
+        margin: Number that is added to the required smallest eigenvalue, because a solver rounds.
 
     Raises:
         EstimationError: A requirement names an unknown parameter or link, or has a wrong form.
-        ContradictionError: A given value contradicts a bound.
+        ContradictionError: A given value of a parameter contradicts a bound.
     """
     origin, basis = _affine(standard, asked)
     p = len(standard.names)
@@ -103,20 +104,24 @@ def feasible_set(standard: StandardParameters, asked: Requirements, margin: floa
             and smallest_eigenvalues(standard, origin)[list(standard.inertial[:, 0]).index(own[0])] < -ROUNDED
         ):
             raise EstimationError(
-                f"The link of {standard.names[own[0]]} is given by options, but no real body can have its values.",
-                remedy="correct its values in `fixed`, or remove the link from `fixed` and `known`, so that it is "
-                "estimated.",
+                f"The options give all parameters of the link of {standard.names[own[0]]}, but no real body can "
+                "have these values.",
+                remedy="correct the values of the link in `fixed`, or remove the link from `fixed` and `known`, so "
+                "that it is estimated.",
             )
     return Feasible(origin, basis, tuple(part for cone in moved if (part := _felt(cone)) is not None))
 
 
 def _felt(cone: Cone) -> Cone | None:
-    """Cone without the rows of single bounds that depend on no unknown; `None` if no row remains."""
+    """Cone without the rows that depend on no unknown, if it contains single bounds; `None` if no row remains."""
     moves = cone.matrix.any(axis=1)
     if cone.kind == "semidefinite":
         return cone if moves.any() else None
     if (cone.offset[~moves] < -ROUNDED).any():
-        raise ContradictionError("Given parameters contradict a bound.", remedy="correct `fixed` or `known`.")
+        raise ContradictionError(
+            "A parameter that the options give contradicts a bound.",
+            remedy="correct the options `fixed` and `known`, or the bound.",
+        )
     return Cone(cone.kind, cone.matrix[moves], cone.offset[moves]) if moves.any() else None
 
 
@@ -169,7 +174,7 @@ def _affine(standard: StandardParameters, asked: Requirements) -> tuple[Array, A
 
 
 def at_mass_limit(standard: StandardParameters, asked: Requirements, values: Array, near: Array) -> NDArray[np.bool_]:
-    """Mask (p,) of the masses at one of their limits.
+    """Mask (p,) of the masses that are at one of their limits.
 
     Args:
         standard: The standard parameters.

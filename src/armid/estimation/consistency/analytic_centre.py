@@ -3,8 +3,8 @@
 A consistent estimate often lies on the boundary of the cone, where the Hessian of the cost does not give its
 uncertainty. The analytic centre lies inside the cone. To the cost of data and prior, a barrier is added: -log det J
 for the pseudo-inertia J of each link and -log x for each nonnegative parameter x, with the weight of one independent
-sample. The analytic centre minimises this sum. The Hessian at the centre gives the width of the feasible set, and the
-interval is widened by the distance between estimate and centre [Nesterov1994].
+sample. The analytic centre minimises this sum. The Hessian at the centre gives the width of the feasible set. The
+intervals are then enlarged by the distance between estimate and centre [Nesterov1994].
 """
 
 from __future__ import annotations
@@ -34,7 +34,8 @@ class AnalyticCentre:
 
     Attributes:
         values: Standard parameters at the centre, shape (p,).
-        precision: Hessian of prior and barrier there, in units of the weighted normal equations, shape (p, p).
+        precision: Hessian of prior and barrier at the centre, in units of the weighted normal equations, shape (p,
+            p).
     """
 
     values: Array
@@ -99,7 +100,7 @@ def _rows(standard: StandardParameters, belief: Prior, prior: PriorUse) -> tuple
 def _terms(
     standard: StandardParameters, belief: Prior, prior: PriorUse, correlation: float, values: Array, basis: Array
 ) -> tuple[LogDet, ...]:
-    """Barriers that keep pseudo-inertias definite and nonnegative parameters positive; the variable is the step."""
+    """Barriers, as functions of the step, that keep pseudo-inertias definite and nonnegative parameters positive."""
     terms: list[LogDet] = []
     if prior.kind == "log-det":
         terms.extend(belief.log_det(standard, values, basis, correlation * _weight(prior)))
@@ -118,7 +119,7 @@ def _terms(
 
 
 def _curvature(standard: StandardParameters, belief: Prior, prior: PriorUse, values: Array, basis: Array) -> Array:
-    """Hessian (p, p) of prior and barrier at the centre, where each row is an independent sample."""
+    """Hessian (p, p) of prior and barrier at the centre, in units of one independent sample for each row."""
     result = belief.curvature(standard, values, _weight(prior))
     if prior.kind != "log-det":
         relative = relative_precision(pseudo_inertia(values[standard.inertial]))

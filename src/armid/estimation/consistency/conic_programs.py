@@ -101,7 +101,7 @@ def nearest(feasible: Feasible, A: Array, y: Array, cost: Array, precision: Arra
 
 
 def interior_point(feasible: Feasible) -> Array | None:
-    """Point with the largest distance, at most `ROOM`, from the boundary of every cone; `None` if none is inside."""
+    """Point with the largest distance, at most `ROOM`, from the boundary of all cones; `None` if none is inside."""
     x = feasible.basis.shape[1]
     cones: list[Cone] = []
     for cone in feasible.cones:
@@ -123,10 +123,11 @@ def interior_point(feasible: Feasible) -> Array | None:
 
 
 def _starts(A: Array, y: Array, precision: Array) -> list[tuple[Array, list[float]]]:
-    """Starts of the search, each with the units that are tried first.
+    """Start points of the search, each with the units of the first program.
 
-    The first start is the minimum without cones, close to the solution for most data. It may be very large in
-    directions that the data hardly determine, so that rounding errors dominate. Therefore the second start is zero.
+    The first start point is the minimum without cones, which is close to the solution for most data. It may be very
+    large in directions that the data hardly determine, so that rounding errors dominate. Therefore the second start
+    point is zero.
     """
     length = np.sqrt(np.sum(A**2, axis=0) + precision)
     whole = np.concatenate([A / length, np.diag(np.sqrt(precision) / length)])

@@ -46,7 +46,7 @@ requirement."""
 
 @dataclass(frozen=True, eq=False, slots=True)
 class BodyConstraints:
-    """Solution that has passed its checks.
+    """Physically consistent solution that has passed the checks of this module.
 
     Attributes:
         values: Standard parameters (p,).
@@ -128,7 +128,7 @@ class ConsistentProgram:
         return self._conic(feasible, A, y, max(UNFELT[-1], UNFELT[0] * least / len(y)), aim)
 
     def _conic(self, feasible: Feasible, A: Array, y: Array, weight: float, aim: float | None) -> BodyConstraints:
-        """Solution with a linear or quadratic prior by the conic solver; if that is inaccurate, see `_otherwise`."""
+        """Solution with a linear or quadratic prior by the conic solver; if inaccurate, that of `_otherwise`."""
         believed = np.diag(self.belief.precision)
         is_link = np.isin(np.arange(len(believed)), self.standard.inertial)
         cost = np.zeros(A.shape[1])
@@ -149,7 +149,7 @@ class ConsistentProgram:
     def _otherwise(
         self, feasible: Feasible, problem: Smooth, rough: NearestPoint | None, aim: float | None
     ) -> NearestPoint | SmoothSolution:
-        """Solution by Newton's method if `aim` is given, otherwise the inaccurate one of the conic solver."""
+        """Solution by Newton's method if `aim` is given, otherwise the inaccurate solution of the conic solver."""
         trouble = UnsolvedError(
             "The duality gap of the conic solver is too large, so its solution is not accurate.",
             remedy="give a prior, or identify with --method log-cholesky.",
@@ -167,7 +167,7 @@ class ConsistentProgram:
         return nearest(feasible, A, y, cost, np.diag(self.belief.precision) @ feasible.basis**2)
 
     def _log_det(self, feasible: Feasible, A: Array, y: Array, weight: float, aim: float) -> BodyConstraints:
-        """Solution with a log-det prior by Newton's method, with the bound of eigenvalues only if it is active."""
+        """Solution with a log-det prior by Newton's method; the bound of eigenvalues is used only if it is active."""
         others = np.setdiff1d(np.arange(len(self.standard.names)), self.standard.inertial)
         root = np.sqrt(self.correlation * np.diag(self.belief.precision)[others])[:, None]
         A = np.concatenate([A, root * feasible.basis[others]])
@@ -183,10 +183,11 @@ class ConsistentProgram:
         return BodyConstraints(values, feasible.basis, found.objective, found.gap)
 
     def _smooth(self, feasible: Feasible, problem: Smooth, aim: float) -> SmoothSolution:
-        """Minimum with log-det terms by Newton's method, from the prior's mean or else from the conic minimum.
+        """Minimum with log-det terms by Newton's method, from the mean of the prior or from the conic minimum.
 
-        The conic minimum is that of the program without the logarithms; it takes as long as fifty Newton steps. It is
-        used where more steps from the mean would be needed, mostly because no real body explains the data.
+        The conic minimum is the minimum of the program without the logarithms. Its computation takes as long as fifty
+        Newton steps. It is used if more steps from the mean would be needed, mostly because no real body fits the
+        data.
         """
         mean = feasible.unknowns(self.belief.inside(self.standard))
         with contextlib.suppress(EstimationError):
@@ -203,7 +204,7 @@ class ConsistentProgram:
             return minimise(problem, self._start(feasible), aim=aim)
 
     def _start(self, feasible: Feasible) -> Array:
-        """Strictly feasible start: the prior's bodies with some friction, or else the solution of a conic program."""
+        """Strictly feasible start: bodies of the prior with some friction, or the solution of a conic program."""
         start = feasible.unknowns(self.belief.inside(self.standard))
         if all(cone.leaves(start) < 0.0 for cone in feasible.cones):
             return start
@@ -229,7 +230,7 @@ class ConsistentProgram:
         )
 
     def _cleared(self, values: Array) -> Array:
-        """Sets nonnegative parameters that rounding has left just below zero to zero."""
+        """Sets nonnegative parameters to zero if rounding has made them slightly negative."""
         bounded = self.standard.nonnegative & (values < 0.0) & (values > -ACCEPTED)
         return np.where(bounded, 0.0, values)
 

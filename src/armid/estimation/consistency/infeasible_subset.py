@@ -1,7 +1,7 @@
 """Irreducible infeasible subset of the requirements.
 
-Each requirement is removed in turn, permanently if the others are still infeasible. The remaining set becomes
-feasible when any one of its requirements is removed.
+One requirement after the other is removed. If the remaining ones are still infeasible, it stays removed, otherwise it
+is restored. The result is infeasible, but becomes feasible if any one of its requirements is removed.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from armid.estimation.consistency.additional_constraints import Requirements
 
 
 def conflicting(asked: Requirements, empty: Callable[[Requirements], bool]) -> list[str]:
-    """Names contradicting requirements, as few as possible: if any one of them is removed, the others can be met.
+    """Text with contradicting requirements, of which none is superfluous: if one is removed, the others can be met.
 
     Args:
         asked: Requirements that no parameters meet.

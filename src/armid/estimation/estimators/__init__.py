@@ -1,6 +1,6 @@
 """Estimators. Each module contains one estimator; `armid.estimation.catalogue` lists them.
 
-This package also exports the classes, for code that uses one of them by name; each is loaded when first used.
+The classes of the estimators can also be imported from this package; a class is loaded when it is first used.
 """
 
 from __future__ import annotations

@@ -6,13 +6,15 @@ If parameter k of a least-squares estimate π with the inverse normal matrix G i
 
 so that the whole elimination is at most b small updates after one factorisation. Two rules choose the parameters:
 
-- `pham-gautier` drops the parameter with the largest relative deviation until that is less than `ratio` times the
-  smallest [Pham1991];
-- `bic` drops the parameter of least cost while this cost is below the logarithm of the number of rows [Schwarz1978].
-  Residuals are correlated; the scatter between blocks gives the number of independent rows.
+- `pham-gautier` drops the parameter with the largest relative deviation, until the largest is less than `ratio` times
+  the smallest [Pham1991];
+- `bic` drops the parameter whose removal increases the cost least, as long as this increase is below the logarithm of
+  the number of rows [Schwarz1978]. Residuals are correlated; the number of independent rows is computed from the
+  scatter between blocks.
 
-A selection by the same data does not make a parameter more accurate. So deviations and covariance remain those of the
-estimate with all parameters, and a parameter that is set to zero has an interval around zero.
+The same data are used for selection and estimate, so the selection does not make the parameters more accurate.
+Therefore the deviations and the covariance of the estimate with all parameters are kept, and a parameter that is set
+to zero has an interval around zero.
 """
 
 from __future__ import annotations
@@ -123,7 +125,7 @@ def _eliminate(values: Array, inverse: Array, choose: Choose) -> NDArray[np.intp
 
 
 def _least_sure(ratio: float, most: float) -> Choose:
-    """Rule `pham-gautier`, which also ends when the sum of squared residuals has increased by more than `most`."""
+    """Rule `pham-gautier`; it also ends when the sum of squared residuals has increased by more than `most`."""
     total = 0.0
 
     def choose(pi: Array, variance: Array) -> int | None:
@@ -137,7 +139,7 @@ def _least_sure(ratio: float, most: float) -> Choose:
 
 
 def _cheapest(most: float) -> Choose:
-    """Rule `bic`, which ends when dropping any parameter increases the cost by `most` or more."""
+    """Rule `bic`; it ends when the removal of any further parameter would increase the cost by `most` or more."""
 
     def choose(pi: Array, variance: Array) -> int | None:
         rise = pi**2 / variance
@@ -148,7 +150,7 @@ def _cheapest(most: float) -> Choose:
 
 
 def _correlation(information: Information, full: Fit, inverse: Array) -> float:
-    """Number of rows that count as one independent row: variance by the scatter between blocks / white variance."""
+    """Number of rows that count as one independent row: variance from the scatter between blocks / white variance."""
     found = block_covariance(information, full.values, full.weights, inverse)
     if found is None:
         return 1.0

@@ -1,4 +1,4 @@
-"""Least squares with unknowns that always give physically consistent bodies: an independent check of `physical`.
+"""Least squares with unknowns that always give consistent bodies: an independent check of the method `physical`.
 
 The pseudo-inertia of each link is J = T Tᵀ with T upper triangular. The unknowns are the off-diagonal entries of T
 and the logarithms of its diagonal [Rucker2022]; friction and rotor inertia are squares of unknowns. The problem then
@@ -64,9 +64,9 @@ class LogCholesky:
     """Least squares with triangular factors of the pseudo-inertias as unknowns.
 
     Attributes:
-        prior: `mass`, as in `physical`, or `none`.
-        starts: Number of searches: the first begins with the bodies of the description, or with `PLAIN`; in the
-            others, these bodies are changed at random.
+        prior: Kind of prior: `mass`, as in the estimator `physical`, or `none`.
+        starts: Number of searches: the first begins with the bodies of the description, or with `PLAIN`; in the other
+            searches, the start bodies are these bodies with random changes.
         seed: Seed of the other starts.
         evaluations: Largest number of evaluations of a search.
     """

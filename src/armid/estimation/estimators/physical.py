@@ -56,11 +56,11 @@ PRIORS = ("auto", "mass", "log-det", "euclidean", "none")
 
 @dataclass(frozen=True, slots=True)
 class PhysicallyConsistent:
-    """Standard parameters of bodies that can exist, by convex optimisation.
+    """Estimator of the standard parameters of bodies that can exist, by convex optimisation.
 
     Attributes:
         prior: Kind of prior, for parameters that the data do not determine: `mass` prefers small bodies; `log-det`
-            and `euclidean` prefer the bodies of the description; `none` prefers no values; `auto` is `log-det` if the
+            and `euclidean` prefer the bodies of the description; `none` is no prior; `auto` is `log-det` if the
             description gives every link a mass, otherwise `mass`.
         weight: Weight of the prior, in independent samples of each joint. `auto` is 1; if `log-det` or `euclidean` is
             given by name, the weight is found by cross-validation with blocks.
@@ -69,10 +69,11 @@ class PhysicallyConsistent:
         total_mass: Lower and upper bound of the mass of all links together [kg].
         masses: Lower and upper bound of the mass of single links [kg], by the number of the link:
             `{ 3 = [1.0, 4.0] }`.
-        com: Points around centres of mass in link frames [m]: two corners of a box, or more points of a hull.
+        com: Points that enclose the centre of mass of a link, in the link frame [m], by the number of the link: two
+            corners of a box, or at least four points of a convex hull.
         equal: Sets of parameters that have equal values, such as `[["XX_7", "YY_7"]]`.
         fixed: Known values of parameters, such as `{ XY_7 = 0.0 }`.
-        known: Numbers of links whose parameters the description gives.
+        known: Numbers of the links that are not estimated; their parameters are taken from the description.
     """
 
     prior: Literal["auto", "mass", "log-det", "euclidean", "none"] = "auto"
@@ -133,12 +134,13 @@ class PhysicallyConsistent:
                 fit = replace(fit, findings=(_raised(resolution, far), *fit.findings))
             return fit
         raise UnsolvedError(
-            f"{trouble.problem} Larger assumed noise, up to {RESOLUTIONS[-1]:g} of the torque, did not help.",
+            f"{trouble.problem} The program was also not solved with larger assumed noise, up to "
+            f"{RESOLUTIONS[-1]:g} of the torque.",
             remedy=trouble.remedy or REMEDY,
         )
 
     def with_prior_of(self, problem: EstimationProblem, fit: Fit) -> PhysicallyConsistent:
-        """This estimator, with the weight of the prior fixed to that of a fit; unchanged if the fit has no prior."""
+        """This estimator with the weight of the prior fixed to that of a fit; unchanged if the fit has no prior."""
         del problem
         weight = 0.0 if fit.standard is None else fit.standard.prior.weight
         return replace(self, weight=weight) if weight > 0.0 else self
@@ -160,7 +162,7 @@ class PhysicallyConsistent:
         )
 
     def _kind(self, standard: StandardParameters) -> str:
-        """Kind of prior that is used."""
+        """Kind of the prior that is used; `auto` is replaced by a kind."""
         if self.prior != "auto":
             return self.prior
         return "log-det" if standard.described else "mass"
@@ -194,10 +196,10 @@ class PhysicallyConsistent:
 
 
 def _raised(resolution: float, far: Array) -> Finding:
-    """Finding that the noise level was raised above the estimated one.
+    """Finding that a higher noise level than the estimated one was used.
 
     Args:
-        resolution: Ratio of residual to torque that was counted as noise.
+        resolution: Ratio of noise to torque that was assumed.
         far: RMS residual of each joint, divided by the standard deviation of its noise, shape (n,).
     """
     counted = f"residuals up to {resolution:g} of the torque were counted as noise"

@@ -4,10 +4,10 @@
 
 Here W contains the weights of the rows, A and y the factors and their right-hand side, and λ the weight of the prior.
 π₀ are the base parameters of the bodies in the description, or zero. P follows from the prior of the standard
-parameters (`armid.estimation.prior`): for each link the second-order form of the log-det divergence, in which a
-change of a whole link by 100 % has the same cost for large and small links. With P = CᵀC and U S Vᵀ = W A C⁻¹, the
-solution for each λ is one product, π = π₀ + C⁻¹ V S (S² + λ)⁻¹ Uᵀ W (y - A π₀), so the cross-validation of λ takes a
-few milliseconds.
+parameters (`armid.estimation.prior`): for each link, P is the second-order approximation of the log-det divergence. A
+change of all parameters of a link by 100 % then has the same cost for large and small links. With P = CᵀC and U S Vᵀ
+= W A C⁻¹, the solution for each λ is one product, π = π₀ + C⁻¹ V S (S² + λ)⁻¹ Uᵀ W (y - A π₀), so the
+cross-validation of λ takes a few milliseconds.
 
 If the data hardly determine a direction of the parameters, the prior keeps the estimate near the description. Unlike
 the estimator `physical`, it does not make the bodies physically consistent.
@@ -44,13 +44,13 @@ DOMINATED = 0.5
 
 @dataclass(frozen=True, slots=True)
 class Ridge:
-    """Weighted least squares with a prior, which decides where the data hardly determine the parameters.
+    """Weighted least squares with a prior, which determines the parameters that the data hardly determine.
 
     Attributes:
         towards: Mean of the prior: `nominal`, the inertial parameters of the description; `zero`; or `auto`, which is
             `nominal` if the description gives every link a mass.
-        weight: Number of independent samples to which the prior is equivalent; `auto` finds it by cross-validation
-            with blocks.
+        weight: Number of independent samples to which the prior is equivalent; with `auto` it is found by
+            cross-validation with blocks.
     """
 
     towards: Literal["auto", "nominal", "zero"] = "auto"
@@ -126,7 +126,7 @@ class _Prior:
 
 
 def _places(problem: EstimationProblem) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Base parameter (index) of each parameter of the information, and recording: 2 for `FV_1[2]`, 0 if shared."""
+    """Index of the base parameter, and recording (2 for `FV_1[2]`, 0 if common), of each parameter."""
     names = problem.information.names
     copy = np.array([name.recording or 0 for name in names], dtype=np.intp)
     if problem.base is None:

@@ -5,7 +5,7 @@
 by iteratively reweighted least squares [Holland1977]: each pass over the rows computes weights ψ(u) / u from the
 residuals u = r / s of the previous pass. The scale s_j is the median of |r_j|, divided by the median of the absolute
 value of a standard normal variable. `huber` is convex and has one minimum. `tukey` gives rows with very large
-residuals zero weight; it may have several minima and starts from Huber's.
+residuals zero weight. It may have several minima, so the iteration starts at the minimum of `huber`.
 
 The covariance is not that of least squares with these weights, since the sensitivity of the estimate to a row is
 given by the slope ψ', not by the weight [Huber1981, section 7.6]. With both averaged over a joint's rows, κ = mean ψ'
@@ -13,8 +13,9 @@ given by the slope ψ', not by the weight [Huber1981, section 7.6]. With both av
 
     H⁻¹ Σ_j Σ_m x_jmᵀ ψ_jm / s_j,        H = Σ_j κ_j Σ_m (ψ_jm / u_jm) x_jmᵀ x_jm / s_j².
 
-Rows of weight κ ψ / u and torque x π + r / κ have the same H, the same scores and the same estimate. So a covariance
-from blocks, by a sandwich or a jackknife, can be computed from their factors unchanged.
+Least squares on rows with the weight κ ψ / u and the torque x π + r / κ has the same H, the same gradients and the
+same estimate. So the covariance can be computed from the factors of these rows by the usual methods, such as the
+jackknife.
 """
 
 from __future__ import annotations
@@ -156,7 +157,7 @@ class _Loss:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _State:
-    """State of the iteration: parameters (b,), scales (n,), and the loss and deviations (b,) of the last weights."""
+    """State of the iteration: parameters (b,), scales (n,), and the loss and deviations (b,) for the last weights."""
 
     values: Array
     scale: Array
@@ -187,7 +188,7 @@ class _Passes:
         return segment.x[b - 1] - values[numbers] @ segment.x[a : b - 1]
 
     def _numbers(self, recording: int) -> NDArray[np.intp]:
-        """Position of each base parameter, or of its copy for a recording, in the names of the information."""
+        """Position of each base parameter, or of its copy for a recording, among the information's parameters."""
         if not self.own.any():
             return np.arange(len(self.names))
         index = {name: k for k, name in enumerate(self.information.names)}
@@ -250,7 +251,7 @@ class _Passes:
         )
 
     def _means(self, state: _State, loss: _Loss) -> tuple[Array, Array, NDArray[np.int64]]:
-        """For each joint: κ; mean ψ² / mean weight, corrected for the fit; number of rows with small weights."""
+        """For each joint: κ; mean ψ² / mean weight, corrected for freedom; number of rows with small weights."""
         sums = np.zeros((len(self.floor), 4))
         for segment in self.every:
             for j, row in enumerate(sums):

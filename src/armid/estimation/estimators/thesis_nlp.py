@@ -2,9 +2,9 @@
 
     minimise |ρ - W π(μ)|²    over μ = (m, r, I about the centre of mass, friction)    with bounds and inequalities
 
-The inequalities (3.53) are heuristic: they neither imply nor follow from physical consistency. So the result is
-usually not physical, and a finding says so. IPOPT solves the problem with exact first and second derivatives, from
-several starts, since it is not convex.
+The inequalities (3.53) of the thesis are heuristic: they neither imply nor follow from physical consistency. The
+result is therefore usually not physical; a finding reports this. The problem is not convex, so IPOPT solves it from
+several starts, with exact first and second derivatives.
 """
 
 from __future__ import annotations
@@ -57,7 +57,8 @@ class ThesisNLP:
         moment: Bounds of a moment of inertia about the centre of mass [kg·m²].
         product: Bound of the absolute value of a product of inertia [kg·m²].
         friction: Bound of the absolute value of a friction parameter.
-        long: Numbers of the links that are long along z, for (3.53e), and along y, for (3.53f).
+        long: Two lists of numbers of links: links that are long along z, for equation (3.53e), and along y, for
+            (3.53f).
         starts: Number of searches: the first begins in the middle of the bounds, the others at random points.
         seed: Seed of the other starts.
         iterations: Largest number of iterations of a search.
@@ -95,7 +96,7 @@ class ThesisNLP:
             if not getattr(self, option) > 0:
                 raise EstimationError(f"The option `{option}` must be positive; found {getattr(self, option)!r}.")
         if len(self.long) != 2:
-            raise EstimationError(f"The option `long` must be two lists of links; found {self.long!r}.")
+            raise EstimationError(f"The option `long` must be two lists of link numbers; found {self.long!r}.")
         object.__setattr__(self, "long", tuple(tuple(links) for links in self.long))
 
     def with_one_start(self) -> ThesisNLP:

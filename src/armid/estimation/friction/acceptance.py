@@ -1,10 +1,10 @@
 """Acceptance rule for friction candidates, from their gains on held-out folds.
 
-The gain of a candidate is the reduction of the squared held-out error, as a share of this error. A candidate is
-accepted if its gain is larger than a multiple of the standard error of the gain and larger than a minimum. Some
-families of friction are similar on all joints of an arm (hysteresis of the same kind of gear). For such a family, the
-mean gain over the joints selects one option for all joints; a joint gets another option only if that option is
-significantly better on this joint.
+The gain of a candidate is the decrease of the squared held-out error divided by this error. A candidate is accepted
+if its gain is larger than a multiple of the standard error of the gain and larger than a minimum. Some families of
+friction are similar on all joints of an arm (hysteresis of the same kind of gear). For such a family, the mean gain
+over the joints selects one option for all joints; a joint gets another option only if that option is significantly
+better on this joint.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ class CandidateGain:
         joint: Index of the joint.
         option: Index of the option in its family.
         candidates: Candidates of the option.
-        ridge: Shrinkage of their columns, in shares of the squared length of each.
+        ridge: Shrinkage of the columns of the candidates, as a share of the squared length of each column.
         gains: Reduction of the joint's squared error on each of the F folds, as a share of its error on all folds,
             shape (F,).
         changes: Logarithm of the ratio of the joint's squared errors with and without the option on each of the F
@@ -89,8 +89,8 @@ def choose_for_joint(
 ) -> CandidateGain | None:
     """Chooses the option of a joint.
 
-    The option chosen for the arm is used unless another option is significantly better on the joint. If there is no
-    option for the arm, the best option of the joint is used if its gain is significant.
+    The option of the whole arm is used, unless another option is significantly better on this joint. If no option was
+    chosen for the arm, the best option of the joint is used, provided that its gain is significant.
     """
     if not of_joint:
         return None
@@ -119,10 +119,10 @@ def _is_clear(gains: Array, changes: Array, margin: float, min_gain: float) -> b
 
 
 def _gains_on_few(gains: Array) -> bool:
-    """Tests whether the error decreases much on two or more folds and increases little on the others.
+    """Tests whether the error decreases clearly on two or more folds and increases only a little on the others.
 
-    Effects at slow reversals appear in two or three of eight folds. Then the scatter between folds is as large as the
-    gain, so that the standard error is no criterion.
+    Effects at slow reversals appear in two or three of eight folds. The scatter between folds is then as large as the
+    gain, so the standard error cannot be used as a criterion.
     """
     beyond = float(np.maximum(gains, 0.0).sum() - gains.max())
     lost = float(np.maximum(-gains, 0.0).sum())
@@ -130,7 +130,7 @@ def _gains_on_few(gains: Array) -> bool:
 
 
 def error_log_ratios(gains: Array, squares: Array) -> Array:
-    """Logarithm of the ratio of the squared errors of each of the F folds after and before a gain, shape (F,)."""
+    """Logarithm of the ratio of squared errors with and without a candidate on each of the F folds, shape (F,)."""
     share = np.divide(gains, squares, out=np.zeros_like(gains), where=squares > 0.0)
     return np.log(np.maximum(1.0 - share, LOWEST_RATIO))
 

@@ -50,7 +50,7 @@ def friction_families() -> tuple[CandidateFamily, ...]:
 
 
 def choice_of(term: str) -> AutomaticChoice:
-    """Entry of a torque term, by its name, in the automatic selection of friction."""
+    """Entry of a torque term, given by name, in the automatic selection of friction."""
     choice = automatic_choice(TERMS[term])
     assert choice is not None, f"{term} is no candidate"
     return choice
@@ -74,8 +74,8 @@ class CandidateModel:
 
     Attributes:
         model: Arm, its terms and the candidates.
-        base: Base parameters of the model and one parameter for each law of a candidate, in the order of the standard
-            parameters.
+        base: Base parameters of the model, and one parameter for each law of each candidate, in the order of the
+            standard parameters.
         in_model: Mask of the parameters that belong to the model without candidates, shape (b,): base parameters, and
             further parameters of the information, such as offsets for each recording.
         columns: Positions of each candidate's parameters among the b parameters, by joint and candidate.
@@ -95,9 +95,9 @@ class CandidateModel:
 def allowed_candidates(model: DynamicsModel, observations: Observations) -> tuple[frozenset[Candidate], ...]:
     """Finds the candidates for which each joint has suitable data.
 
-    A velocity law needs speeds at which it saturates. Hysteresis needs a state that is known early in the recording.
-    Both need a pass band wide enough for their effect near standstill. Ripple needs a revolute joint. All need a
-    joint that moves.
+    All candidates need a joint that moves. A velocity law needs speeds at which the law is nearly constant.
+    Hysteresis needs a state that is known early in the recording. Both need a pass band that is wide enough for their
+    effect near standstill. Ripple needs a revolute joint.
     """
     present = {term.name for term in model.terms}
     offered = {candidate for family in friction_families() for option in family.options for candidate in option}

@@ -1,9 +1,10 @@
 """Forward selection of friction candidates, family by family and joint by joint, by the error on held-out folds.
 
 The module `acceptance` contains the rules of acceptance. The gain of a candidate is first computed with all other
-parameters estimated from all data, because this gain has far less scatter if the bodies have many parameters. Then it
-is checked with all parameters estimated without the fold. A candidate that depends on the pose could imitate gravity.
-It must also reduce the error in this check and on long folds with other poses, which show the imitation.
+parameters estimated from all data, because this gain has far less scatter if the bodies have many parameters. Then
+the gain is checked with all parameters estimated without the fold. A candidate that depends on the pose could imitate
+gravity. Such a candidate must therefore reduce the error in this check, and also on long folds, which contain other
+poses.
 """
 
 from __future__ import annotations
@@ -70,7 +71,7 @@ class SelectedCandidate:
         family: The kind of friction.
         joint: Index of the joint.
         candidates: Candidates of the option.
-        ridge: Shrinkage of its columns in the trial.
+        ridge: Shrinkage of the columns of the option in its trial.
     """
 
     family: str
@@ -84,7 +85,7 @@ class SelectionPath:
     """Result of a forward selection.
 
     Attributes:
-        selected: Selected options in the order of selection, without those that were withdrawn.
+        selected: Selected options in the order of selection, without the options that were withdrawn later.
         kept: Positions of the columns of the extended model that the selected model contains.
         ridge: Shrinkage of each column of the extended model, in shares of its squared length, shape (b,).
         trials: Last trial of every option on every joint.
@@ -165,7 +166,7 @@ class _Search:
         return np.flatnonzero(kept)
 
     def try_families(self, families: Sequence[CandidateFamily]) -> None:
-        """Passes over all families until nothing more is selected."""
+        """Tries all families repeatedly, until no further option is selected."""
         for _ in range(PASSES):
             before = sum(len(candidates) for candidates in self.chosen)
             for family in families:
@@ -183,7 +184,7 @@ class _Search:
                 self._withdraw(each)
 
     def try_family(self, family: CandidateFamily) -> bool:
-        """Adds the best acceptable option of a family to each joint; returns whether any was added."""
+        """Adds the best acceptable option of a family to each joint; true if an option was added."""
         strict = self._reduced(self.short_folds, refit_all=True)
         all_data = self._reduced(self.short_folds, refit_all=False)
         on_long_folds = self._reduced(self.long_folds, refit_all=True) if family.position else None
@@ -267,7 +268,7 @@ class _Search:
             self.trials[each.joint, others] = replace(trial, candidates=others)
 
     def _reduced(self, short_folds: HeldOutFolds, *, refit_all: bool) -> Reduced:
-        """Products after elimination of the present model's columns; computed again only if the model has changed."""
+        """Products after elimination of the columns of the present model; stored until the model changes."""
         key, state = (short_folds is self.long_folds, refit_all), tuple(self.selected)
         if key not in self.cache or self.cache[key][0] != state:
             self.cache[key] = state, short_folds.reduced(self.kept, self.ridge, refit_all=refit_all)
@@ -315,7 +316,7 @@ class _Search:
         return measured
 
     def _contradicted(self, choice: CandidateGain, strict: Reduced, on_long_folds: Reduced | None) -> bool:
-        """Tests for a larger error, if all parameters are estimated without the fold, or on long folds."""
+        """True if an option increases the error on long folds, or with all parameters estimated without the fold."""
         columns = self._columns(choice.joint, choice.candidates)
         gains = strict.gains(choice.joint, columns, choice.ridge)
         if gains is None or any(each.sum() < -REJECTION_MARGIN * standard_error(each) for each in gains):
@@ -331,7 +332,7 @@ class _Search:
         return bool(gain.sum() <= 0.0 and error_log_ratios(gain, squares).sum() >= 0.0)
 
     def _record(self, family: CandidateFamily, of_joint: list[CandidateGain], choice: CandidateGain | None) -> None:
-        """Records the trial of every option, with the better shrinkage."""
+        """Records the trial of every option, with the shrinkage that gives the larger gain."""
         for each_gain in sorted(of_joint, key=lambda each_gain: (each_gain is choice, each_gain.gain)):
             deviation = standard_error(each_gain.gains)
             self.trials[each_gain.joint, each_gain.candidates] = HeldOutTrial(

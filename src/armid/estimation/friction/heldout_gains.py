@@ -9,8 +9,8 @@ squared residual (gain) are:
 
 where y is the torque, κ the shrinkage, and M contains the rows of the candidate's joint, or of all joints. If the
 elimination uses T_f, all parameters are estimated without the fold. If it uses all data, only the parameters of the
-candidate are. The second variant has far less scatter if bodies have many parameters and recordings are short; only
-the first one shows that a candidate imitates gravity.
+candidate are estimated without the fold. The second variant has far less scatter if bodies have many parameters and
+recordings are short. Only the first variant shows that a candidate imitates gravity.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ class GainPrior:
 
     @property
     def products(self) -> Array:
-        """Normal matrix of data equivalent to the prior, the right-hand side as last column, shape (b + 1, b + 1)."""
+        """Normal matrix of data equivalent to the prior, with the right-hand side last, shape (b + 1, b + 1)."""
         half = self.precision @ self.mean
         return np.block([[self.precision, half[:, None]], [half[None], np.array([[half @ self.mean]])]])
 
@@ -53,8 +53,8 @@ class GainPrior:
 
         Args:
             count: Number of parameters of the larger set.
-            own: Positions in the larger set: first those of the parameters of this prior, then others, which are not
-                used.
+            own: Positions in the larger set; the first entries are the positions of the parameters of this prior,
+                further entries are not used.
         """
         mean, precision = np.zeros(count), np.zeros((count, count))
         own = own[: len(self.mean)]
@@ -127,7 +127,7 @@ class HeldOutFolds:
     prior: GainPrior
 
     def solve(self, products: Array, kept: NDArray[np.intp], ridge: Array) -> Array:
-        """Solves normal equations, with the prior added, for the parameters (b,); those that are not kept are zero.
+        """Solves normal equations, prior included, for the parameters (b,); parameters that are not kept are zero.
 
         Args:
             products: Normal matrix of the columns, with the torque as the last one, shape (b + 1, b + 1).
@@ -182,7 +182,7 @@ class HeldOutFolds:
     def _joint_products(
         self, part: Information, joint: int, columns: NDArray[np.intp], kept: NDArray[np.intp], E: Array
     ) -> Array:
-        """Products of a joint's candidate columns and torque over its rows of a fold, the model eliminated."""
+        """Products of a joint's candidate columns and torque in a fold, after elimination of the model's columns."""
         factors = part.joints[joint]
         number = np.full(part.count, -1, dtype=np.intp)
         number[factors.parameters] = np.arange(len(factors.parameters))
@@ -235,7 +235,7 @@ def _products(information: Information, chosen: NDArray[np.bool_], weights: Arra
 
 
 def _schur_complement(products: Array, kept: NDArray[np.intp], rest: NDArray[np.intp], E: Array) -> Array:
-    """Products of the other columns after their fit by the kept columns, with coefficients E, is subtracted."""
+    """Products of the other columns, from which their fit by the kept columns (coefficients E) is subtracted."""
     cross = E.T @ products[np.ix_(kept, rest)]
     return products[np.ix_(rest, rest)] - cross - cross.T + E.T @ products[np.ix_(kept, kept)] @ E
 

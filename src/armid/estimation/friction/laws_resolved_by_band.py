@@ -2,8 +2,8 @@
 
 A narrow law acts only at low speeds, through which a joint passes within milliseconds at a reversal. The low-pass
 filter averages over a longer time. Therefore the filtered data determine the impulse of the law (height times time)
-and not its height. The estimated height could be thirty times the friction of the joint, and the next slow motion
-would be predicted with this height.
+and not its height. The estimated height could be thirty times the friction of the joint, and the prediction of a slow
+motion would then be wrong.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ SLOWEST, GRID = 1e-4, 400
 
 
 def passed_height(model: DynamicsModel, term: Term, width: float, observations: Observations) -> Array:
-    """Share of the height of a velocity law that remains after the low-pass filter: the maximum over the rows in use.
+    """Share of the height of a velocity law that remains after the low-pass filter: maximum over the rows in use.
 
     Only the part of the law that differs from Coulomb friction is evaluated. For a Stribeck effect this is the whole
     law, for a sigmoid it is the difference between the law and its limit at high speed.
@@ -46,8 +46,8 @@ def passed_height(model: DynamicsModel, term: Term, width: float, observations: 
         observations: The training recordings.
 
     Returns:
-        Share for each joint, shape (n,). It is 1 if nothing is filtered, or the rows are separate samples, and a row
-        is at the maximum of the law.
+        Share for each joint, shape (n,). It is 1 if one row is at the maximum of the law and nothing is filtered, or
+        the rows are separate samples.
     """
     alone = replace(model, terms=(term,))
     speeds = np.geomspace(SLOWEST, SATURATED, GRID)[:, None] * np.ones(model.n)
@@ -60,7 +60,7 @@ def passed_height(model: DynamicsModel, term: Term, width: float, observations: 
 
 
 def passed_transition(model: DynamicsModel, term: Term, width: float, observations: Observations) -> Array:
-    """Share of the transition of a hysteresis element that remains after the filter: the maximum over used rows.
+    """Share of the transition of a hysteresis element that remains after the filter: maximum over the rows in use.
 
     After a reversal an element changes from -1 to 1 over a travel of two deflections. During this travel it differs
     from Coulomb friction by up to 2. If the filter averages over the transition, the element cannot be distinguished

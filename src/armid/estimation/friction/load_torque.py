@@ -1,9 +1,10 @@
 """Load torque of load-dependent friction: the rigid-body torque of a first estimate without such friction.
 
 The measured torque cannot be the load, because the model would then predict the torque from the torque itself. So the
-rigid bodies are estimated first, without load-dependent terms. They stay fixed while the load-dependent terms are
-estimated, which keeps the model linear in its parameters. The first estimate has a prior: on weak data, least squares
-without a prior gives bodies whose torque is correct along the recorded motion and wrong on other motions.
+rigid bodies are estimated first, without load-dependent terms. These bodies are not changed while the load-dependent
+terms are estimated, so the model stays linear in its parameters. The first estimate has a prior: if the data are
+weak, least squares without a prior gives bodies whose torque is correct for the recorded motion and wrong for other
+motions.
 """
 
 from __future__ import annotations

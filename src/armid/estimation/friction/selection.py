@@ -70,7 +70,7 @@ class SelectionEvidence:
         joint: Name of the joint.
         family: The kind of friction.
         candidate: Names of the terms, with their shapes.
-        ratio: Ratio of the held-out RMS errors with and without the candidate, at the time of its trial.
+        ratio: Ratio of the held-out RMS errors with and without the candidate, in the last trial of the candidate.
         deviation: Standard error of the ratio, from the scatter between folds.
         chosen: Whether the candidate was selected for the joint.
     """
@@ -88,7 +88,7 @@ class FrictionSelection:
     """Selected friction with its evidence.
 
     Attributes:
-        model: The model with the selected terms, and with `load_parameters` where one of them needs the load.
+        model: The model with the selected terms, and with `load_parameters` if one of the terms depends on the load.
         added: The terms that were added, restricted to their joints.
         evidence: Every candidate of every joint that was tried.
         ratio: Ratio of the held-out RMS errors with and without the selected terms, shape (n,); 1 if nothing was
@@ -100,7 +100,7 @@ class FrictionSelection:
             nothing was tried, or if the number of independent samples is not known.
         offset_per_recording: True if each recording had its own offset of the torque; the estimate should then do the
             same.
-        why: Reason why nothing was tried, or why there is no weight of the prior; otherwise empty.
+        why: Reason why no candidate was tried, or why there is no weight of the prior; otherwise empty.
     """
 
     model: DynamicsModel
@@ -122,7 +122,7 @@ def choose_friction(model: DynamicsModel, observations: Observations, *, threads
         threads: Threads of the kernel.
 
     Raises:
-        ArmidError: No row counts.
+        ArmidError: No row is in use.
     """
     base = find_base_parameters(model)
     problem = build_problem(model, observations, base=base, threads=threads)
@@ -171,7 +171,7 @@ def choose_friction(model: DynamicsModel, observations: Observations, *, threads
 
 
 def _drifting_offsets(information: Information, model: DynamicsModel) -> tuple[str, ...]:
-    """Names of the torque offsets that may differ between recordings: torque sensors drift and are zeroed again.
+    """Names of torque offsets that may differ between recordings, because torque sensors drift and are zeroed.
 
     Empty if separate offsets could not be estimated and cross-validated: there is only one recording, a recording has
     no rows of some joint, or a recording is too short for the folds.
@@ -215,8 +215,8 @@ def _prior(problem: EstimationProblem, data: Information, weighted: WhitenedSyst
     """Finds the weights of the prior on the base parameters by cross-validation, for selection and estimate.
 
     The selection uses the largest weight whose error is within one standard error of the smallest. With a smaller
-    weight, errors of the bodies can replace friction, which fits the same recording as well and is wrong on others.
-    The estimate uses the weight with the smallest error.
+    weight, errors of the bodies can imitate friction; the fit of the same recording is then as good, but the
+    prediction of other recordings is wrong. The estimate uses the weight with the smallest error.
 
     Args:
         problem: Problem of the model without candidates.

@@ -81,7 +81,7 @@ def refine_shapes(
 def _step(
     path: SelectionPath, extend: ExtendModel, prior: GainPrior, weights: Array, joints: int
 ) -> tuple[float, dict[tuple[int, Candidate], float]]:
-    """Squared residual with the present shapes, and the Gauss-Newton step of the logarithm of each shape."""
+    """Sum of squared residuals with the present shapes, and Gauss-Newton step of the logarithm of each shape."""
     chosen = path.chosen(joints)
     slopes = [
         frozenset(replace(candidate, slope=True) for candidate in laws if choice_of(candidate.term).log_slope)

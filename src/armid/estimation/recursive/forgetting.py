@@ -1,19 +1,19 @@
 """Directional forgetting for blocks of rows: old information is forgotten only where new rows replace it.
 
-Exponential forgetting discounts all information by the same factor. Directions that the motion no longer excites then
-lose all their information, and rounding errors move the estimate far along them (wind-up). So only information that
-new rows replace is forgotten [Cao2000], here for whole blocks of rows of all joints, and only for parameters that may
-change [Vahidi2005].
+Exponential forgetting discounts all information by the same factor. The information about directions that the motion
+no longer excites then tends to zero, and rounding errors move the estimate far along these directions (wind-up). So
+only information that new rows replace is forgotten [Cao2000], here for whole blocks of rows of all joints, and only
+for parameters that may change [Vahidi2005].
 
 For stored rows R and the rows B of a block, there are coordinates in which both are diagonal, Rᵀ R = Wᵀ W and Bᵀ B =
 Wᵀ g W. In direction i the block has g_i times the stored information. With a discount factor λ, the share
 
     f_i = min(1 - λ, RETURN g_i)
 
-of the stored information is forgotten in direction i. A share λ is kept in the discounted factors, and the remaining
-share 1 - λ - f_i as rows √(1 - λ - f_i) W_i. Where g_i ≥ (1 - λ) / RETURN, f_i = 1 - λ and forgetting is exponential;
-where the block has no information, nothing is forgotten. [Lai2024] switches between the two at a threshold; here the
-transition is linear.
+of the stored information is forgotten in direction i. A share λ of the information is kept in the discounted factors.
+The remaining share 1 - λ - f_i is kept as rows √(1 - λ - f_i) W_i. If g_i ≥ (1 - λ) / RETURN, f_i is 1 - λ and
+forgetting is exponential; if the block has no information in direction i, nothing is forgotten. In [Lai2024] a
+threshold decides between these two cases; here the transition is linear.
 """
 
 from __future__ import annotations

@@ -24,8 +24,8 @@ def normalized_innovation(state: RecursiveState, values: Array, new: Information
         new: The rows, one block.
 
     Returns:
-        Squared torque error divided by its expected value, and the square root of the ratio of this value to its
-        usual level, shapes (n,).
+        Two arrays of shape (n,): the squared torque error divided by its expected value; and the square root of this
+        ratio divided by its usual level.
     """
     error = np.zeros(new.n)
     if state.root is None:
@@ -42,7 +42,7 @@ def normalized_innovation(state: RecursiveState, values: Array, new: Information
 
 
 def after_a_gap(stats: Innovations) -> Innovations:
-    """Statistics after a block without rows: they stay the same, but the next block has no correlated neighbour."""
+    """Statistics after a block without rows: unchanged, except that the next block has no correlated neighbour."""
     return replace(stats, normalized_innovation=np.zeros_like(stats.level), pull=np.zeros_like(stats.pull))
 
 

@@ -5,7 +5,7 @@ whitened rows of information that must not be forgotten (`armid.estimation.recur
 initially. Blocks are merged as in batch estimation, so that without forgetting the result is the batch estimate. The
 size of the state and the computing time for each block are constant.
 
-Forgetting changes neither the estimate nor its errors, so the covariance P changes with new rows alone,
+Forgetting changes neither the estimate nor its errors, so the covariance P changes only by new rows,
 
     P' = (1 - X G) P (1 - X G)ᵀ + X S X,        X = H'⁻¹,
 
@@ -57,8 +57,8 @@ def begin(
     Args:
         block: Example of a block: it gives the parameters of each joint's rows and is not added to the state.
         memory: Options of forgetting; if not given, nothing is forgotten.
-        weights: One divided by the standard deviation of each joint's noise, shape (n,); if not given, they follow
-            from the residuals.
+        weights: One divided by the standard deviation of each joint's noise, shape (n,); if not given, they are
+            computed from the residuals.
     """
     b, n, zero = block.count, block.n, np.zeros(block.n)
     joints = tuple(JointFactors(joint.parameters, np.zeros((1, *joint.R.shape[1:]))) for joint in block.joints)
@@ -87,12 +87,11 @@ def resume(
         block: Example of a block: it gives the parameters of each joint's rows.
         earlier: The earlier estimate, of the same parameters.
         memory: Options of forgetting.
-        further: Standard deviations of the m parameters that the blocks have and the estimate lacks, shape (m,);
-            their
-            earlier values are zero.
-        factors: Information from which the earlier estimate was computed. A covariance from few periods or blocks
-            has low rank, as if the estimate were exact in the other directions. With the factors, it is blended
-            with the covariance for white residuals.
+        further: Standard deviations of the m parameters of the blocks that the estimate does not contain, shape (m,);
+            the earlier values of these parameters are zero.
+        factors: Information from which the earlier estimate was computed. If a covariance was computed from few
+            periods or blocks, its rank is low, as if the estimate were exact in the other directions. If the factors
+            are given, such a covariance is blended with the covariance for white residuals.
 
     Raises:
         EstimationError: The estimate has other parameters than the blocks.
@@ -100,9 +99,9 @@ def resume(
     extra = np.zeros(0) if further is None else further
     if earlier.names != block.names[: block.count - len(extra)]:
         raise EstimationError(
-            "The parameters of the earlier estimate are not those of the blocks.",
-            remedy="use the model of the earlier run; if it has friction for each recording, merge it into one "
-            "first.",
+            "The parameters of the earlier estimate differ from those of the new blocks.",
+            remedy="use the model of the earlier run; if the run has separate friction for each recording, merge "
+            "it into one friction first.",
         )
     textbook = earlier.white_deviation**2
     known = textbook > 0.0
@@ -183,8 +182,9 @@ def fit(state: RecursiveState) -> Fit:
     if covariance is None:
         unseen = minimum_norm_solution(state.whole[:, :-1], state.whole[:, -1])[2]
         raise EstimationError(
-            f"The rows so far determine only {len(state.names) - len(unseen)} of {len(state.names)} parameters.",
-            remedy="add blocks, move more joints, or begin with the estimate of an earlier run.",
+            f"The rows that were added so far determine only {len(state.names) - len(unseen)} of {len(state.names)} "
+            "parameters.",
+            remedy="add more blocks, move more joints, or begin with the estimate of an earlier run.",
         )
     data = state.information
     weights = state.weights if state.fixed else _settled(state, data)
@@ -296,7 +296,7 @@ def _settled(state: RecursiveState, data: Information) -> Array:
         state = replace(state, weights=weights)
     raise EstimationError(
         f"The weights of the joints did not converge in {ITERATIONS} iterations.",
-        remedy="give weights, or begin with the estimate of an earlier run.",
+        remedy="give the argument `weights`, or begin with the estimate of an earlier run.",
     )
 
 

@@ -27,12 +27,12 @@ class ForgettingOptions:
     """Options of forgetting.
 
     Attributes:
-        seconds: Time constant [s], after which 37 % of the information remains. Infinite for no forgetting.
+        seconds: Time constant [s], after which 37 % of the information remains. If it is infinite, nothing is
+            forgotten.
         changing: Mask of the parameters that may change, shape (b,); if not given, all. Information about the others
             is never forgotten.
-        renewal: Normalised innovation of a joint from which a block counts as a sudden change. Then the information
-            about
-            the parameters that may change is forgotten, and they are estimated again.
+        renewal: Smallest normalised innovation of a joint that counts as a sudden change. After a sudden change, the
+            information about the parameters that may change is forgotten, and these parameters are estimated again.
         jump: Standard deviations of a sudden change, shape (b,); by default those of the first estimate times
             `JUMP`.
     """
@@ -114,7 +114,7 @@ class RecursiveState:
 
     @property
     def values(self) -> Array:
-        """Estimate, shape (b,); where it is not unique, the one of smallest norm for columns of unit length."""
+        """Estimate, shape (b,); if it is not unique, the one with the smallest norm for columns of unit length."""
         return minimum_norm_solution(self.whole[:, :-1], self.whole[:, -1])[0]
 
     @property

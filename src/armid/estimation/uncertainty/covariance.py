@@ -5,16 +5,16 @@ true value in about a third of the cases instead of 95 %. The kind of covariance
 
 - `white`, equations (2.44) to (2.47) of the thesis, only if the residuals pass a test of whiteness;
 - `period`, from the scatter between periods, if the motion was repeated often enough and the residual does not repeat
-  with the motion. If it repeats, the scatter measures the repeatability of the estimate and not its error;
+  with the motion. If the residual repeats, the scatter shows the repeatability of the estimate and not its error;
 - `spectral`, from the spectra of the residuals and of the columns, correlations between joints included;
 - `block`, from the scatter between blocks of rows, if factors but no samples are available.
 
-All have the form H⁻¹ (S + c P) H⁻¹. H is the normal matrix, prior included, and S the covariance of the right-hand
-side by the noise of the data. P is the precision of the prior in units of one row (the cone of consistent bodies
-counts as a prior). c is the number of rows that count as one independent sample, the unit of the prior's weight. With
-S = c (H - P) this is c H⁻¹, the posterior covariance. For an estimate on the boundary of the cone, the distance from
-the analytic centre is added. Covariances of standard parameters follow from those of base parameters; a parameter
-that is both has the same interval.
+All have the form H⁻¹ (S + c P) H⁻¹. H is the normal matrix, prior included. S is the covariance of the right-hand
+side that the noise of the data causes. P is the precision of the prior in units of one row (the cone of consistent
+bodies counts as a prior). c is the number of rows that count as one independent sample, the unit of the prior's
+weight. With S = c (H - P) this is c H⁻¹, the posterior covariance. For an estimate on the boundary of the cone, the
+distance from the analytic centre is added. Covariances of standard parameters are computed from those of base
+parameters; a standard parameter that is also a base parameter has the same interval.
 
 A parameter that an estimator sets to zero has the interval of the estimate with all parameters.
 """
@@ -105,7 +105,8 @@ class Uncertainty:
         information: Factors of the same rows in the parameters of the fit.
         prior: Precision of the prior, shape (b, b).
         inverse: Inverse of the normal matrix, prior included, shape (b, b).
-        known_covariance: Covariance of known size that is added to the scatter, shape (b, b).
+        known_covariance: Covariance, not estimated from residuals, that is added to the covariance from scatter,
+            shape (b, b).
         moved: Shift of the estimate by rows near velocity reversals that counts as one standard deviation, shape
             (b,).
         observed: Mask of the parameters on which the rows depend, shape (b,).
@@ -164,7 +165,7 @@ class Uncertainty:
         return replace(self._with(scatter.covariance, kind, scatter.freedom), report=report)
 
     def reversal_effect(self, covariance: Array) -> tuple[Array, float, float]:
-        """Shift of the estimate by rows near reversals, and its size in standard deviations by noise.
+        """Shift of the estimate by rows near reversals, compared with the standard deviations caused by noise.
 
         Returns:
             The shift, shape (b,), and the two results of `reach`.
@@ -176,7 +177,7 @@ class Uncertainty:
         return found, reach, most
 
     def reach(self, moved: Array, covariance: Array) -> tuple[float, float]:
-        """Share of a shift (b,) that counts as one standard deviation, and its largest ratio to a deviation."""
+        """Share of a shift (b,) that counts as one standard deviation, and largest ratio of shift and deviation."""
         deviation = np.sqrt(np.maximum(np.diag(covariance), 0.0))
         ratio = np.divide(moved, deviation, out=np.zeros_like(moved), where=deviation > 0.0)[self.observed]
         size = float(np.sqrt(np.mean(ratio**2)))
@@ -185,7 +186,7 @@ class Uncertainty:
         return float(SHIFT_SHARE * np.sqrt(1.0 - (EXPECTED_SHIFT / size) ** 2)), float(np.abs(ratio).max())
 
     def noise_covariance(self, scatter: Array) -> Array:
-        """Covariance of the estimate by noise, from that by the noise of these rows alone, shape (b, b)."""
+        """Covariance (b, b) of the estimate caused by noise, from the covariance caused by noise of these rows."""
         return scatter
 
     def reversal_shift(self) -> Array | None:
@@ -238,7 +239,7 @@ class Uncertainty:
         )
 
     def _with(self, covariance: Array, kind: str, freedom: Array | float) -> Fit:
-        """Fit with the covariance by noise of the data and the known covariance by prior and torque scales."""
+        """Fit with the covariance from noise of the data plus the known covariance from prior and torque scales."""
         return self.with_scatter(replace(self.fit, covariance_kind=kind), covariance, self.known_covariance, freedom)
 
     def with_scatter(self, fit: Fit, scatter: Array, known_covariance: Array, freedom: Array | float) -> Fit:
@@ -355,7 +356,7 @@ def _samples_match(problem: EstimationProblem, rows: NDArray[np.int64]) -> bool:
 
 
 def _repeated(bands: BandProducts, scatter: LevelScatter, rows: Array, weights: Array) -> float:
-    """Variance of the mean residual of all periods, divided by the value expected from their differences."""
+    """Variance of the mean residual of all periods, divided by the value that the differences of periods predict."""
     squares, free = bands.within
     if not (free > 0.0).all():
         return 1.0

@@ -45,8 +45,8 @@ PARTS = 10
 class GatheredBands:
     """M consecutive rows of one segment, averaged if the row rate is high or if periods are folded.
 
-    A row that replaces m rows of a joint is their sum divided by √m, so that products and white noise keep their
-    size.
+    A row that replaces m rows of a joint is the sum of these rows divided by √m, so that products and the variance of
+    white noise do not change.
 
     Attributes:
         columns: W regressor columns joint by joint, zero in masked rows, shape (W, M).
@@ -80,7 +80,7 @@ class BandProducts:
         squares: Sum of squared residuals of all rows, shape (n,).
         within: Sum of squares and number of rows of the differences between periods, shape (2, n); zero without
             periods.
-        averaged: True if rows are averages of neighbouring rows or of periods.
+        averaged: True if rows are averages of neighbouring rows or of several periods.
     """
 
     parameters: tuple[NDArray[np.int32], ...]
@@ -228,8 +228,8 @@ def find_periods(run: ObservedRun) -> NDArray[np.int64] | None:
     """Finds the periods of a motion that repeats.
 
     Returns:
-        First row of each period, then the number of rows of the shortest period. `None` if the repetitions in the run
-        (or its blocks, if the run records no repetitions) are not periods of one motion.
+        First row of each period, then the number of rows of the shortest period. `None` if the repetitions of the run
+        are not periods of one motion. If the run has no record of repetitions, its blocks are tested instead.
     """
     label = run.block if run.repetition is None else run.repetition
     borders = np.flatnonzero(np.diff(label, prepend=-1, append=-1))
@@ -289,7 +289,7 @@ class _Sums:
         residual: Sums of the residuals, shape (n, M).
         count: Number of rows in each sum, shape (n, M).
         squares: Sum of squared residuals, shape (n,).
-        period_squares: Sum over the periods of squared mean residual · number of rows, shape (n,).
+        period_squares: Sum over the periods of (mean residual)² · number of rows, shape (n,).
     """
 
     def __init__(self, places: list[NDArray[np.intp]], widths: list[int], length: int, averaging: int) -> None:
@@ -328,7 +328,7 @@ class _Sums:
 
 
 def _segments(run: ObservedRun, rows_per_mean: int) -> tuple[list[tuple[int, int]], bool]:
-    """First row and number of rows of each segment; true if all segments are periods that are folded into one."""
+    """First row and number of rows of each segment, and true if all segments are periods that are folded into one."""
     periods = find_periods(run)
     if periods is not None:
         return [(int(a), int(periods[-1])) for a in periods[:-1]], True

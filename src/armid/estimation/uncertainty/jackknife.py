@@ -53,7 +53,7 @@ class RepetitionBlocks:
 
     @classmethod
     def of_blocks(cls, motions: Groups) -> RepetitionBlocks:
-        """Assignment if each block is one repetition, from the index of the motion of each block (-1 for none)."""
+        """Assignment for blocks that are one repetition each, from the motion of each block (index, -1 for none)."""
         used = np.flatnonzero(motions >= 0)
         groups = np.full(len(motions), -1, dtype=np.int64)
         groups[used] = np.arange(len(used))
@@ -166,8 +166,8 @@ def blend_with_textbook(scatter: Array, textbook: Array, freedom: float) -> Arra
     """Blends a covariance from scatter with the covariance for white residuals, so that it can be inverted.
 
     A covariance from scatter with f degrees of freedom has the rank f; in all other directions the estimate would
-    count as exact. Besides, each variance has the relative error √(2/f). The white covariance is scaled by the mean
-    ratio of the variances and gets the weight of b degrees of freedom.
+    count as exact. Moreover, each variance has the relative error √(2/f). For the blend, the white covariance is
+    scaled by the mean ratio of the variances and gets the weight of b degrees of freedom.
 
     Args:
         scatter: Covariance from the scatter between blocks or periods, shape (b, b).
@@ -207,7 +207,7 @@ def correlation(information: Information, groups: Groups, values: Array, weights
 def block_products(
     information: Information, groups: Groups, values: Array, weights: Array, scale: Array
 ) -> tuple[Array, Array]:
-    """Normal matrices H_k (groups, b, b) and gradients s_k (groups, b) of groups, with parameters times `scale`.
+    """Normal matrices H_k (groups, b, b) and gradients s_k (groups, b) of groups, for parameters times `scale`.
 
     Args:
         information: Factors of each block.

@@ -1,7 +1,8 @@
 """Noise spectrum of a recording, and the covariance of an estimate under this noise.
 
-Residuals underestimate the noise, most at the frequencies that the motion excites, because the fit absorbs part of it
-there. With weighted rows X̃, residuals r̃ and M = 1 - X̃ H⁻¹ X̃ᵀ, noise with covariance Γ = Σ_c θ_c E_c gives
+Residuals are smaller than the noise, because the fit removes part of the noise, mostly at the frequencies that the
+motion excites. With weighted rows X̃, residuals r̃ and M = 1 - X̃ H⁻¹ X̃ᵀ, noise with covariance Γ = Σ_c θ_c E_c
+gives
 
     E[r̃ᵀ E_a r̃] = Σ_c tr(E_a M E_c M) θ_c,        cov = H⁻¹ X̃ᵀ Γ X̃ H⁻¹.
 
@@ -69,8 +70,8 @@ class NoiseModel:
     """Equations for the levels of the noise, for one set of rows and weights.
 
     Attributes:
-        basis: Shares with which the levels at B frequencies give the level in each of E bands, shape (B, E); the
-            shares of a band add to one.
+        basis: Weights of the levels at B frequencies in the level of each of E bands, shape (B, E); the sum of the
+            weights of a band is one.
         pairs: First and second joint of each pair, shapes (pairs,).
         equations: Coefficients tr(E_a M E_c M) of the levels, shape (levels, levels), ordered by frequency, then by
             pair.
@@ -110,7 +111,7 @@ class NoiseModel:
 
     @property
     def multiplicity(self) -> Array:
-        """Number of elements of a covariance matrix for each pair of joints, 1 or 2, shape (pairs,)."""
+        """Number of elements of a covariance matrix that belong to each pair of joints: 1 or 2, shape (pairs,)."""
         return np.where(np.equal(*self.pairs), 1.0, 2.0)
 
     @staticmethod
@@ -121,7 +122,7 @@ class NoiseModel:
     def levels(self, moments: Array) -> Array:
         """Covariance of the noise of the weighted rows at each of the B frequencies of `basis`, shape (B, n, n).
 
-        Between these frequencies the noise is interpolated, so that it is known in all E bands of the data.
+        Between these frequencies the noise is interpolated, which gives the noise in all E bands of the data.
 
         Args:
             moments: Products of the unweighted residuals of two joints in each band, shape (E, n, n) [N²·m² or N²].
@@ -266,6 +267,6 @@ def level_basis(bands: BandProducts) -> Array:
 
 
 def _packing(b: int) -> Array:
-    """Factors of the elements of the upper triangle, so that packed matrices have the inner product of full ones."""
+    """Factors of the upper triangle's elements with which packed and full matrices have the same inner product."""
     rows, columns = np.triu_indices(b)
     return np.where(rows == columns, 1.0, np.sqrt(2.0))

@@ -2,9 +2,9 @@
 
 Near a reversal dry friction passes through its whole range within milliseconds: the joint sticks for a moment, or the
 filtered velocity crosses zero a little earlier or later than the true velocity. The resulting model error is not
-noise. It has the sign of the acceleration and occurs where the acceleration is largest, so it biases the inertias.
-Neither scatter nor spectrum of the residuals shows this bias. A comparison of the estimates with and without these
-rows shows it, since both are consistent if the model is correct [Hausman1978].
+noise. This error has the sign of the acceleration and occurs when the acceleration is largest, so it biases the
+inertias. Neither the scatter nor the spectrum of the residuals shows this bias. If the model is correct, the
+estimates with and without these rows agree except for noise; a larger difference shows the bias [Hausman1978].
 """
 
 from __future__ import annotations

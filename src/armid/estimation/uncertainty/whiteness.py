@@ -1,10 +1,10 @@
 """Test of whiteness of the residuals, which decides whether white intervals are valid.
 
 If the noise is white with equal variance in all weighted rows, the spectrum of the residual is flat except for the
-part that the fit absorbs, the joints are uncorrelated, and all joints and parts of the time have the same variance.
+part that the fit removes, the joints are uncorrelated, and all joints and parts of the time have the same variance.
 The means and variances of these statistics are known. Therefore the statistics are compared with a chi-squared
-distribution, as Ljung and Box do for autocorrelations [Ljung1978]. The part that the fit absorbs is subtracted at
-each frequency.
+distribution, as Ljung and Box do for autocorrelations [Ljung1978]. The part that the fit removes is taken into
+account at each frequency.
 """
 
 from __future__ import annotations

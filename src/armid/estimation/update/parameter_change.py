@@ -16,8 +16,8 @@ class ParameterChange:
         before: Earlier value.
         after: New value.
         change: Change of the value. For a parameter with separate values in earlier and new recordings, it is the
-            difference in the solution from all recordings, where common errors, such as those of torque scales,
-            cancel. So it can differ slightly from after - before.
+            difference in the common solution of all recordings. Common errors, such as errors of torque scales,
+            cancel in this difference, so it can differ slightly from after - before.
         deviation: Standard deviation of the change.
         half: Half of the 95 % interval of the change.
     """
@@ -48,5 +48,5 @@ class ParameterChange:
 
 
 def changed(changes: Iterable[ParameterChange]) -> list[ParameterChange]:
-    """Selects the changes that noise does not explain, the largest first; command line, record and page list them."""
+    """Selects the changes that noise does not explain, the largest first, for command line, record and page."""
     return sorted((each for each in changes if each.beyond), key=lambda each: -each.size)

@@ -8,9 +8,10 @@ pseudo-inertia ⪰ 0 and the smallest distance d.
     d²(θ) = (θ - θ̂)ᵀ C⁻¹ (θ - θ̂)
 
 An interval begins as the interval by Student's t distribution about θ̂. It is intersected with the values of
-consistent bodies in the joint 95 % region of all parameters, and extended to the nearest consistent body if that is
-outside. The true body is consistent, so the intersection does not reduce the coverage. An interval about the nearest
-body alone would not contain the true value of a thin payload, whose inertia is on the boundary of the consistent set.
+consistent bodies in the joint 95 % region of all parameters. If the nearest consistent body is outside, the interval
+is extended to it. The true body is consistent, so the intersection does not reduce the coverage. An interval about
+the nearest body alone would not contain the true value of a thin payload, whose inertia is on the boundary of the
+consistent set.
 """
 
 from __future__ import annotations
@@ -60,11 +61,11 @@ RANK_TOLERANCE = 1e-9
 
 @dataclass(frozen=True, eq=False, slots=True)
 class PayloadEstimate:
-    """Payload on the last link, in the frame of its ten parameters.
+    """Estimate of the payload on the last link, in the frame of this link.
 
     Attributes:
         values: Parameters of the nearest consistent body, shape (10,).
-        statistical: 95 % intervals for exact torque scales, shape (10, 2).
+        statistical: 95 % intervals if the torque scales were exact, shape (10, 2).
         intervals: 95 % intervals with uncertain torque scales, shape (10, 2).
         status: Status of each parameter.
         com: Centre of mass, shape (3,) [m].
@@ -138,7 +139,7 @@ def estimate_gains(stacked: StackedProblem, known: Array, deviation: Array) -> t
     Args:
         stacked: As for `estimate_payload`.
         known: Known parameters of the payload, NaN for unknown ones, shape (10,).
-        deviation: Relative standard deviations of the gains, shape (n,); infinite where nothing is known.
+        deviation: Relative standard deviations of the gains, shape (n,); infinite for unknown gains.
 
     Raises:
         EstimationError: The iteration does not converge, or the data determine no gain.
@@ -225,7 +226,8 @@ class _Region:
         white: Whitening matrix of k rows, shape (k, f): the distance is |white · (θ - estimate)| standard deviations.
         body: Matrix and offset with which the free parameters give the upper triangle of (pseudo-inertia -
             `EPSILON`).
-        reach: Largest change of an eigenvalue of the pseudo-inertia within one standard deviation.
+        reach: Largest change of an eigenvalue of the pseudo-inertia if the parameters change by one standard
+            deviation.
     """
 
     def __init__(self, estimate: Array, free: NDArray[np.bool_], null_space: Array, covariance: Array) -> None:
@@ -284,7 +286,7 @@ class _Region:
         return ends
 
     def _intersect(self, ends: Array, nearest: Array, radius: float, undetermined: NDArray[np.bool_]) -> None:
-        """Intersects intervals with the values of consistent bodies in the region, extended to the nearest body."""
+        """Intersects intervals with the values of consistent bodies in the region; includes the nearest body."""
         f = int(self.free.sum())
         rows = np.vstack([np.zeros(f), self.white])
         offset = np.concatenate([[radius], -self.white @ self.estimate[self.free]])
@@ -304,7 +306,7 @@ class _Region:
 
 
 def _status(values: Array, half: Array, undetermined: NDArray[np.bool_]) -> tuple[Status, ...]:
-    """Status of each parameter: its interval is compared with the bounds that follow from mass and size of the body.
+    """Status of each parameter, from its interval and the bounds that follow from mass and size of the body.
 
     `half` are the half widths (10,) of the intervals without consistency. With r² the mean square distance of the
     payload's mass from the origin of the frame, the bounds are |MX| ≤ M r and |XX| ≤ M r².
@@ -335,8 +337,8 @@ def _inertia_about_com(
 ) -> Array:
     """Intervals (6, 2) of the inertia about the centre of mass, from its derivatives by the parameters.
 
-    They are centred at the unconstrained estimate and extended to the nearest consistent body. Moments of inertia are
-    not negative.
+    The intervals are centred at the unconstrained estimate and extended to the nearest consistent body. Intervals of
+    moments of inertia contain no negative values.
     """
     ends = np.full((6, 2), np.nan)
     if estimate[MASS] > 0.0:

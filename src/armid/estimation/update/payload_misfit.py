@@ -7,9 +7,10 @@ test,
     F = [(S - S₀) / (c p)] / [S₀ / (m - p)],
 
 with p and (m - p) / c degrees of freedom, where m is the number of rows of the joint, p the sum of their leverages
-and c the number of rows that count as one independent sample. The residual of the earlier recordings is no reference,
-because the error of the friction model depends on the motion: on recordings of simulated arms with a correct load the
-residual changed by factors of 0.7 to 24. The two fits compared here have the same motion and the same model.
+and c the number of rows that count as one independent sample. The residual of the earlier recordings cannot be used
+as reference, because the error of the friction model depends on the motion: on recordings of simulated arms with a
+correct load the residual changed by factors of 0.7 to 24. The two fits compared here have the same motion and the
+same model.
 """
 
 from __future__ import annotations
@@ -92,7 +93,7 @@ def misfit_of(
 ) -> PayloadMisfit:
     """Solves a stacked problem and compares its residuals to those of a fit of the new recordings alone.
 
-    Uncertain torque scales are estimated here, so that a wrong gain is not reported as a load on another link.
+    Uncertain torque scales are estimated, too, so that a wrong gain is not mistaken for a load on another link.
 
     Args:
         stacked: Stacked problem with the payload.

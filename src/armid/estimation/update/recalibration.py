@@ -1,4 +1,4 @@
-"""Recalibration of an earlier estimate: new recordings determine changed parameters, all recordings the others."""
+"""Recalibration: new recordings determine the changed parameters, all recordings determine the other parameters."""
 
 from __future__ import annotations
 
@@ -105,8 +105,8 @@ def _changes(
     """Change of every parameter and its significance.
 
     For a parameter with separate values, the standard deviation of the difference follows from the solution of all
-    recordings. A common parameter has only one value in that solution; its earlier and new estimate are compared as
-    if they were independent.
+    recordings. A common parameter has only one value in that solution; its earlier and its new estimate are compared
+    as if the two were independent.
     """
     before = collapse(names, fit)
     earlier = np.array([[name == copy.of_all for copy in fit.names] for name in names], dtype=np.float64)
@@ -128,7 +128,8 @@ def _changes(
 def _shifted(earlier: Information, unknowns: tuple[str, ...], values: Array, solution: Array) -> Information:
     """Earlier factors with torques shifted by the effect of the changed values.
 
-    Their residuals stay the same. So least squares on these factors and the new ones gives the new values.
+    The residuals of the factors stay the same. So least squares on these factors and the new factors gives the new
+    values.
     """
     position = {name: k for k, name in enumerate(unknowns)}
     joints = [np.array(joint.R) for joint in earlier.joints]

@@ -2,9 +2,9 @@
 
 For the earlier recordings, the covariance C of the earlier estimate is used. With A the whitened earlier rows in the
 earlier parameters and J the same rows in the unknowns, their part of the right-hand side of the normal equations has
-the covariance JᵀA C AᵀJ. The covariance of the new recordings follows from their samples, as in an identification;
-all other information enters as a prior. The shifts by velocity reversals in earlier and new recordings have the same
-cause, so they are added with their signs.
+the covariance JᵀA C AᵀJ. The covariance of the new recordings is computed from their samples, as in an
+identification; all other information is treated as a prior. Velocity reversals shift the earlier and the new estimate
+by the same cause. These shifts are therefore added with their signs, not as variances.
 """
 
 from __future__ import annotations
@@ -41,8 +41,8 @@ class PriorInformation:
 
     Attributes:
         precision: Normal matrix of this information, shape (u, u).
-        certain: Covariance of the estimate by rows of known variance, shape (u, u).
-        scatter: Covariance of the estimate by the noise of earlier recordings, shape (u, u).
+        certain: Covariance of the estimate caused by rows of known variance, shape (u, u).
+        scatter: Covariance of the estimate caused by the noise of earlier recordings, shape (u, u).
         freedom: Degrees of freedom of `scatter`, shape (u,).
         moved: Shift of the estimate by rows near reversals in earlier recordings, shape (u,).
         reach: Share of this shift that counts as one standard deviation in the earlier estimate.

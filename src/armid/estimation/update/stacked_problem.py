@@ -181,7 +181,7 @@ def _is_determined(earlier: Information, fit: Fit) -> bool:
 
 
 def _shift_to_estimate(separated: Information, old: NDArray[np.bool_], earlier: Information, fit: Fit) -> Information:
-    """Shifts the torques of the earlier blocks so that the earlier estimate minimises the cost; keeps residuals.
+    """Shifts the torques of earlier blocks so that the earlier estimate minimises the cost with equal residuals.
 
     The shift is zero if the earlier estimate is a least-squares solution. It is not zero if constraints were active
     or if single rows had weights.
@@ -208,8 +208,8 @@ def _errors(
         earlier: Factors of the earlier estimate.
         names: Names of the c unknowns.
         fit: The earlier estimate.
-        blocks: As in `EarlierErrors`.
-        prior: As in `EarlierErrors`.
+        blocks: Mask of the blocks that belong to the earlier estimate, shape (blocks,).
+        prior: Number of rows of the prior of the earlier estimate.
     """
     kept, selection = _in_estimate_parameters(earlier, names, fit)
     scale_sensitivity = (

@@ -3,8 +3,8 @@
     minimise Σ_j w_j² |ρ_j - s_j R_j x|² + |P x - p|²,        s_j = 1 unless estimated
 
 For each joint j, w_j is the weight, R_j the factor, ρ_j its right-hand side and s_j the scale; P and p are the rows
-of the prior. A scale multiplies the model and not the measured torque. A column of measured torque would contain
-noise, which biases the scale by the share of noise in the torque.
+of the prior. A scale multiplies the model and not the measured torque. If a scale multiplied the measured torque, the
+noise of this column would bias the scale by the share of noise in the torque.
 """
 
 from __future__ import annotations
@@ -139,7 +139,7 @@ class _Unknowns:
         known: Values of the known parameters, zero elsewhere, shape (c,).
         free: Mask of the unknowns, shape (c,).
         prior: The k whitened rows for unknowns and scales, right-hand side last, shape (k, u + 1) or (k, u + n + 1).
-        scaled: True if the scales are unknowns, too; they follow the parameters.
+        scaled: True if the scales are unknowns, too; their columns follow those of the parameters.
     """
 
     known: Array
@@ -263,8 +263,8 @@ def _iterate_weights(
             return weights, values, scale
     raise EstimationError(
         f"The weights of the joints and the scales of their torques did not converge in {ITERATIONS} iterations.",
-        remedy="record a longer motion, or give `drive_gain_deviation`, so that the gains stay near the given "
-        "values.",
+        remedy="record a longer motion, or give the key `drive_gain_deviation`, so that the gains stay near the "
+        "given values.",
     )
 
 

@@ -1,9 +1,10 @@
 """Bodies of adjacent links: their distance depends on the position of one joint alone.
 
-Adjacent links are connected by a joint, so most of their bodies touch in all poses, or turn about each other across a
-gap that never changes. Others can collide, such as the jaws of a gripper or a forearm that folds onto the upper arm.
-Since one joint determines their distance, it is computed over the range of this joint, and a plan keeps within the
-positions in which they are apart. A search needs nothing but narrower position limits for this.
+Adjacent links are connected by a joint, so most of their bodies touch in all poses, or rotate against each other with
+a gap of constant width. Other bodies of adjacent links can collide, such as the jaws of a gripper or a forearm that
+folds onto the upper arm. Since one joint determines their distance, it is computed over the range of this joint, and
+a plan keeps the joint within the positions in which the bodies are apart. For a search this only means narrower
+position limits.
 """
 
 from __future__ import annotations
@@ -63,9 +64,9 @@ class AdjacentPair:
         joint: Index of the joint between their links.
         kept: Required distance between the two bodies [m].
         free: Ranges of the joint's position in which the bodies keep this distance, in ascending order [rad or m].
-        constant: Whether the distance is the same at `ROUGH` positions, as across the gap of a flange, and the
-            profiles of both meshes prove that they keep `kept` at all angles; the distance is then measured at only
-            as many positions of a motion.
+        constant: True if the distance is the same at `ROUGH` positions, as between the two sides of a flange, and the
+            profiles of both meshes prove that it is at least `kept` at all angles. For such a pair, the distance is
+            computed at only `ROUGH` positions of a motion.
     """
 
     pair: BodyPair
@@ -81,11 +82,11 @@ class AdjacentLinks:
     """Pairs of bodies of adjacent links.
 
     Attributes:
-        checked: Pairs that are kept apart.
+        checked: Pairs that a plan must keep apart.
         left_out: Pairs that are not checked: they touch in most positions, or the user has excluded them. Their
             `share` is that of the positions in which they touch or are less than a millimetre apart.
         reach: Range of each joint in which `checked` was computed, shape (n, 2) [rad or m].
-        margin: Largest required distance, which was asked for [m].
+        margin: Distance that the user requires [m]; the required distance of a pair may be smaller.
     """
 
     checked: tuple[AdjacentPair, ...]
@@ -94,11 +95,11 @@ class AdjacentLinks:
     margin: float = 0.0
 
     def narrowed(self, limits: Limits, start: Array | None) -> Limits:
-        """Limits whose position ranges keep adjacent links apart: about a start pose, or the widest ones.
+        """Limits with position ranges that keep adjacent links apart: with the start pose if given, else the widest.
 
         Args:
             limits: Limits of the joints.
-            start: Given start pose, shape (n,) [rad or m], if any.
+            start: Start pose, shape (n,) [rad or m]; `None` if it is not given.
 
         Raises:
             ArmidError: Bodies are too close to each other in the start pose.
@@ -135,9 +136,9 @@ def adjacent_links(
 ) -> AdjacentLinks:
     """Pairs of bodies of adjacent links, with the positions of the joint between them in which they are apart.
 
-    The required distance is half of the distance that the bodies exceed in nearly all positions in which they do not
-    touch, and at most the margin. Pairs that touch in nearly all positions, that are usually closer than a
-    millimetre, or that are apart in less than a third of the range are not checked.
+    The required distance is the margin, or less if the bodies are close to each other: at most half of the distance
+    that they exceed in nearly all positions in which they do not touch. Pairs that touch in nearly all positions,
+    that are usually closer than a millimetre, or that are apart in less than a third of the range are not checked.
 
     Args:
         robot: The arm.
@@ -182,7 +183,7 @@ def adjacent_links(
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _AdjacentBodies:
-    """Two bodies, with the joint between them and a pose for the positions of the other joints."""
+    """Two bodies with the joint between them. The other joints rest in a fixed pose."""
 
     robot: Robot
     shapes: tuple[Shape, ...]
@@ -221,17 +222,17 @@ class _AdjacentBodies:
         return not profiles[0].closer_than(profiles[1], kept)
 
     def hulls(self, q: Array) -> Array:
-        """Distances of convex bodies around the two bodies at positions (k,) of the joint [m]."""
+        """Distances [m] of convex bodies that enclose the two bodies, at positions (k,) of the joint."""
         return distances(self.shapes, np.array([self.bodies]), self.poses(q), parts_of)[:, 0]
 
 
 def adjacent_ranges(robot: Robot, adjacent: AdjacentLinks, limits: Limits, narrowed: Limits) -> tuple[Finding, ...]:
-    """Finding that names the joints whose range is narrowed because adjacent links would come too close beyond it.
+    """Finding that names the joints whose range is reduced because adjacent links are too close in the rest of it.
 
     Args:
         robot: The arm.
         adjacent: Pairs of adjacent links.
-        limits: Limits of the joints before.
+        limits: Limits of the joints before the reduction.
         narrowed: Limits with narrowed positions.
     """
     parts: list[str] = []
@@ -253,7 +254,7 @@ def adjacent_ranges(robot: Robot, adjacent: AdjacentLinks, limits: Limits, narro
 
 
 def spread_positions(q: Array, count: int = POSITIONS) -> NDArray[np.intp]:
-    """Indices of poses that spread over the range of the positions (N,) of a joint, in ascending order of these.
+    """Indices of poses at which the positions (N,) of a joint spread over their range, sorted by position.
 
     Args:
         q: Positions of the joint, shape (N,) [rad or m].
@@ -268,7 +269,7 @@ def spread_positions(q: Array, count: int = POSITIONS) -> NDArray[np.intp]:
 def _judged(
     looked: _AdjacentBodies, q: Array, bound: Array, margin: float, label: BodyPair
 ) -> AdjacentPair | IgnoredPair:
-    """Required distance of a pair and the positions with at least this distance, or why the pair is not checked.
+    """Pair with its required distance and the positions with at least this distance, or the reason to leave it out.
 
     Args:
         looked: The two bodies.
@@ -311,7 +312,7 @@ def _judged(
 
 
 def _intervals(is_clear: Callable[[float], bool], q: Array, clear: NDArray[np.bool_]) -> tuple[Interval, ...]:
-    """Ranges of the positions (k,) at which bodies are clear; their ends are found by bisection."""
+    """Ranges of the joint's positions (k,) in which the bodies keep their distance; ends found by bisection."""
 
     def end(inside: float, outside: float) -> float:
         for _ in range(HALVED):
@@ -339,7 +340,7 @@ def _common(free: Sequence[Interval], pairs: Sequence[AdjacentPair]) -> list[Int
 
 
 def _widest(free: Sequence[Interval]) -> Interval:
-    """Widest range, or the one about zero if it is nearly as wide."""
+    """Widest of several ranges, or the range that contains zero if it is nearly as wide."""
     widest = max(free, key=lambda each: each[1] - each[0])
     enough = FAVOURED * (widest[1] - widest[0])
     return next((each for each in free if each[0] < 0.0 < each[1] and each[1] - each[0] >= enough), widest)

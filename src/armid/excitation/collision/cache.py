@@ -1,8 +1,8 @@
 """Cache of arrays in the user's cache folder, for results that depend only on the content of a file.
 
-An entry is written to a temporary file and then renamed, so that another process reads all of it or nothing. An entry
-that cannot be read is computed again. If the folder cannot be written, nothing is stored and no error is raised. If
-all entries together are larger than `LARGEST`, the least recently used ones are removed.
+An entry is written to a temporary file and then renamed, so that another process never reads a part of an entry. An
+entry that cannot be read is computed again. If the folder cannot be written, nothing is stored and no error is
+raised. If the total size of the entries exceeds `LARGEST`, the least recently used entries are removed.
 """
 
 from __future__ import annotations
@@ -74,7 +74,7 @@ def keep(name: str, arrays: Arrays) -> None:
 
 
 def _prune(folder: Path, newest: str) -> None:
-    """Removes the least recently used entries until the others are within the limit; the newest entry is kept."""
+    """Removes the least recently used entries until the total size is within the limit; the newest entry is kept."""
     found: list[tuple[float, int, Path]] = []
     for path in folder.glob("*.npz"):
         with suppress(OSError):  # another process was faster

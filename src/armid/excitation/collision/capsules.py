@@ -1,9 +1,9 @@
 """Bounding capsules of bodies: if the capsules of two bodies do not touch, the bodies do not touch.
 
-Capsules and spheres of the description are represented exactly. Other bodies are cut into slices across a principal
-axis, and each slice, cut edges included, is enclosed in the smallest capsule found. The number of slices is increased
-as long as this clearly reduces the total volume. For an elbow with an offset, for instance, one capsule would be far
-too large.
+Capsules and spheres of the description are represented exactly. Other bodies are cut into slices by planes
+perpendicular to a principal axis. Each slice is enclosed in the smallest capsule that is found. The number of slices
+is increased as long as this clearly reduces the total volume. For an elbow with an offset, for instance, one capsule
+would be far too large.
 """
 
 from __future__ import annotations
@@ -40,8 +40,8 @@ class Points:
 
     Attributes:
         at: Positions, shape (v, 3) [m].
-        count: Number of triangles that use each point, shape (v,): weight of the point when the principal axes are
-            computed.
+        count: Number of triangles that use each point, shape (v,). It is the weight of the point in the computation
+            of the principal axes.
     """
 
     at: Array
@@ -97,7 +97,7 @@ def cuts_of(corners: Array, faces: NDArray[np.intp]) -> Cuts:
 
 
 def smallest(cuts: Cuts, make: Callable[[Points], Made], volume: Callable[[Made], float]) -> tuple[Made, ...]:
-    """Bounding volumes of a body, with as many slices as clearly reduce the total volume.
+    """Bounding volumes of a body; the number of slices is increased as long as this clearly reduces the total volume.
 
     Args:
         cuts: The body, cut by `cuts_of`.
@@ -149,7 +149,7 @@ def around(name: str, part: Points, outer: Array) -> Shape:
 
     Args:
         name: Name of the capsule.
-        part: The points. The directions of their principal axes are tried as the axis of the capsule.
+        part: Points of the body. Each of their principal axes is tried as the direction of the axis of the capsule.
         outer: Points that the capsule must enclose, for instance the corners of their convex hull, shape (k, 3) [m].
     """
     centre = np.average(part.at, axis=0, weights=part.count)

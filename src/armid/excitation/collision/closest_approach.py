@@ -4,8 +4,8 @@ The search and its certificate use capsules and hulls on their own grids. Here t
 again, pose by pose. Primitive shapes (sphere, box, capsule) are represented exactly. A cylinder is enclosed in a
 prism. A mesh is cut into slices; it is replaced by the convex hulls of the slices, which together contain the mesh.
 For the few pairs whose hulls overlap although the bodies do not, the triangles of the meshes are used. The distance
-of adjacent links is computed for positions of the joint between them, because it depends on nothing else. Preflight
-pages and the exit code report these distances.
+of adjacent links depends only on the joint between them; it is therefore computed for positions of this joint.
+Preflight pages and the exit code report these distances.
 """
 
 from __future__ import annotations
@@ -66,8 +66,8 @@ class ClosestApproach:
         time: Time of the closest approach [s].
         asked: Required distance [m].
         measured: Representation with which the distance was computed: `bodies`, `hulls` or `triangles`.
-        constant: Whether the distance is small and changes by 3 mm at most, in the motion and in random poses, as
-            between neighbouring links that turn against each other across a narrow gap.
+        constant: True if the distance is small and changes by 3 mm at most, in the motion and in random poses, as
+            between neighbouring links that rotate against each other with a narrow gap.
     """
 
     pair: BodyPair
@@ -121,7 +121,7 @@ class AdjacentDistances:
     Attributes:
         which: Indices of the poses, in ascending order of the joint's positions, shape (k,).
         distance: Distances in these poses, shape (k,) [m].
-        by_hulls: Whether the convex hulls of meshes were measured, because these are far apart.
+        by_hulls: True if the distances of the convex hulls of meshes were computed, because the hulls are far apart.
     """
 
     which: NDArray[np.intp]
@@ -129,7 +129,7 @@ class AdjacentDistances:
     by_hulls: bool
 
     def is_constant(self, collision: CollisionOptions, pair: AdjacentPair, anywhere: tuple[Array, Array]) -> bool:
-        """Tests whether the distance of a pair is small and the same in all poses, as across the gap of a joint.
+        """Tests whether the distance of a pair is small and the same in all poses, as at the gap of a joint.
 
         Args:
             collision: Pairs of bodies that must be kept apart.

@@ -1,8 +1,8 @@
-"""Distances computed with Coal, a library installed with Pinocchio: of bodies, and of convex bodies around them.
+"""Distances of bodies and of convex bodies around them, computed with Coal, a library installed with Pinocchio.
 
 Coal is much slower than the capsules of armid. Distances of the bodies themselves are therefore computed only after a
-plan is finished, and those of convex bodies (`armid.excitation.collision.hull_distances`) only if capsules are too
-wide.
+plan is finished, and those of convex bodies (`armid.excitation.collision.hull_distances`) only for bodies for which
+capsules are too wide.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ _tell: ContextVar[Tell] = ContextVar("_tell", default=lambda path: None)
 
 @contextmanager
 def telling_of_meshes(tell: Tell) -> Generator[None]:
-    """Calls a function with the path of each mesh before it is read."""
+    """Context in which a function is called with the path of each mesh before the mesh is read."""
     token = _tell.set(tell)
     try:
         yield
@@ -47,7 +47,7 @@ def _coal() -> Any:
 
 
 def stamp(path: str) -> tuple[int, int]:
-    """Size and modification time of a file, by which a change is noticed; zeros if the file does not exist."""
+    """Size and modification time of a file, from which a change is detected; zeros if the file does not exist."""
     try:
         about = os.stat(path)
     except OSError:
@@ -166,7 +166,7 @@ def _placed(shape: Shape, poses: tuple[Array, Array]) -> list[Any]:
 
 
 def whole(shape: Shape) -> tuple[Any, ...]:
-    """Coal geometry of a body as its only part, for the argument `parts` of `distances`."""
+    """Coal geometry of a whole body, in a tuple of length one, for the argument `parts` of `distances`."""
     return (geometry(shape),)
 
 
@@ -221,8 +221,8 @@ def nearest(
 
     Returns:
         Distances, shape (N, m) [m], negative where parts overlap; then, shape (N, m, 3) each, nearest point of the
-        first body, nearest point of the second, and unit vector from the second to the first along which they
-        separate.
+        first body, nearest point of the second body, and unit vector from the second to the first body, in which
+        direction they separate.
     """
     shape = (len(poses[1]), len(pairs))
     out = np.full(shape, np.inf)

@@ -67,7 +67,7 @@ class CollisionOptions:
     Attributes:
         searched: Pairs that can come close to each other, for the search; `None` if there are none.
         every: All pairs that are checked with bounding volumes, for the certificate.
-        skipped: Pairs that are not checked, but for those of adjacent links.
+        skipped: Pairs that are not checked, without those of adjacent links.
         shapes: The bodies themselves, the surroundings last.
         pairs: Indices into `shapes` of the pairs of `every`, shape (m, 2).
         own: Number of shapes that belong to the arm.
@@ -95,7 +95,7 @@ class CollisionOptions:
 
     @property
     def clearance(self) -> float:
-        """Distance that was asked for; pairs that are close by construction must keep less [m]."""
+        """Distance that the user requires [m]; it is smaller for pairs that are close by construction."""
         return self.adjacent.margin
 
     @property
@@ -112,7 +112,7 @@ class CollisionOptions:
         return np.asarray(result)
 
     def too_close_as_they_are(self, robot: Robot, q: Array) -> list[int]:
-        """Joints between bodies of `measured` that do not keep their required distance in all poses (N, n)."""
+        """Joints between the bodies of those pairs of `measured` that are too close in one of the poses (N, n)."""
         poses = forward_kinematics(robot, q)
         moving = (
             joints_on_path(robot, *(self.shapes[k].link for k in pair))
@@ -135,7 +135,7 @@ class CollisionModel:
         nearest: Smallest distance of each pair in many random poses, shape (m,) [m].
         touching: Share of these poses in which each pair is closer than the required distance, shape (m,).
         tried: Some of these random poses, shape (k, n) [rad or m].
-        ignored: Pairs that the user has excluded: from the index of the pair to the option or file that excludes it.
+        ignored: Option or file with which the user excludes a pair, by the index of the pair.
         adjacent: Pairs of adjacent links, which are not among `pairs`.
     """
 
@@ -153,14 +153,14 @@ class CollisionModel:
     def excess_distance(self, q: Array) -> Array:
         """Smallest excess of the distance over the required one in poses (N, n), shape (N,) [m]; negative if closer.
 
-        A positive value is a lower bound.
+        If the result is positive, it is a lower bound.
         """
         return self._excess(q, self.required.margin)
 
     def search_excess_distance(self, q: Array) -> Array:
-        """Smallest excess of the distance over the larger distance that a search keeps, in poses (N, n).
+        """Smallest excess of the distance in poses (N, n) over the distance that a search requires.
 
-        The search keeps the required distance plus `required.spare`; see `excess_distance`.
+        A search requires the required distance plus `required.spare`. Shape and sign are those of `excess_distance`.
         """
         return self._excess(q, self.required.margin + self.required.spare)
 
@@ -195,12 +195,13 @@ class CollisionModel:
         return self.bodies.distances(forward_kinematics(self.robot, q))
 
     def closer(self, which: NDArray[np.intp], margin: float, gain: float = -1.0) -> CollisionModel:
-        """Model in which some pairs are measured with hulls, if these enclose the bodies more tightly than capsules.
+        """Model that uses convex hulls for some pairs, if hulls enclose their bodies more tightly than capsules.
 
         Args:
             which: Indices of the pairs, in ascending order.
             margin: Distance below which bodies count as touching [m].
-            gain: Smallest difference of the shares of random poses in which capsules and hulls touch.
+            gain: Share of random poses in which capsules touch, minus the share in which hulls touch: smallest value
+                for which hulls are used.
         """
         hulls, poses = Hulls(self.shapes, self.pairs[which], which), forward_kinematics(self.robot, self.tried)
         apart, before = hulls.distances(poses), self.bodies.distances(poses)[:, which]
@@ -236,8 +237,8 @@ def _check(robot: Robot, margin: float) -> None:
         )
     if not robot.shapes:
         raise ArmidError(
-            f"The description of {robot.name} has no shapes of its links, so collisions cannot be checked.",
-            remedy="give a URDF with <collision> elements, or a DH table with capsules; or switch the check off with "
+            f"The description of {robot.name} contains no shapes of the links, so collisions cannot be checked.",
+            remedy="give a URDF with <collision> elements or a DH table with capsules, or switch the check off with "
             "--no-collision.",
         )
     if not margin >= 0.0:
@@ -321,10 +322,9 @@ def collision_of(
 def kept_apart(cell: CollisionModel, start: Array) -> CollisionOptions:
     """Pairs of bodies that a plan must keep apart if it begins in a given start pose.
 
-    Adjacent links are kept apart by narrower position limits (`AdjacentLinks.narrowed`). For links two joints apart
-    that cannot keep the margin, the required distance is smaller. Pairs that
-    overlap in nearly all poses are not checked and are listed as skipped
-    (`armid.excitation.collision.required_distances`).
+    Adjacent links are kept apart by narrower position limits (`AdjacentLinks.narrowed`). For links with one link
+    between them that cannot keep the margin, the required distance is smaller. Pairs that overlap in nearly all poses
+    are not checked and are listed as skipped (`armid.excitation.collision.required_distances`).
 
     Args:
         cell: Arm and surroundings.
@@ -349,7 +349,7 @@ def kept_apart(cell: CollisionModel, start: Array) -> CollisionOptions:
     if len(wrong):
         k = int(wrong[(distance - required.margin)[wrong].argmin()])
         raise ArmidError(
-            f"In the start pose, the distance of {labels[k]} is {1000 * max(distance[k], 0.0):.0f} mm; at least "
+            f"In the start pose, the distance between {labels[k]} is {1000 * max(distance[k], 0.0):.0f} mm; at least "
             f"{1000 * required.margin[k]:.0f} mm are required.",
             remedy="choose another start pose with --start, a smaller --clearance, or move the surroundings.",
         )

@@ -48,8 +48,8 @@ class CollisionBodies:
         solids: Boxes and half-spaces of the surroundings.
         pairs: Indices of two capsules, or of a capsule and a solid, shape (c, 2); the solids are numbered after the
             capsules.
-        groups: Index of the pair of bodies to which each pair of capsules belongs, rising from 0 without gaps, shape
-            (c,).
+        groups: Index of the pair of bodies to which each pair of capsules belongs, in ascending order from 0 without
+            gaps, shape (c,).
         hulls: Pairs of bodies whose distances are computed with tighter convex hulls, which lie inside the capsules.
     """
 
@@ -205,8 +205,8 @@ class CollisionBodies:
     def approach(self, poses: tuple[Array, Array], tree: Tree, speed: Array, extra: float = 0.0) -> Array:
         """Upper bound (N, m) [m/s] of the speed at which the two bodies of each pair approach each other.
 
-        Only the joints between two bodies change their distance. A revolute joint moves a point with at most the
-        speed of the joint times the distance of the point from the joint axis.
+        Only the joints between two bodies change the distance of these bodies. A revolute joint moves a point with at
+        most the speed of the joint times the distance of the point from the joint axis.
 
         Args:
             poses: Rotations (N, n, 3, 3) and origins (N, n, 3) of the links.
@@ -263,7 +263,7 @@ class Clearance:
         return np.broadcast_to(self.margin, len(self.bodies))
 
     def near(self, states: States) -> Clearance:
-        """Channel for motions near the given one: all pairs if they are few, otherwise the pairs that come close."""
+        """Channel for motions near the given one: all pairs if there are few, otherwise the pairs that come close."""
         if len(self.bodies) <= FEW:
             return self
         return self.only(np.flatnonzero(self._distances(states).min(axis=0) < self.margin + REACH))
@@ -291,9 +291,9 @@ class Clearance:
         """Upper bound of the rise of the utilisation of each pair between neighbouring points of a grid, shape (m,).
 
         The utilisation of a pair is 1 at the required distance, and 0 at a distance that is larger by `SCALE`. Two
-        bodies approach each other at most at the speed at which the joints between them move their points. The time
-        is at most half a step [s] from the nearest point of the grid. For pairs that are far apart a rougher bound is
-        used: the size of the whole arm instead of the distances of points from the joint axes.
+        bodies approach each other at most at the speed at which the joints between them move their points. Any
+        instant is at most half a step [s] from the nearest point of the grid. For pairs that are far apart a rougher
+        bound is used: the size of the whole arm instead of the distances of points from the joint axes.
         """
         distance, speed = self._distances(states), states.speed_bound
         begin, along = self.bodies.axes(states.poses)

@@ -77,7 +77,7 @@ def _carrier(robot: Robot, where: str, name: str | None) -> int:
         return -1
     if name not in names:
         raise ArmidError(
-            f"{where}: {robot.name} has no link {name!r} to carry it.",
+            f"{where}: {robot.name} has no link {name!r}, so no link can carry this body.",
             possible=", ".join(names),
             remedy=did_you_mean(name, names) or "name one of these links, or leave out `link`.",
         )

@@ -14,13 +14,13 @@ from armid.robot.joint_selection import matching
 
 @dataclass(frozen=True, slots=True)
 class IgnoredBodies:
-    """Two links or bodies that need not be kept apart.
+    """Names of two links or bodies that need not be kept apart.
 
     Attributes:
-        first: Name of the first, or a pattern (`*`, `?`, `[…]`).
-        second: Name of the second, or a pattern.
+        first: Name of the first link or body, or a pattern (`*`, `?`, `[…]`).
+        second: Name of the second link or body, or a pattern.
         reason: Option that excludes the pair, or file with the reason that it states.
-        strict: Whether it is an error if no body has such a name.
+        strict: True if it is an error that no body has such a name.
     """
 
     first: str
@@ -36,8 +36,8 @@ class IgnoredPair:
     Attributes:
         pair: Names of the two bodies.
         share: Share of random poses (0 to 1) in which the two bodies overlap. For the first link and the body on
-            which the arm is mounted: share in which they are closer than the required distance. NaN if it was not
-            computed.
+            which the arm is mounted, it is the share of poses in which they are closer than the required distance.
+            NaN if it was not computed.
         reason: Option or file that excludes the pair; empty if the user has not excluded it.
         bodies: Indices of the two bodies among the shapes.
         cause: Reason why bodies that the user has not excluded are not checked; empty if they overlap in most poses.
@@ -64,11 +64,11 @@ class IgnoredPair:
 
 
 def pairs_by_reason(skipped: Sequence[IgnoredPair]) -> dict[str, list[str]]:
-    """Pairs that are not checked, by the reason; several pairs of bodies of the same two links become one entry.
+    """Pairs that are not checked, by reason; several pairs of bodies of the same two links become one entry.
 
     Returns:
-        For each reason the names of bodies or links; if overlap is the reason, with the share of random poses in
-        which they overlap.
+        Names of bodies or links for each reason. If the reason is overlap, the share of random poses in which they
+        overlap is given, too.
     """
     found: dict[str, dict[BodyPair, list[IgnoredPair]]] = {}
     for each in skipped:
@@ -96,7 +96,7 @@ def parse_ignored(text: str) -> IgnoredBodies:
     if len(names) != 2 or not all(names):
         raise ArmidError(
             f"--ignore-pair {text}: these are not two names.",
-            remedy="write two names or patterns, separated by a comma: A,B.",
+            remedy="write two names or patterns, separated by a comma: --ignore-pair A,B.",
         )
     return IgnoredBodies(names[0], names[1], "--ignore-pair")
 

@@ -1,9 +1,9 @@
 """Bounding volumes of a mesh: capsules, and simplified convex hulls of its slices.
 
-They are computed once for each content of a file and each scale, and stored in the user's cache folder
-(`armid.excitation.collision.cache`). A hull with many corners is simplified: it is replaced by the hull of some of
-its corners, which is then enlarged in all directions by the largest distance of any other corner, at most half a
-millimetre. The mesh therefore lies inside.
+The bounding volumes are computed once for each content of a file and each scale, and stored in the user's cache
+folder (`armid.excitation.collision.cache`). A hull with many corners is simplified: it is replaced by the hull of
+some of its corners, which is then enlarged in all directions by the largest distance of any other corner, at most
+half a millimetre. The mesh therefore lies inside the simplified hull.
 """
 
 from __future__ import annotations
@@ -86,7 +86,7 @@ class MeshOutline:
 
 
 def capsules_of(shape: Shape) -> tuple[Shape, ...]:
-    """Capsules that together enclose a body, with its name and link; a capsule is returned unchanged."""
+    """Capsules that together enclose a body, with the name and link of the body; a capsule is returned unchanged."""
     if shape.kind != "mesh":
         return covering(shape)
     return tuple(

@@ -30,7 +30,7 @@ def pairs_of_bodies(robot: Robot, shapes: Sequence[Shape]) -> tuple[CollisionBod
 def bounding_volumes(
     shapes: Sequence[Shape], chosen: Sequence[tuple[int, int]]
 ) -> tuple[CollisionBodies, NDArray[np.intp]]:
-    """Capsules and solids of chosen pairs of bodies, and the indices of each pair; two solids are no pair."""
+    """Capsules and solids of chosen pairs of bodies, and the indices of each pair; two solids do not form a pair."""
     solid = [shape.kind in ("box", "half-space") and shape.link < 0 for shape in shapes]
     capsules: list[Shape] = []
     solids = [shape for shape, apart in zip(shapes, solid, strict=True) if apart]

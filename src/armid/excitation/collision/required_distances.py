@@ -1,13 +1,13 @@
-"""Required distance of each pair of bodies: the margin, less for bodies that are close by construction, or none.
+"""Required distance of each pair of bodies: the margin, or less if bodies are close by construction, or none.
 
-Bodies two joints apart may be only a few millimetres apart by construction, in all or most poses. They cannot keep
-the margin, but they can collide. Their required distance is therefore at most half of their usual distance, or the
-largest of 20, 50 and 100 mm that they exceed in a quarter of the poses. The limit does not depend on the margin, so a
-larger margin never leads to a smaller required distance. Pairs that
-overlap in nearly all poses are not checked, as in MoveIt's setup assistant. The pair of the first link and the mount
-is not checked either. Pairs two joints apart that overlap in more than two thirds of the poses are checked only if a
-search can compute their distance and a start pose with enough free range remains. The reason is that no real joint is
-free in less than a third of its range, so the bodies of such a pair are wider than the real links.
+Bodies with two joints between them may be only a few millimetres apart by construction, in all or most poses. They
+cannot keep the margin, but they can collide. Their required distance is therefore at most half of their usual
+distance, or the largest of 20, 50 and 100 mm that they exceed in a quarter of the poses. This upper limit does not
+depend on the margin, so a larger margin never leads to a smaller required distance. Pairs that overlap in nearly all
+poses are not checked, as in MoveIt's setup assistant. The pair of the first link and the mount is not checked either.
+Some pairs with two joints between them overlap in more than two thirds of the poses. Every real joint can move in
+more than a third of its range, so the bodies of such a pair are wider than the real links. These pairs are checked
+only if a search can compute their distance and a start pose with enough free range remains.
 """
 
 from __future__ import annotations
@@ -77,8 +77,9 @@ class RequiredDistances:
         margin: Smallest allowed distance, shape (m,) [m].
         spare: Additional distance that a search keeps, shape (m,) [m].
         kind: `BY_CAPSULES`, `MEASURED` or `LEFT_OUT`, shape (m,).
-        touching: Share of random poses in which bodies overlap, or for the pair of first link and mount are closer
-            than the margin, shape (m,); only for pairs that are or may be excluded, zero for others.
+        touching: Share of random poses in which the bodies overlap, shape (m,). For the pair of first link and mount,
+            it is the share of poses in which they are closer than the margin. It is computed only for pairs that are
+            or may be excluded, and zero for others.
         close: Mask of the pairs that are close by construction, shape (m,).
     """
 
@@ -98,14 +99,14 @@ class RequiredDistances:
         return (self.touching > MOSTLY) & ~self.of(LEFT_OUT)
 
     def lowered(self, distance: Array) -> RequiredDistances:
-        """Required distances for a start pose with distances (m,) [m]; those of close pairs may be lowered."""
+        """Required distances for a start pose with distances (m,) [m]; smaller for pairs close by construction."""
         lower = self.close & (distance > LEAST) & (distance < self.margin)
         least = np.array([largest_required(d, d) for d in distance.tolist()])
         return replace(self, margin=np.where(lower, least, self.margin))
 
 
 def uniform_distances(margin: float, spare: Array) -> RequiredDistances:
-    """Required distances with the same margin [m] for all pairs, and additional distances (m,) [m] for a search."""
+    """Required distances with one margin [m] for all pairs, and the additional distances (m,) [m] of a search."""
     count = len(spare)
     far = np.zeros(count, dtype=np.bool_)
     return RequiredDistances(np.full(count, margin), spare, np.full(count, BY_CAPSULES), np.zeros(count), far)
@@ -123,7 +124,7 @@ def adjusted_distances(
     """Required distances adjusted for pairs that are close by construction.
 
     Args:
-        required: Required distances before.
+        required: Required distances before the adjustment.
         robot: The arm.
         shapes: The bodies, the surroundings last.
         pairs: Indices of the two bodies of each pair, shape (m, 2).
@@ -165,7 +166,7 @@ def often_near(
 ) -> NDArray[np.bool_]:
     """Mask of the pairs whose required distance must be found from tight bounding volumes, shape (m,).
 
-    These are the pairs that are closer than the margin in most poses, and the neighbours that cannot keep it.
+    These are the pairs that are closer than the margin in most poses, and the neighbours that cannot keep the margin.
 
     Args:
         margin: The margin [m].
@@ -185,9 +186,9 @@ def often_near(
 
 
 def largest_required(usual: float, often: float) -> float:
-    """Largest distance [m] that a pair that is close by construction must keep, however much is asked.
+    """Largest distance [m] that is required of a pair that is close by construction, for any margin.
 
-    It depends on the bodies alone, so the required distance never decreases when a larger one is asked.
+    It depends on the bodies alone, so the required distance never decreases when the user asks for a larger margin.
 
     Args:
         usual: Usual distance of the bodies [m].
@@ -208,14 +209,14 @@ def _lower(k: int, kept: tuple[Array, Array], usual: float, often: float) -> Non
 def _of_overlapping(
     shapes: tuple[Shape, ...], pair: NDArray[np.intp], poses: tuple[Array, Array], around: Array, neighbours: bool
 ) -> tuple[float, int, float]:
-    """Usual distance of bodies whose volumes overlap in most poses [m], kind of their check, and share of overlaps.
+    """Usual distance [m] of bodies whose volumes overlap in most poses, kind of check, share of overlaps.
 
     Args:
         shapes: The bodies.
         pair: Indices of the two bodies, shape (1, 2).
         poses: Rotations and origins of the links in some of the random poses.
         around: Distances of the bounding volumes in random poses, shape (k,) [m].
-        neighbours: True if the bodies are two joints apart at most.
+        neighbours: True if at most two joints are between the bodies.
     """
     actual = distances(shapes, pair, poses)[:, 0]
     overlap = float((actual <= 0.0).mean())

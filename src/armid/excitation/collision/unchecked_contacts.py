@@ -1,8 +1,8 @@
 """Contacts during a motion between bodies whose distance is not checked.
 
 A pair is left out because the user has excluded it, or because two neighbouring links overlap in most poses. If such
-bodies touch in a motion, whoever runs it should look at them. Pairs that touch in nearly all poses by construction
-are not examined.
+bodies touch in a motion, the user should look at them before the arm executes the motion. Pairs that touch in nearly
+all poses by construction are not examined.
 """
 
 from __future__ import annotations
@@ -36,7 +36,8 @@ class LeftOutContact:
     """Contact between two bodies whose distance is not checked.
 
     Attributes:
-        account: The pair, with the share of poses or the option or file that excludes it.
+        account: Text with the pair, and the share of poses with overlap, or the option or file that excludes the
+            pair.
         time: Time of the first contact [s].
         throughout: True if the bodies touch in all examined poses of the motion.
         unexpected: True if the user has excluded the pair, unless the bodies belong to adjacent links and touch
@@ -52,7 +53,7 @@ class LeftOutContact:
 def left_out_contacts(
     collision: CollisionOptions, robot: Robot, times: Array, q: Array
 ) -> tuple[LeftOutContact, ...]:
-    """First contact of each pair that is left out and touches during a motion, in the order of time.
+    """First contacts of pairs that are not checked and touch during a motion, in the order of time.
 
     Args:
         collision: Pairs of bodies, with those that are left out.
@@ -110,6 +111,6 @@ def contacts_found(contacts: Sequence[LeftOutContact]) -> Finding | None:
 
 
 def _listed(accounts: Sequence[str]) -> str:
-    """The first accounts, with the number of the others."""
+    """Text with the first pairs of a list, and the number of the other pairs."""
     more = f" and {len(accounts) - NAMED} more" if len(accounts) > NAMED else ""
     return "; ".join(accounts[:NAMED]) + more

@@ -1,1 +1,1 @@
-"""Search for a trajectory: criteria, gradients, and descent."""
+"""Search for an optimal trajectory: criteria, gradients and descent."""

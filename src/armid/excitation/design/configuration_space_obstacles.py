@@ -1,9 +1,9 @@
-"""Constraint channel for pairs of bodies that are checked with the bodies themselves and not with convex ones.
+"""Constraint channel for pairs of bodies that are checked with the bodies themselves, not with convex bodies.
 
 Capsules and hulls of such a pair overlap although the bodies do not, so their distance gives a search no direction.
-But two joints at most lie between the bodies. Coal therefore tests them in a grid of positions of these two joints,
-and the channel limits the distance in the plane of the two positions to the region in which the bodies are too
-close. The distance of the bodies is checked again when the plan is finished.
+However, at most two joints are between the two bodies. Coal therefore tests the bodies on a grid of positions of
+these joints. In the plane of the two positions, the bodies are too close in some region; the channel limits the
+distance of the motion from this region. The distance of the bodies is checked again when the plan is finished.
 """
 
 from __future__ import annotations
@@ -42,15 +42,15 @@ JOINTS = 2
 
 @dataclass(frozen=True, eq=False, slots=True)
 class PositionMap:
-    """Distance to the region in which a pair of bodies is too close, over the positions of two joints.
+    """Distance to the region in which a pair of bodies is too close, in the plane of the positions of two joints.
 
     Attributes:
         pair: Names of the bodies.
         joints: Indices of the two joints.
         low: Positions at the beginning of the grid, shape (2,) [rad or m].
         step: Steps of the grid, shape (2,) [rad or m].
-        distance: Distances at the points of the grid, shape (`POSITIONS`, `POSITIONS`) [rad, or shares of the range
-            of a prismatic joint]; negative inside the region.
+        distance: Distances at the points of the grid, shape (`POSITIONS`, `POSITIONS`) [rad; for a prismatic joint,
+            share of its range]; negative inside the region.
         spare: Additional distance that a search keeps, in the unit of `distance`.
     """
 
@@ -62,7 +62,7 @@ class PositionMap:
     spare: float = 0.0
 
     def at(self, q: Array) -> tuple[Array, Array]:
-        """Distances (N,) in poses (N, n), interpolated linearly, and their gradients by the two joints (N, 2)."""
+        """Distances (N,) in poses (N, n), interpolated linearly, and gradients (N, 2) by the two joint positions."""
         place = np.clip((q[:, self.joints] - self.low) / self.step, 0.0, POSITIONS - 1.0)
         cell = np.minimum(place.astype(np.intp), POSITIONS - 2)
         u, v = (place - cell).T
@@ -151,7 +151,7 @@ def measured_pairs(
 def _map(
     robot: Robot, pair: BodyPair, joints: Sequence[int], grids: Sequence[Array], close: NDArray[np.bool_]
 ) -> PositionMap:
-    """Map of a pair that is too close at some points of a grid of two joints' positions."""
+    """Map of a pair whose bodies are too close at some points of a grid of the positions of two joints."""
     first, second = joints
     step = np.array([grid[1] - grid[0] for grid in grids])
     slides = [robot.joints[j].is_prismatic for j in joints]

@@ -91,7 +91,7 @@ def _inverse(G: Array) -> tuple[float, Array]:
 
 
 def d_optimal(G: Array) -> tuple[float, Array]:
-    """D-optimality: minus the mean logarithm of the eigenvalues, which measures the confidence ellipsoid's volume."""
+    """D-optimality: minus the mean logarithm of the eigenvalues, a measure of the confidence ellipsoid's volume."""
     logarithm, inverse = _inverse(G)
     return -logarithm / len(G), -inverse / len(G)
 

@@ -6,8 +6,8 @@ that steps into a body may therefore not leave it again. The first stage of a sh
     f(x) - μ Σ log(1 - u_k(x)),
 
 where u are the soft maxima of all constraint channels and μ is a decreasing weight. The quasi-Newton method shortens
-every step that would leave the limits [Nocedal2006, chapters 7 and 19]. It ends near the limits with the final shape
-of the motion, which is a good start for the stages of `armid.excitation.design.sqp`.
+every step that would leave the limits [Nocedal2006, chapters 7 and 19]. Its result is close to the limits and has
+nearly the final shape of the motion, so it is a good start for the stages of `armid.excitation.design.sqp`.
 """
 
 from __future__ import annotations
@@ -56,7 +56,8 @@ def descend_inside(problem: DescentProblem, x: Array, stage: Stage, deadline: fl
         problem: Criterion, unknowns and limits.
         x: Starting point, shape (n k,). Its amplitudes are reduced until it keeps the limits.
         stage: Smoothing of criterion and limits.
-        deadline: Time on the clock of `time.time` [s]; the point that is reached by then is returned.
+        deadline: Time on the clock of `time.time` [s] at which the descent ends; the point reached by then is
+            returned.
 
     Returns:
         Unknowns (n k,); `x` itself if the start pose violates a limit.
@@ -148,7 +149,7 @@ def quasi_newton(function: Function, x: Array, iterations: int) -> Array:
 
 
 def _direction(gradient: Array, steps: list[Array], changes: list[Array]) -> Array:
-    """Quasi-Newton direction by the two-loop recursion over past steps and the changes of the gradient in them."""
+    """Quasi-Newton direction by the two-loop recursion, from past steps and their changes of the gradient."""
     result = -gradient
     if not steps:
         return result * (FIRST / max(float(np.linalg.norm(gradient)), FIRST))

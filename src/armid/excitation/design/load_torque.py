@@ -33,7 +33,7 @@ class LoadTorque:
         return kernel.inverse_dynamics(self._tree, self._inertial, *states)
 
     def pullback(self, weights: Array, gradient: tuple[Array, ...]) -> None:
-        """Adds the gradient of Σ weights · torque, for weights (N, n), to those by q, dq, ddq, each (N, n)."""
+        """Adds the gradient of Σ weights · torque, weights (N, n), to the gradients by q, dq, ddq, each (N, n)."""
         layout, values = self._layout, self._inertial.ravel()
         cotangent = np.zeros((layout.columns, len(weights)))
         for j, parameters in enumerate(layout.parameters):

@@ -2,9 +2,9 @@
 
 The search works in rounds. Each round first runs short descents from a few starting points. Some starting points are
 uniform random coefficients, as in the thesis. From the second round on, others are random perturbations of the best
-plan so far. The best two results are then refined. A round depends only on the seed and on the rounds before it. The
-number and the speed of the processes therefore only determine the number of rounds that can be done in a given time.
-A search can be stopped at any time.
+plan so far. The best two results are then refined. A round depends only on the seed and on the rounds before it.
+Therefore the number and the speed of the processes affect only the number of rounds that are finished in a given
+time, and not the result of a round. A search can be stopped at any time.
 """
 
 from __future__ import annotations
@@ -74,8 +74,8 @@ class SearchCandidate:
     Attributes:
         x: Unknowns, shape (n k,).
         value: The criterion, without smoothing.
-        round: Number of the round in which it was found.
-        kind: Kind of its starting point: `start`, `random`, `shaken` (a perturbed plan) or `given`.
+        round: Number of the round in which the plan was found.
+        kind: Kind of the starting point of the descent: `start`, `random`, `shaken` (a perturbed plan) or `given`.
     """
 
     x: Array
@@ -93,7 +93,7 @@ class Search:
         rounds: Number of completed rounds.
         descents: Number of descents done.
         seconds: Wall time [s].
-        interrupted: Whether the user stopped it.
+        interrupted: True if the user stopped the search.
         history: Elapsed time [s] and value of the best plan so far, at the start and after each descent.
     """
 
@@ -127,7 +127,7 @@ class _Outcome:
         reached: Unknowns at the end of the descent; `None` if they cannot be scaled to keep the limits.
         inside: Unknowns scaled about the start pose to keep the limits.
         value: Criterion at `inside`.
-        begun: Whether the descent began before the deadline.
+        begun: True if the descent began before the deadline.
     """
 
     task: _Task
@@ -167,7 +167,7 @@ def random_start(problem: DescentProblem, grid: Objective, rng: np.random.Genera
 
 
 def _run(pickled: bytes, task: _Task) -> _Outcome:
-    """Runs one descent; the result is empty if it cannot keep the limits or would begin after the deadline."""
+    """Runs one descent; the outcome has no plan if it cannot keep the limits or would begin after the deadline."""
     if time.time() > task.deadline:
         return _Outcome(task, begun=False)
     problem, grid = _problem(pickled)
@@ -198,7 +198,7 @@ def _ignore_interrupts() -> None:
 
 
 def _context() -> BaseContext:
-    """Start method of processes: `fork`, which takes milliseconds, if this process has one thread, else `spawn`."""
+    """Start method of processes: the fast method `fork` if this process has only one thread, otherwise `spawn`."""
     tasks = Path("/proc/self/task")
     one_thread = tasks.is_dir() and len(list(tasks.iterdir())) == 1
     return multiprocessing.get_context("fork" if one_thread else "spawn")
@@ -235,7 +235,7 @@ def single_threaded_pool(workers: int) -> Generator[Executor]:
 
 
 class _Round:
-    """Tasks of one round: the short descents, then the refinement of the best of them."""
+    """Tasks of one round: the short descents, then the refinements of the best results."""
 
     def __init__(self, number: int, seed: int, best: SearchCandidate | None, deadline: float) -> None:
         self.number = number
@@ -255,7 +255,7 @@ class _Round:
         self._seed, self._deadline = seed, deadline
 
     def refinements(self, outcomes: Sequence[_Outcome]) -> list[_Task]:
-        """Refinements of the best short descents; results with equal values are sorted by their numbers."""
+        """Tasks that refine the best short descents; descents with equal values are sorted by their numbers."""
         feasible = [(o.value, o.task.number, o.reached, o.task.kind) for o in outcomes if o.reached is not None]
         feasible.sort(key=lambda each: each[:2])
         return [
@@ -265,7 +265,7 @@ class _Round:
 
 
 class _Incumbent:
-    """Best plan so far, with the history of its value and the callback to which it is reported."""
+    """Best plan so far, with the history of its value and the function that is called with it."""
 
     def __init__(self, problem: DescentProblem, progress: Progress | None, began: float) -> None:
         self.pickled = pickle.dumps(problem)
@@ -312,18 +312,18 @@ def search(
         problem: Criterion, unknowns and limits.
         seed: Seed of the random starts and perturbations.
         budget: Wall time [s]; if `None`, the search ends after `rounds` only.
-        rounds: Largest number of rounds. If the search ends because of it, machines of the same kind give the same
-            plan.
+        rounds: Largest number of rounds. If the search ends because this number is reached, machines of the same kind
+            give the same plan.
         executor: Runs the descents; without it, they are run in this process.
         given: Plans that are compared first, each with unknowns of shape (n k,).
-        progress: Function that is called after each plan that was compared with the best one.
+        progress: Function that is called whenever a plan has been compared with the best plan.
 
     Raises:
         ArmidError: The budget or the number of rounds is not positive, or the start pose itself violates a limit.
     """
     if (budget is not None and not budget > 0.0) or (rounds is not None and rounds < 1):
         raise ArmidError(
-            f"A search needs a positive time and at least one round; found {budget} s and {rounds} rounds.",
+            f"A search needs a positive time and at least one round; found a time of {budget} s and {rounds} rounds.",
             remedy="give some seconds; ten are enough for a good plan of a seven-joint arm.",
         )
     began = time.time()
@@ -385,7 +385,7 @@ def _run_tasks(incumbent: _Incumbent, tasks: Sequence[_Task], executor: Executor
 
 
 def _most_violated(incumbent: _Incumbent, x: Array) -> str:
-    """Remedy that names the limit that a motion (n k,) violates most, and its joint."""
+    """Remedy that names the limit that a motion (n k,) violates most, and the joint or pair of bodies."""
     worst = max(
         (
             (float(u[:, k].max()), channel.name, label)

@@ -34,12 +34,13 @@ class CriterionGoal:
 
     Attributes:
         model: Arm and torque terms.
-        base: Base parameters of the model; the information is that of their columns.
+        base: Base parameters of the model; the information matrix is computed from their columns.
         criterion: Name of the criterion, one of `criteria.CRITERIA`.
         noise: Standard deviation of the torque of each joint, shape (n,) [N·m or N]; 1 if it is not given.
         rate: Number of independent samples per second [Hz].
         repetitions: Number of periods that will be recorded.
-        prior: Information from earlier data with the same noise, shape (b, b); `None` if there are none.
+        prior: Information matrix of earlier data with the same noise, shape (b, b); `None` if there are no earlier
+            data.
         prediction: Information matrix (b, b) of the motions whose torque the model must predict well.
         scale: Typical values of the base parameters, shape (b,), by which the criterion `worst` divides their
             standard deviations; infinite for parameters to be ignored.
@@ -92,7 +93,8 @@ class Objective:
     Args:
         goal: Criterion, model and noise.
         basis: Basis of the series; its coordinates are the unknowns.
-        samples: Number of points of the grid; sums are scaled to the rate of the goal.
+        samples: Number of points of the grid. The information of these points is scaled to the number of samples at
+            the rate of the goal.
         width: Width of the tanh that replaces signs [rad/s or m/s]; if 0, the laws are not smoothed.
         sharpness: Exponent p of the norms that replace extreme eigenvalues.
         times: Points of the grid if it is not uniform over a period, shape (samples,) [s].
@@ -122,7 +124,7 @@ class Objective:
 
     @cached_property
     def columns(self) -> Columns:
-        """Columns of the base parameters, allocated at first use because limits of the motion do not need them."""
+        """Columns of the base parameters, allocated at first use, because limits of the motion do not need them."""
         return Columns(self.goal.source, len(self.times), self._width)
 
     def columns_of(self, source: ColumnSource) -> Columns:

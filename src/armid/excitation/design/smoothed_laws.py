@@ -1,9 +1,9 @@
 """Smooth approximations of friction laws with corners, for a gradient-based search.
 
-The derivative of sign(q̇) is zero wherever it exists. Without smoothing, the friction columns would therefore not
-influence the times at which the joints reverse. A search replaces every sign by a tanh with a width [rad/s or m/s]
-that is reduced from stage to stage. If a law contains a narrower tanh, this is widened to the same width. Reported
-values are computed with the laws that are not smoothed.
+The derivative of sign(q̇) is zero wherever it exists. Without smoothing, a search would therefore not see how the
+times of the reversals affect the friction columns. A search replaces every sign by a tanh with a width [rad/s or m/s]
+that is reduced from stage to stage. A narrower tanh in a law is replaced by one with this width. Reported values are
+computed with the laws that are not smoothed.
 """
 
 from __future__ import annotations

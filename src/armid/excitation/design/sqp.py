@@ -3,8 +3,8 @@
 Criterion and limits are not smooth, so each stage smooths them: signs in friction laws become tanh, extreme
 eigenvalues and maxima along a constraint channel become soft maxima. From stage to stage the tanh becomes narrower
 and the maxima become sharper. SLSQP, a sequential quadratic method with exact gradients, solves each stage. The
-result is then scaled about its start pose until every limit holds on a grid. The limits are therefore kept wherever
-the solver stops.
+result is then scaled about its start pose until every limit holds on a grid. Therefore the result keeps the limits
+even if the solver stops early.
 """
 
 from __future__ import annotations
@@ -94,7 +94,7 @@ class DescentProblem:
         return Objective(self.goal, self.basis, samples, width=stage.width * self.scale, sharpness=stage.sharpness)
 
     def near(self, states: States) -> list[ConstraintChannel]:
-        """Constraint channels for motions near the given one; of many pairs of bodies only those that come close."""
+        """Constraint channels for motions near the given one; of many pairs of bodies, only those that come close."""
         return [channel.near(states) if isinstance(channel, Clearance) else channel for channel in self.channels]
 
     @cached_property
@@ -108,7 +108,7 @@ class DescentProblem:
 
 
 class _DeadlineError(Exception):
-    """Signal that the time of a descent has ended."""
+    """Exception that ends a descent at its deadline."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -159,7 +159,7 @@ class _Evaluation:
         return -np.concatenate(self._at(x).slopes)
 
     def _at(self, x: Array) -> _Point:
-        """Criterion, limits and gradients at x, computed unless x is the last point."""
+        """Criterion, limits and gradients at x; they are stored for the last point."""
         if self.last is None or x.tobytes() != self.last.x.tobytes():
             x = x.copy()
             criterion = self._objective(x)
@@ -180,8 +180,8 @@ def descend(problem: DescentProblem, x: Array, stages: tuple[Stage, ...], deadli
         problem: Criterion, unknowns and limits.
         x: Starting point, shape (n k,).
         stages: Stages from smooth to sharp.
-        deadline: Time on the clock of `time.time` [s], which is the same in every process. The point that is reached
-            by then is returned.
+        deadline: Time on the clock of `time.time` [s], which is the same in every process. At this time the descent
+            ends, and the point reached by then is returned.
 
     Returns:
         Unknowns, shape (n k,).

@@ -1,7 +1,7 @@
 """Regressor columns of all torque terms except rigid bodies along a motion, and their gradients by its states.
 
-Columns with the same law are evaluated together. A law and its derivatives share common subexpressions: tanh(x/w) and
-its derivative need only one tanh.
+Columns with the same law are evaluated together. Common subexpressions of a law and its derivatives are computed
+once: tanh(x/w) and its derivative need only one tanh.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ class _ExpressionProgram:
 
     Args:
         expressions: The expressions.
-        given: Symbols that they may contain.
+        given: Symbols that the expressions may contain.
     """
 
     def __init__(self, expressions: Sequence[Expression], given: Sequence[str] = STATES) -> None:
@@ -45,7 +45,8 @@ class _ExpressionProgram:
         number = isinstance(expression.head, float)
         if not number and not inputs and expression.head not in self._given:
             raise ModelError(
-                f"A torque law of the model depends on {expression.head!r}; a design knows only the motion.",
+                f"A torque law of the model depends on {expression.head!r}, but only the motion is known in a "
+                "design.",
                 remedy="leave this term out of the model, or use laws of position, velocity and acceleration only.",
             )
         self._steps.append(("" if number else str(expression.head), inputs))
@@ -72,8 +73,9 @@ class _Group:
 
     Attributes:
         rows: Indices of the group's rows among the rows of all terms, shape (e,).
-        coordinate: Weights of the joint positions in the coordinate of each row, shape (e, n).
-        joints: Joint of each row, shape (e,); `None` if a coordinate combines several joints.
+        coordinate: Weights of the joint positions in the coordinate of each row, shape (e, n): the coordinate is
+            their weighted sum.
+        joints: Index of the joint of each row, shape (e,); `None` if a coordinate combines several joints.
         weight: Factor of each row, shape (e, 1).
         slopes: Indices in `STATES` of the states that the law depends on.
         steps: Program that evaluates the smoothed law and its derivatives by these states.

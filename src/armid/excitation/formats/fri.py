@@ -18,7 +18,7 @@ JOINTS = 7
 
 
 def problem(track: SampledMotion) -> str:
-    """Reason why a motion cannot be written in this format: FRI needs seven revolute joints; empty if it can."""
+    """Reason why a motion cannot be written in this format, which needs seven revolute joints; empty if it can."""
     if len(track.joints) != JOINTS or any(track.prismatic):
         return f"FRI needs {JOINTS} revolute joints"
     return ""

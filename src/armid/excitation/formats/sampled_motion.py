@@ -1,4 +1,4 @@
-"""Motion that is sampled at the rate of a controller, with its plan as text; and the interface of all formats."""
+"""Motion that is sampled at the rate of a controller, and the interface of the modules for its formats."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class SampledMotion:
     Attributes:
         name: Name of the arm.
         joints: Names of the joints.
-        prismatic: Whether each of the joints is prismatic.
+        prismatic: For each joint, true if it is prismatic.
         motion: Samples at the controller's rate.
         plan: The plan as one line of JSON; empty if it is not known.
     """
@@ -63,7 +63,7 @@ class Format(Protocol):
         ...
 
     def read(self, content: bytes) -> SampledMotion:
-        """Reads a motion that `write` has written. The format may not contain all of its data."""
+        """Reads a motion that `write` has written; data that the format cannot contain are missing."""
         ...
 
 
@@ -83,13 +83,14 @@ def number_rows(text: str, columns: int | None = None) -> Array:
         rows = np.array([[float(x) for x in line.split(",")] for line in text.splitlines() if line.strip()])
     except ValueError as error:
         raise ArmidError(
-            f"The file was read as a motion of armid excite, but a row has something else than numbers: {error}.",
+            "The file was read as a motion of armid excite, but a row contains something other than numbers: "
+            f"{error}.",
             remedy="give a file that armid excite has written.",
         ) from error
     if rows.ndim != 2 or not len(rows) or (columns is not None and rows.shape[1] != columns):
         found = f"{len(rows)} rows of {rows.shape[1]}" if rows.ndim == 2 else "none"
         raise ArmidError(
-            f"The file must contain rows of {columns or 'several'} numbers; found {found}.",
+            f"The file must contain rows of {columns or 'several'} comma-separated numbers; found {found}.",
             remedy="give a file that armid excite has written.",
         )
     return rows

@@ -1,4 +1,4 @@
-"""URScript program for Universal Robots that moves to the first pose by `movej` and sends the others by `servoj`."""
+"""URScript program for Universal Robots: `movej` moves to the first pose, `servoj` then sends the other poses."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ SERVO = re.compile(r"servoj\(\[(.*?)\], t=([\d.]+)")
 
 
 def problem(track: SampledMotion) -> str:
-    """Reason why a motion cannot be written in this format: these arms have six revolute joints; empty if it can."""
+    """Reason why a motion cannot be written in this format, which needs six revolute joints; empty if it can."""
     if len(track.joints) != JOINTS or any(track.prismatic):
         return f"URScript needs {JOINTS} revolute joints"
     return ""

@@ -6,7 +6,8 @@ which must be at most one. A search needs a smooth maximum over the samples, whi
     max + log(Σ exp(p (u - max))) / p.
 
 The gradient of this maximum is the mean of the gradients at the samples, weighted by exp(p (u - max)). The smooth
-maximum is larger than the maximum by at most log(N) / p; the search subtracts its excess at the start of each stage.
+maximum exceeds the maximum by at most log(N) / p; the search computes this excess at the start of each stage and
+subtracts it.
 """
 
 from __future__ import annotations
@@ -34,8 +35,8 @@ class States:
     Args:
         objective: Grid, matrices and columns.
         x: Unknowns of the series, shape (n k,).
-        filled: Whether the columns of the objective have been evaluated at `x`.
-        rough: Whether distances of bodies that are far apart may be replaced by lower bounds; these have no
+        filled: True if the columns of the objective have been evaluated at `x`.
+        rough: True if distances of bodies that are far apart may be replaced by lower bounds, which have no
             gradients.
     """
 
@@ -77,7 +78,7 @@ class States:
         )
 
     def _rise(self, order: int) -> Array:
-        """Upper bound of the rise of the derivative of a given order between points of the grid, shape (n,)."""
+        """Upper bound of the rise of a position's derivative, of given order, between grid points, shape (n,)."""
         step = self.basis.period / len(self.derivatives[0])
         return step**2 / 8.0 * self.basis.peaks_between(self.x, order + 2)
 
@@ -148,7 +149,7 @@ class RangeLimit:
         joints: Indices of the joints with a limit.
         labels: Names of these joints.
         middle: Middle of the range, shape (m,).
-        half: Half the width of the range, shape (m,), positive.
+        half: Half the width of the range, shape (m,); it must be positive.
     """
 
     name: str
@@ -174,7 +175,7 @@ class RangeLimit:
         return gradient.reshape(len(self.joints), -1)
 
     def between(self, states: States, step: float) -> Array:
-        """Upper bound of the rise between points: step²/8 times the bound of the second derivative, shape (m,)."""
+        """Upper bound of the rise between points, shape (m,): step²/8 times the bound of the second derivative."""
         rise = step**2 / 8.0 * states.basis.peaks_between(states.x, self.order + 2)
         return rise[list(self.joints)] / self.half
 

@@ -69,13 +69,13 @@ class Limits:
             )
 
     def narrowed(self, motion: Motion, *, by_joint: bool = True) -> Limits:
-        """Limits in which velocity and acceleration are reduced to the peak values of a motion.
+        """Limits with velocity and acceleration limits reduced to the peak values of a motion.
 
         Args:
             motion: Motion whose peak values are used.
-            by_joint: Whether each joint is limited to its own peak values. Otherwise, all joints are limited to the
-                largest ratio of velocity and velocity limit, and to the largest acceleration, that any joint has
-                reached.
+            by_joint: True to limit each joint to its own peak values. If false, all joints are limited to the largest
+                ratio of velocity and velocity limit, and to the largest acceleration, that any joint reaches in the
+                motion.
         """
         tiny = np.finfo(float).tiny
         velocity, acceleration = (np.maximum(np.abs(x).max(axis=0), tiny) for x in (motion.dq, motion.ddq))
@@ -188,7 +188,7 @@ def limits_of(
     without += [(name, "velocity") for name, v in zip(limits.joints, limits.velocity, strict=True) if v == np.inf]
     if without:
         raise ArmidError(
-            f"{robot.name} lacks limits of position or velocity: {', '.join(map('.'.join, without))}.",
+            f"A limit of position or velocity is missing for {robot.name}: {', '.join(map('.'.join, without))}.",
             remedy=_examples(without, robot.n),
         )
     return limits
@@ -289,10 +289,11 @@ def motion_channels(limits: Limits) -> tuple[ConstraintChannel, ...]:
 def thesis_channels(
     limits: Limits, basis: SeriesBasis, *, form: Literal["thesis", "thesis-literal"] = "thesis"
 ) -> tuple[ConstraintChannel, ...]:
-    """Constraint channels (3.55d) to (3.55f) of the thesis: sums of the amplitudes bound the motion for all phases.
+    """Constraint channels of equations (3.55d) to (3.55f) of the thesis: sums of amplitudes bound the motion.
 
     The thesis prints (3.55f) with a factor 1/L, but its tables violate this condition. Without the factor, (3.55f)
-    follows from (3.55d) and (3.55e) and is not needed; `thesis-literal` enforces it as printed.
+    follows from (3.55d) and (3.55e) and is not needed. With the form `thesis-literal`, (3.55f) is enforced as
+    printed.
 
     Args:
         limits: Limits of the joints.

@@ -1,10 +1,10 @@
 """Bound of the second derivative in time of the torque of rigid links along a series.
 
-Sums of amplitudes bound every time derivative of a joint position along a series. Along the kinematic chain they give
-bounds of norms. A vector that is fixed in a link turns with it, u' = ω x u. Bounds of the norms of its derivatives
-therefore follow from those of ω, with Leibniz's rule and the triangle inequality. For a tensor, the bound of the
-first derivative is twice as large. A jet is the list of such bounds for a quantity and its derivatives in ascending
-order, all in the inertial frame.
+Sums of amplitudes bound every time derivative of a joint position along a series. Along the kinematic chain, bounds
+of the norms of vectors follow from these sums. A vector u that is fixed in a link has the derivative u' = ω x u.
+Bounds of the norms of its derivatives therefore follow from those of ω, with Leibniz's rule and the triangle
+inequality. For a tensor that is fixed in a link, the bound of the first derivative is twice as large. A jet is the
+list of such bounds for a quantity and its derivatives in ascending order, all in the inertial frame.
 """
 
 from __future__ import annotations
@@ -95,7 +95,7 @@ def _product(a: Jet, b: Jet) -> Jet:
 
 
 def _turned(turning: Jet, factor: float) -> Jet:
-    """Jet of a quantity with norm one that turns with a link, for which |x'| is at most factor · |ω| · |x|."""
+    """Jet of a quantity x with norm one that is fixed in a link, where |x'| is at most factor · |ω| · |x|."""
     result = [1.0]
     for k in range(len(turning)):
         result.append(factor * sum(comb(k, i) * turning[i] * result[k - i] for i in range(k + 1)))

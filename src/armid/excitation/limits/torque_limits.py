@@ -19,7 +19,7 @@ from armid.model.dynamics_model import DynamicsModel
 
 @dataclass(frozen=True, eq=False)
 class TorqueModel:
-    """Model of the torque that is limited, where it is not the model of the criterion.
+    """Model that gives the torque to be limited, if it is another model than that of the criterion.
 
     Attributes:
         model: Arm and torque terms.
@@ -100,8 +100,9 @@ class Torque:
         """Estimate of the largest rise of |torque| / limit between neighbouring points of a grid, shape (m,).
 
         The torque of the rigid links rises by at most step²/8 times the bound of its second derivative. The torque of
-        the other terms may jump when a joint reverses. Therefore the links' torque at each point is also added to the
-        other terms at the two neighbouring points; this is a margin, but not a proven bound.
+        the other terms may jump when a joint reverses. Therefore the torque of the links at each point is also
+        combined with that of the other terms at the two neighbouring points. This gives a margin, but not a proven
+        bound.
         """
         goal, basis = states.objective.goal, states.basis
         model, base = (

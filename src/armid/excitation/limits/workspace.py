@@ -61,7 +61,7 @@ def point_speed(tree: Tree, poses: tuple[Array, Array], mask: Array, points: Arr
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Workspace:
-    """Planes that the tip must not cross; a box has six of them.
+    """Planes that the tip of the arm must not cross; a box has six planes.
 
     Attributes:
         name: Name of the quantity.

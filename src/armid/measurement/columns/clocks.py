@@ -34,7 +34,7 @@ IN_STEP = 1e-3
 
 @dataclass(frozen=True, slots=True)
 class ClockRequest:
-    """Ambiguous guess: several sets of columns fit equally well.
+    """Ambiguous guess of columns: several sets of columns are equally good.
 
     Attributes:
         quantity: Quantity that the columns may hold.
@@ -56,7 +56,8 @@ def clock_columns(names: Sequence[str], values: Values | None = None) -> tuple[s
             only.
 
     Returns:
-        Names of one column, of two columns (seconds and nanoseconds), or of none; or the ambiguous choice.
+        Names of one column, of two columns (seconds and nanoseconds), or of no column; if several choices are equally
+        good, an object that describes them.
     """
     clocks = [clock for name in dict.fromkeys(names) if (clock := clock_of(name)) is not None]
     fine = {_stem(clock): clock for clock in clocks if clock.unit == 1e-9 and _counts_rest(clock)}
@@ -70,13 +71,13 @@ def clock_columns(names: Sequence[str], values: Values | None = None) -> tuple[s
 
 
 def _grows(values: Array) -> bool:
-    """Tests whether numbers increase from row to row, as times do; single faults are tolerated."""
+    """Tests whether numbers increase from row to row, as times do; a few exceptions are tolerated."""
     step = np.diff(values)
     return bool(step.size and np.isfinite(values).all() and median(step) > 0.0 and np.mean(step >= 0.0) >= FORWARD)
 
 
 def evenly_growing(names: Sequence[str], used: Collection[str], values: Values) -> dict[str, float]:
-    """Columns that increase uniformly: each may be a clock, although neither its name nor its unit shows this.
+    """Columns that increase uniformly: each may be a clock, although neither name nor unit shows this.
 
     Args:
         names: All columns.
@@ -99,14 +100,14 @@ def evenly_growing(names: Sequence[str], used: Collection[str], values: Values) 
 
 
 def unit_of_step(step: float) -> tuple[float, str] | None:
-    """Name and length [s] of the time unit of a clock, from its median step; `None` if the unit can be seconds."""
+    """Name and length [s] of a clock's unit of time, from its median step; `None` if it may be the second."""
     if step < LONGEST_STEP:
         return None
     return next((length, name) for most, length, name in UNITS if step < most)
 
 
 def _by_unit(names: Sequence[str], values: Values) -> tuple[str, ...] | ClockRequest:
-    """Increasing column with a unit of time; if several columns count the same time, the first of them."""
+    """Increasing column with a unit of time; the first one if several columns contain the same time."""
     spans: dict[str, float] = {}
     for name in dict.fromkeys(names):
         unit = time_unit(name)
@@ -132,7 +133,7 @@ def _numbers(name: str, values: Values) -> Array | None:
 
 
 def _counts_rest(clock: Clock) -> bool:
-    """Tests whether a column holds nanoseconds that belong to a column of whole seconds."""
+    """Tests whether a column contains nanoseconds that must be added to a column of whole seconds."""
     return any(word in ("nanosec", "nsec", "nsecs") for word in words(clock.column))
 
 

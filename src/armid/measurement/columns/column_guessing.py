@@ -1,4 +1,4 @@
-"""Guesses which columns belong to which joints, from patterns of names in common use.
+"""Guess of the quantity and the joint of each column, from patterns of names in common use.
 
 Only the names are used, except that a clock may also be found by its values. Measured columns are preferred to
 commanded columns. If two sets of columns are equally good, an error asks the user to choose.
@@ -83,14 +83,15 @@ def guess_columns(
         quantities: Quantities to guess, of `time`, `q`, `dq`, `ddq`, `effort`.
         wanted: Names of the arm's joints in the file; empty if they are unknown.
         labels: Names in the file of all joints of the description, locked ones too, in its order.
-        channels: Number of columns of positions if these are known already. The other columns are then numbered.
+        channels: Number of columns of positions, if these are already known. Columns of other quantities must then
+            have channel numbers.
         matrices: True if one variable may hold all channels.
         in_file_order: True if columns with names of joints stay in the order of the file.
         values: Function that returns the numbers of a column. It is used to test whether a column with a unit of time
             is a clock.
 
     Returns:
-        Guess of as many quantities as possible; or the ambiguous choice.
+        Guess of as many quantities as possible; if several choices are equally good, an object that describes them.
     """
     labels = tuple(labels) or tuple(wanted)
     groups = _groups(names, sorted(labels, key=lambda label: -len(words(label))), matrices=matrices)
@@ -119,7 +120,7 @@ def guess_columns(
 def _chosen(
     usable: Sequence[_Group], quantities: Sequence[str], joints: int, described: int, channels: int
 ) -> dict[str, _Group] | ClockRequest:
-    """Best group of columns of each quantity; or the ambiguous choices of all of them."""
+    """Best group of columns of each quantity, or the ambiguous choices of all quantities."""
     chosen: dict[str, _Group] = {}
     requests: list[ClockRequest] = []
     for quantity in ("q", "dq", "ddq", "effort"):
@@ -139,7 +140,7 @@ def _chosen(
 
 
 def _groups(names: Sequence[str], labels: Sequence[str], *, matrices: bool) -> list[_Group]:
-    """Columns grouped by quantity and form of the name; a second column of a channel starts a separate group."""
+    """Columns grouped by quantity and form of the name; a second column of the same channel starts another group."""
     found: dict[_Form, dict[Channel, ColumnName]] = {}
     for column in dict.fromkeys(names):
         for each in named(column, labels):
@@ -159,10 +160,11 @@ def _groups(names: Sequence[str], labels: Sequence[str], *, matrices: bool) -> l
 
 
 def _without_indices(found: Mapping[_Form, dict[Channel, ColumnName]]) -> dict[_Form, dict[Channel, ColumnName]]:
-    """Groups of columns; groups are joined if only an index beside the names of different joints differs.
+    """Groups of columns; groups are joined if they differ only in an index beside the names of different joints.
 
-    The name of a joint decides: `wrist_1_joint_4_pos` is a position of `wrist_1_joint`. Groups with columns of the
-    same joint stay apart, since their numbers then distinguish two sensors of a joint.
+    In this case the name of the joint is used, and the index is ignored: `wrist_1_joint_4_pos` is a position of
+    `wrist_1_joint`. Groups with columns of the same joint are not joined, because their indices distinguish two
+    sensors of this joint.
     """
     alike: dict[_Form, list[_Form]] = {}
     for key in found:
@@ -185,7 +187,7 @@ def _in_order(members: Mapping[Channel, ColumnName]) -> dict[Channel, ColumnName
 
 
 def _is_whole(group: _Group, wanted: Sequence[str], *, matrices: bool) -> bool:
-    """Tests whether a group has a column for each joint, or channel numbers without a gap that start at 0 or 1."""
+    """Tests whether a group has a column for each joint, or channel numbers from 0 or 1 without a gap."""
     if group.by_name:
         return bool(wanted) and set(wanted) <= set(group.members)
     if "" in group.members:
@@ -231,7 +233,7 @@ def _order(chosen: Mapping[str, _Group], labels: Sequence[str]) -> list[Channel]
 
 
 def _reason(quantity: str, group: _Group, columns: tuple[str, ...], usable: Sequence[_Group]) -> str:
-    """Sentence with the chosen columns, the reason, and the alternatives that were not chosen."""
+    """Sentence that names the chosen columns, the reason, and the columns that could have been chosen instead."""
     what = f"{quantity} is {shortened(columns)}"
     what += ", from the names of the joints" if group.by_name else ""
     what += ", commanded and not measured" if group.first.commanded else ""

@@ -1,7 +1,7 @@
 """Analysis of column names: quantity, joint, unit, and measured or commanded.
 
-A name is split into words at signs, capitals and digits; `Joint1Pos`, `joint_1_pos` and `/joint_1/pos` have the same
-words.
+A name is split into words at punctuation marks, capital letters and digits. So `Joint1Pos`, `joint_1_pos` and
+`/joint_1/pos` have the same words.
 """
 
 from __future__ import annotations
@@ -156,8 +156,10 @@ class ColumnName:
         quantity: `q`, `dq`, `ddq`, `effort` or `current`.
         channel: Name of the joint, or its number; empty where the name has neither.
         form: Words of the name, with `*` for the channel.
-        rank: Preference, smallest first: 0 and 1 for measured, 2 for commanded; then joint or motor side.
-        unit: Quantity of the unit in the name and factor to armid's unit; `None` without a unit.
+        rank: Two numbers; the column with the smallest ones is preferred. First number: 0 or 1 for measured, 2 for
+            commanded values. Second number: joint side or motor side.
+        unit: Quantity of the unit in the name, and factor that converts the unit to the unit of armid; `None` without
+            a unit.
     """
 
     column: str
@@ -264,7 +266,7 @@ def split_time(column: str) -> tuple[str, str]:
 
 
 def _quantity_of_unit(unit: str, form: Sequence[str]) -> str | None:
-    """Quantity that the unit of a joint's column shows: effort, or motion if no unknown word stands in the name.
+    """Quantity that the unit of a joint's column shows: effort; or motion, if the name contains no unknown word.
 
     Args:
         unit: Unit in the name; may be empty.
@@ -282,17 +284,18 @@ def _quantity_of_unit(unit: str, form: Sequence[str]) -> str | None:
 
 
 def _q_is_joint(form: Sequence[str]) -> bool:
-    """Tests whether the letter q stands directly before the number, so that both may name a joint: `q1_trq`."""
+    """Tests whether the letter q is directly before the number, so that both may name a joint, as in `q1_trq`."""
     return any(pair == ("q", "*") for pair in itertools.pairwise(form))
 
 
 def _channels(parts: Sequence[str], labels: Sequence[str], unit: str) -> list[tuple[str | int, list[str]]]:
-    """Possible channels in a name: the longest joint name, or else each number; empty if there is neither.
+    """Possible channels in a name: the longest joint name, otherwise each number; empty if the name has neither.
 
     Args:
         parts: Words of the name.
         labels: Names of the joints.
-        unit: Unit in the name; beside the name of a joint it may show the quantity, so that no word is needed.
+        unit: Unit in the name. If the name contains the name of a joint, the unit may show the quantity, and no other
+            word is needed.
     """
     for label in labels:
         name = words(label)
@@ -317,20 +320,20 @@ def quantity_of(form: Sequence[str]) -> str | None:
 
 
 def unit_of(unit: str) -> tuple[str, float] | None:
-    """Quantity that a unit measures and factor to armid's unit; powers of time in the unit are ignored."""
+    """Quantity of a unit, and factor that converts it to armid's unit; powers of time in the unit are ignored."""
     text = re.sub(r"[\s_·*.⋅^\-]", "", unit.split("/")[0]).lower()
     per_second = PER_SECOND.fullmatch(text)
     return UNITS.get(per_second[1] if per_second else text)
 
 
 def unit_kind(unit: str) -> tuple[str, float] | None:
-    """Quantity that a unit measures (time included) and factor to armid's unit; `None` if the unit is unknown."""
+    """Quantity of a unit (also time), and factor that converts it to the unit of armid; `None` if it is unknown."""
     seconds = SECONDS.get(unit.strip().lower())
     return ("time", seconds) if seconds is not None else unit_of(unit)
 
 
 def column_unit(column: str) -> tuple[str, float] | None:
-    """Quantity that the unit in a column's name measures, and factor to armid's unit; `None` without a known unit."""
+    """Quantity of the unit in a column's name, and factor that converts it to armid's unit; `None` if unknown."""
     text, unit = split_unit(column)
     if unit:
         return unit_of(unit)

@@ -80,7 +80,8 @@ def select(
         path: The file, for messages.
         robot: The arm; the names of its joints may occur in the names of the columns.
         matrices: True if one variable may hold all channels.
-        values: Function that returns the numbers of a column, to detect a clock that its name does not show.
+        values: Function that returns the numbers of a column. It is used to detect a clock whose name does not show
+            that it is a clock.
 
     Raises:
         RecordingError: A named column does not exist, numbered columns have a gap, no columns hold positions, or
@@ -150,7 +151,7 @@ def assemble(
 
     Args:
         selection: Chosen names.
-        column: Function that returns the numbers of a name, shape (N,) or (N, n).
+        column: Function that returns the numbers of a column or matrix, given its name; shape (N,) or (N, n).
         log_format: Log format of the file.
         path: The file.
         joint_names: Names of the channels, if the file has them.
@@ -273,7 +274,7 @@ def _lacks_clock(chosen: Mapping[str, tuple[str, ...]], log_format: LogFormat) -
 def _possible_clocks(
     present: Mapping[str, Any], chosen: Mapping[str, tuple[str, ...]], values: Values, log_format: LogFormat
 ) -> tuple[Finding, ...]:
-    """Finding about unused columns that increase uniformly: one of them may be the missing clock."""
+    """Finding about unused columns that increase uniformly; one of these may be the missing clock."""
     found = evenly_growing(list(present), set(chain.from_iterable(chosen.values())), values)
     if not found:
         return ()
@@ -289,7 +290,7 @@ def _possible_clocks(
 
 
 def _uneven(selection: Selection, q: int, effort: int, path: Path) -> RecordingError:
-    """Error for more channels of one quantity than of another."""
+    """Error for quantities with different numbers of channels."""
     listed = [
         f"{count} columns of {name} ({' … '.join(dict.fromkeys((*names[:1], *names[-1:])))})"
         for name, names, count in (("q", selection.q, q), ("effort", selection.effort, effort))
@@ -323,7 +324,7 @@ def numeric(values: NDArray[Any], name: str, path: Path) -> Array:
 
 
 def _named(patterns: tuple[str, ...], present: Mapping[str, Any], quantity: str, path: Path) -> tuple[str, ...]:
-    """Columns that a pattern or a list of names selects; all of them must exist."""
+    """Columns that a pattern or a list of names selects; all selected columns must exist."""
     if len(patterns) == 1:
         found = _expand(patterns[0], present, path)
         if not found:
@@ -336,7 +337,7 @@ def _named(patterns: tuple[str, ...], present: Mapping[str, Any], quantity: str,
 
 
 def _expand(pattern: str, present: Mapping[str, Any], path: Path, *, usual: bool = False) -> tuple[str, ...]:
-    """Columns that match a pattern, in the order of their numbers; usual names may also count from 0."""
+    """Columns that match a pattern, in the order of their numbers; the numbers of usual names may also start at 0."""
     for braces, first in (("{}", 1), ("{0}", 0)):
         if braces not in pattern:
             continue
@@ -351,8 +352,9 @@ def _expand(pattern: str, present: Mapping[str, Any], path: Path, *, usual: bool
         if sorted(numbered) != list(expected):
             found = ", ".join(numbered[i] for i in sorted(numbered))
             raise RecordingError(
-                f"{path}: columns {pattern!r} must count from {first} without a gap; found {found}.",
-                possible="{} counts from 1, {0} counts from 0; a list may contain any names",
+                f"{path}: the numbers of the columns {pattern!r} must start at {first} and have no gap; found "
+                f"{found}.",
+                possible="in a pattern, {} counts from 1 and {0} from 0; a list may contain any names",
                 remedy="list the names of the columns under the key `columns`.",
             )
         return tuple(numbered[i] for i in expected)

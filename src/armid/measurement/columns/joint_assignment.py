@@ -27,10 +27,10 @@ LISTED = 20
 def in_joint_order(
     recording: Recording, log_format: LogFormat, robot: Robot
 ) -> tuple[Recording, tuple[Finding, ...]]:
-    """Selects the channels of the robot's joints, in the order of the robot; findings report the other channels.
+    """Selects the channels of the robot's joints, in the order of the robot; the other channels are reported.
 
     Raises:
-        RecordingError: Joints and channels that do not match.
+        RecordingError: Joints and channels do not match.
     """
     targets = _targets(recording, log_format, robot)
     order = [targets.index(name) for name in robot.joint_names]
@@ -53,13 +53,13 @@ def in_joint_order(
 
 
 def _reordered(columns: tuple[str, ...], order: list[int], channels: int, quantity: str) -> tuple[str, ...]:
-    """Columns of a quantity in the order of the joints; times and matrices as they are."""
+    """Columns of a quantity in the order of the joints; times and matrices are returned unchanged."""
     by_joint = quantity != "time" and len(columns) == channels
     return tuple(columns[k] for k in order) if by_joint else columns
 
 
 def _targets(recording: Recording, log_format: LogFormat, robot: Robot) -> list[str]:
-    """Name of the joint of each channel, of the robot, locked or of another arm; empty if a channel has no joint."""
+    """Joint of each channel: a joint of the robot, a locked joint or one of another arm; empty if there is none."""
     given = log_format.joint_map
     channels = recording.channels
     unknown = [name for name in given if name not in channels]
@@ -89,8 +89,8 @@ def _targets(recording: Recording, log_format: LogFormat, robot: Robot) -> list[
             f"{recording.source} does not have the joints of {robot.name} ({'; '.join(parts)}).{compared}",
             possible=f"joints {', '.join(robot.joint_names)}; channels {', '.join(channels)}",
             remedy=("give the description of the recorded arm; or " if none else "")
-            + "assign the channels with joints = { name in the recording = robot joint } (an empty name leaves a "
-            "channel out), and lock the joints that were not recorded.",
+            + "assign the channels with joints = { name in the recording = robot joint } (an empty name if the "
+            "channel is not used), and lock the joints that were not recorded.",
         )
     return targets
 
@@ -99,7 +99,7 @@ def by_number(recording: Recording, robot: Robot) -> tuple[str, ...]:
     """Joints of unnamed channels: the joints of the robot, or all joints of its description if some are locked.
 
     Raises:
-        RecordingError: The number of channels fits neither of them.
+        RecordingError: The number of channels is neither that of the robot's joints nor that of all joints.
     """
     described = robot.described_joints
     if recording.n == robot.n:
@@ -136,7 +136,7 @@ def _others(recording: Recording, log_format: LogFormat, robot: Robot, targets: 
 
 
 def _of_held(q: Array, held: Held, log_format: LogFormat) -> Finding | None:
-    """Finding about a locked joint that moves, or that is not at the stated position."""
+    """Finding about a locked joint that moves in the recording, or that is not at the stated position."""
     q = q[np.isfinite(q)]
     if not q.size or log_format.transmission is not None:
         return None

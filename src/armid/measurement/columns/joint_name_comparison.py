@@ -38,7 +38,7 @@ GENERIC = frozenset("joint joints jnt axis axes arm robot motor motors link ch c
 
 
 def stated_joints(names: Sequence[str], quantity: str) -> dict[str, str]:
-    """Columns of a quantity by joint name, which is the rest of the column's name without the words of the quantity.
+    """Columns of a quantity, by joint name: the name of the column without the words of the quantity.
 
     Args:
         names: All columns.
@@ -66,10 +66,10 @@ def refuse_other_joints(
     path: Path,
     incomplete: RecordingError | None = None,
 ) -> None:
-    """Refuses a log whose columns name joints that are not joints of the description, or only some of these.
+    """Raises an error for a log whose columns name other joints than the description, or only some of its joints.
 
-    Names that differ only in a number are numbered channels. They are refused if there are more or fewer channels
-    than joints and the names contain the name of another arm.
+    Columns whose names differ only in a number are numbered channels. An error is raised if the number of channels
+    differs from the number of joints and the names contain the name of another arm.
 
     Args:
         names: All columns.
@@ -153,7 +153,7 @@ def columns_of_joints(names: Sequence[str], labels: Sequence[str], quantities: C
 
 
 def _selection(joints: Sequence[str], robot: Robot) -> str:
-    """Names of joints for an option, as a pattern if one selects exactly these of the description."""
+    """Names of joints for an option; a pattern, if a pattern selects exactly these joints of the description."""
     same = takewhile(lambda letters: len(set(letters)) == 1, zip(*joints, strict=False))
     pattern = "".join(letters[0] for letters in same) + "*"
     selected = [name for name in robot.described_joints if fnmatchcase(name, pattern)]
@@ -167,7 +167,7 @@ def comparison(in_log: Sequence[str], labels: Sequence[str], robot: str, *, what
         in_log: Names of the joints in the log.
         labels: Names of the description's joints in the log.
         robot: Name of the arm.
-        what: Whether names are those of joints or of columns.
+        what: `joints` or `columns`: kind of the names in the log.
     """
     matching = sum(any(same_joint(label, name) for name in in_log) for label in labels)
     count = f"{matching} of {len(labels)} match" if matching else "none match"
@@ -209,7 +209,7 @@ def _stem(name: str) -> str:
 def _remedy(
     columns: Mapping[str, Mapping[str, str]], log_format: LogFormat, robot: Robot, labels: Sequence[str]
 ) -> Remedy:
-    """Remedy: another description, locks for joints that were not recorded, or column names in joint order."""
+    """Remedy: another description, locked joints if they were not recorded, or column names in joint order."""
     stated = columns["q"]
     missing = [label for label in labels if not any(same_joint(label, name) for name in stated)]
     locked = (

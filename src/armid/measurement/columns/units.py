@@ -29,10 +29,10 @@ AMPERE = re.compile(r".+[_\s.-]A")
 
 
 def hold_current(effort: Sequence[str], q: Sequence[str] = ()) -> bool:
-    """Tests whether columns of effort hold motor currents, by their units or words.
+    """Tests whether columns of effort contain motor currents, from the units or words in their names.
 
-    A final letter A is the unit ampere if all columns of effort have it in addition to the joint, and no column of
-    positions has it.
+    A final letter A is taken as the unit ampere if it follows the joint in the names of all columns of effort, and in
+    no name of a column of positions.
 
     Args:
         effort: Columns of effort.
@@ -45,7 +45,7 @@ def hold_current(effort: Sequence[str], q: Sequence[str] = ()) -> bool:
 
 
 def _is_current(column: str) -> bool:
-    """Tests whether the unit of a column, or else a word of its name, is that of a current."""
+    """Tests whether the unit of a column is that of a current, or a word of its name means current."""
     unit = column_unit(column)
     if unit is not None:
         return unit[0] == "current"
@@ -97,8 +97,8 @@ def factors(columns: Sequence[str], units: str | Sequence[str] | None, *, angles
     Args:
         columns: Columns of positions, velocities, accelerations and efforts.
         units: Unit of angles in the log format. If it is a list with one unit for each joint, angles are not
-            converted.
-        angles: True if the units of angles in the names are used.
+            converted here.
+        angles: True if the units of angles in the names of the columns are used.
     """
     found: dict[str, float] = {}
     for name in columns:
@@ -132,7 +132,7 @@ def stated_units(chosen: Mapping[str, Sequence[str]], without: Collection[str] =
 
 
 def _stated_unit(quantity: str, column: str) -> str:
-    """Unit as written in a column's name; a unit inside the name can only be a unit of angle."""
+    """Unit as it is written in a column's name; a unit that is not at the end can only be a unit of angle."""
     return split_time(column)[1] if quantity == "time" else split_unit(column)[1] or "deg"
 
 

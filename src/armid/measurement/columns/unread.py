@@ -1,4 +1,4 @@
-"""Columns of a file that were not read: which of them may hold a missing quantity, and errors that name them."""
+"""Columns of a file that were not read: those that may contain a missing quantity, and errors that name them."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ LISTED = 60
 def effort_possible(
     names: Sequence[str], chosen: Mapping[str, Sequence[str]], log_format: LogFormat, labels: Sequence[str]
 ) -> tuple[Finding, ...]:
-    """Finding that lists the unread columns of a file without effort, with a remedy that names them as effort.
+    """Finding that lists the unread columns of a file without effort, with a remedy that declares them as effort.
 
     Args:
         names: All columns.
@@ -71,7 +71,7 @@ def positions_missing(
     *,
     clocks: Mapping[str, float],
 ) -> RecordingError:
-    """Error for a file without positions, with all other quantities that are missing and columns that may hold them.
+    """Error for a file without positions; it also names the other missing quantities and possible columns.
 
     Args:
         present: All columns.
@@ -115,7 +115,7 @@ def positions_missing(
 
 
 def _missing(chosen: Mapping[str, Sequence[str]], log_format: LogFormat) -> dict[str, str]:
-    """Quantities that an identification needs and no column holds, by key, with their names in a sentence."""
+    """Quantities that an identification needs and that are not in the file: name in a sentence, by key."""
     names = {"q": "positions", "effort": "effort (torque or current)", "time": "time"}
     left_out = {name for name, columns in log_format.columns.items() if not columns}
     if log_format.rate is not None or log_format.consecutive is False:
@@ -131,11 +131,12 @@ def _listing(names: Sequence[str], word: str) -> str:
 def ambiguous_columns(request: ClockRequest, q: Sequence[str], log_format: LogFormat, path: Path) -> RecordingError:
     """Error that asks for the columns of all quantities at once.
 
-    The proposed sets are those whose names have most words in common with the positions, or with the first set.
+    Of each quantity, the set is proposed whose names have most words in common with the positions, or with the first
+    set.
 
     Args:
         request: Sets of columns by quantity.
-        q: Columns of positions where these are known.
+        q: Columns of positions, if these are known.
         log_format: Log format of the file.
         path: The file.
     """
@@ -168,7 +169,7 @@ def _listed(present: Iterable[str]) -> str:
 
 
 def channel_sets(names: Sequence[str], labels: Sequence[str], count: int) -> list[tuple[str, ...]]:
-    """Sets of `count` columns, one for each channel, whose names differ only in the joint; or all columns.
+    """Sets of `count` columns, one for each channel, whose names differ only in the joint; otherwise all columns.
 
     Args:
         names: Columns.
@@ -193,7 +194,7 @@ def channel_sets(names: Sequence[str], labels: Sequence[str], count: int) -> lis
 
 
 def pattern_of(columns: Sequence[str], names: Sequence[str]) -> str | Sequence[str]:
-    """Pattern that matches exactly these numbered columns of all names, such as `m{}_torque`; else the columns."""
+    """Pattern, such as `m{}_torque`, that matches exactly these columns among all names; otherwise the columns."""
     for number in re.finditer(r"\d+", columns[0]):
         before, after = columns[0][: number.start()], columns[0][number.end() :]
         braces = {"0": "{0}", "1": "{}"}.get(number[0])

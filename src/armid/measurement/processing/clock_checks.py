@@ -34,7 +34,7 @@ UNITS = {1.0: "seconds", 1e-3: "milliseconds", 1e-6: "microseconds", 1e-9: "nano
 
 
 def check_clock(recording: Recording, log_format: LogFormat) -> None:
-    """Raises an error for a clock that runs backwards, counts in another unit, or contradicts the rate.
+    """Raises an error if the clock runs backwards, has another unit than stated, or contradicts the rate.
 
     Args:
         recording: As read.
@@ -61,7 +61,7 @@ def check_clock(recording: Recording, log_format: LogFormat) -> None:
 
 
 def _backwards(recording: Recording, time: Array, log_format: LogFormat) -> RecordingError:
-    """Error for a clock that runs backwards; if its stamps only scatter, the remedy is an even clock."""
+    """Error for a clock that runs backwards; if its time stamps only scatter, the remedy is a uniform clock."""
     back = np.diff(time) < 0
     row = int(np.argmax(back))
     evidence = (
@@ -93,7 +93,7 @@ def _backwards(recording: Recording, time: Array, log_format: LogFormat) -> Reco
 
 
 def _check_unit(recording: Recording, step: float, unit: float) -> None:
-    """Raises an error for a clock whose median step [s] shows that it counts in another unit than it was read in."""
+    """Raises an error if the median step [s] of a clock shows that its unit is not the one it was read in."""
     counted = _counted_unit(step, unit)
     as_read = UNITS.get(unit, f"units of {unit:g} s")
     moved = f"the time column increases by {step / unit:g} from row to row"
@@ -109,7 +109,7 @@ def _check_unit(recording: Recording, step: float, unit: float) -> None:
             "clock-unit",
             recording,
             f"{moved}; read in {as_read}, that is {1.0 / step:.3g} Hz, at which no arm is recorded.",
-            "find out in which unit the time column counts, and give its length in seconds (time_unit = …).",
+            "find out the unit of the time column, and give the length of this unit in seconds (time_unit = …).",
         )
 
 
@@ -130,7 +130,7 @@ def _counted_unit(step: float, unit: float) -> float | None:
 
 
 def without_ties(recording: Recording) -> tuple[Recording, tuple[Finding, ...]]:
-    """Drops rows with the same time stamp as the row before, if the clock is coarser than the rate."""
+    """Drops rows with the time stamp of the row before, if the resolution of the clock is coarser than a step."""
     if recording.time is None:
         return recording, ()
     tied = np.concatenate([[False], np.diff(recording.time) == 0])

@@ -33,7 +33,7 @@ def compensate_delay(recording: Recording, log_format: LogFormat) -> Recording:
     from one period earlier or later.
 
     Args:
-        recording: In robot order, on the joint side.
+        recording: Recording in robot order, on the joint side.
         log_format: Log format that gives the delay, and the period if the motion repeats.
 
     Raises:
@@ -44,8 +44,8 @@ def compensate_delay(recording: Recording, log_format: LogFormat) -> Recording:
         return recording
     if recording.consecutive is False:
         raise RecordingError(
-            "the key `delay` is given, but the rows are not consecutive in time.",
-            remedy="leave `delay` out, because a delay cannot be corrected in separate samples.",
+            "the key `delay` is given, but the rows are not consecutive in time, so a delay cannot be corrected.",
+            remedy="leave `delay` out.",
             source=recording.source,
         )
     time = np.arange(recording.samples) / (recording.rate or 1.0) if recording.time is None else recording.time

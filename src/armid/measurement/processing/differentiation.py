@@ -26,7 +26,7 @@ def differentiate(stretch: Stretch, processing: ProcessingOptions, *, given: boo
 
     Args:
         stretch: Stretch; it has a uniform rate, unless derivatives are given.
-        processing: Resolved options; filter, derivatives and edges are used.
+        processing: Options with a cut-off in Hz; filter, derivatives and edges are used.
         given: True if the recorded derivatives are used, together with the recorded positions.
     """
     if given and stretch.dq is not None and stretch.ddq is not None:

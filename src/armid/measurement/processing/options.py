@@ -24,7 +24,7 @@ class ProcessingOptions:
         family: `butterworth`, `fir`, or `none`: nothing is filtered.
         columns: True if the columns of the model are filtered in the same way as the torque. `False` biases the
             estimate; it exists only to reproduce published results.
-        decimate: Rate of the rows after the filter [Hz]. 0 and the family `none` keep every sample.
+        decimate: Rate of the rows after the filter [Hz]. With 0, or with the family `none`, every sample is kept.
         derivatives: `given` uses recorded velocities and accelerations as they stand, with positions unfiltered;
             `velocity` filters recorded positions and velocities and differentiates the latter once; the other values
             filter the positions and differentiate them twice: `central` by three-point differences, `periodic` in the
@@ -38,9 +38,9 @@ class ProcessingOptions:
         motion_cutoff: Cut-off of the filter of the positions [Hz], if it differs from `cutoff`.
         average: True if the repetitions of a periodic motion are aligned and their mean is used instead of all of
             them.
-        saturation: Share of the effort limit of a joint; rows near samples whose effort reaches it are not used for
-            this joint. Rows near many samples with the same extreme effort, a plateau, are never used, unless it is
-            `keep`, which uses all rows.
+        saturation: Share of the effort limit of a joint; rows near samples whose effort reaches this share are not
+            used for this joint. Rows near a plateau (many samples with the same extreme effort) are not used either.
+            With `keep`, all rows are used.
         standstill: `drop` leaves out, for each joint, the rows that are affected by its standstill between motions,
             because static friction can have any value up to its bound there. `moving` also leaves out longer rests
             before, between and after motions, even if few rows remain. `keep` keeps all rows.
@@ -97,9 +97,9 @@ class ProcessingOptions:
             )
         if self.derivatives == "filter" and self.family == "none":
             raise StudyError(
-                'derivatives = "filter" uses the filter to differentiate, but family = "none" means that '
-                "there is no filter.",
-                remedy='choose a family, or derivatives = "central".',
+                'derivatives = "filter" computes derivatives with the filter, but family = "none" means that there '
+                "is no filter.",
+                remedy='use family = "butterworth" or "fir", or derivatives = "central".',
             )
 
     @property
@@ -113,7 +113,8 @@ class ProcessingOptions:
             return Band()
         if self.cutoff == "auto":
             raise StudyError(
-                'cutoff = "auto" has not yet been replaced by a frequency from the motion.',
+                'The option cutoff = "auto" has not yet been replaced by a frequency that is computed from the '
+                "motion.",
                 remedy="call armid.measurement.processing.pipeline.process_recordings, which determines the "
                 "cut-off, or give it in Hz.",
             )

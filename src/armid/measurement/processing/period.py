@@ -84,14 +84,14 @@ ROUNDS = 4
 
 @dataclass(frozen=True, slots=True)
 class Repetition:
-    """Repeated motion.
+    """Repetitions of a motion.
 
     Attributes:
         period: Period [s].
         start: Time of the first repetition on the recording's clock [s].
         count: Number of whole repetitions.
-        apart: RMS difference of repetitions, divided by the standard deviation within a repetition, for the worst
-            joint.
+        apart: RMS difference between repetitions, divided by the standard deviation of the position within a
+            repetition; value of the joint for which it is largest.
     """
 
     period: float
@@ -107,7 +107,7 @@ def period_of(
     source: str,
     findings: list[Finding],
 ) -> tuple[float | None, float | None]:
-    """Period and start [s] of the motion of a recording, as stated and checked, or found in the positions.
+    """Period and start [s] of the motion of a recording: as stated, after a check, or as found in the positions.
 
     Args:
         pieces: Stretches of the recording between its gaps.
@@ -164,7 +164,7 @@ def check_period(
     """Adds a finding if the motion of a recording without gaps does not repeat with the stated period.
 
     Args:
-        pieces: Its stretches between gaps.
+        pieces: Stretches of the recording between its gaps.
         period: The stated period [s].
         start: Stated time of the first period [s], if any.
         source: Of the recording.
@@ -195,13 +195,13 @@ def check_period(
 
 
 def _multiple(stated: float, found: float) -> bool:
-    """Tests whether a stated period is a whole number of found ones, or the reverse."""
+    """Tests whether one of two periods, the stated and the found one, is an integer multiple of the other."""
     ratio = stated / found
     return any(abs(x - round(x)) <= OFF * x and round(x) >= 1 for x in (ratio, 1.0 / ratio))
 
 
 def repetition(time: Array, q: Array, rate: float) -> Repetition | None:
-    """Repetitions of a motion that was run at least twice; `None` if it was run only once.
+    """Repetitions of a motion that was executed at least twice; `None` if it was executed only once.
 
     Args:
         time: Times of the samples, which need not be uniform, shape (N,) [s].
@@ -229,7 +229,7 @@ def repetition(time: Array, q: Array, rate: float) -> Repetition | None:
 
 @dataclass(frozen=True, slots=True)
 class _Agreed:
-    """Lag [samples], first sample and end of the stretch that agrees one lag later, and the remaining difference."""
+    """Lag [samples], first sample and end of the stretch that repeats after one lag, and the remaining difference."""
 
     lag: float
     first: int
@@ -287,7 +287,7 @@ def _agreement(x: Array, near: int, within: Array, noise: Array) -> _Agreed | No
 
 
 def _ahead(x: Array, first: NDArray[np.int64], lag: float) -> tuple[Array, Array]:
-    """Difference between signals (N, m) one lag later and now at each sample, and its derivative by the lag."""
+    """Signals (N, m) one lag later minus the signals at each sample, and the derivative of this by the lag."""
     later = first + lag
     index = np.arange(len(x), dtype=np.float64)
     ahead = np.column_stack([np.interp(later, index, each) for each in x.T]) - x[first]
@@ -308,7 +308,7 @@ def _longest(good: NDArray[np.bool_], bridged: int) -> tuple[int, int]:
 
 
 def _whole(grid: Array, x: Array, agreed: _Agreed, length: float, rate: float) -> Repetition | None:
-    """Repetitions in seconds; the period is the mean from the first to the last of them."""
+    """Repetitions in seconds; the period is the mean distance from the first to the last repetition."""
     step = float(grid[1] - grid[0])
     lag = agreed.lag
     count = int((agreed.last - agreed.first) / lag + 1.0 + CLOSE)
@@ -328,7 +328,7 @@ def _whole(grid: Array, x: Array, agreed: _Agreed, length: float, rate: float) -
 
 
 def _from_ends(x: Array, lag: float, first: int, count: int) -> float:
-    """Lag refined from the delay between the first and the last repetition."""
+    """Lag that is refined with the delay between the first and the last repetition."""
     for _ in range(ROUNDS):
         behind = (count - 1) * lag
         ahead, speed = _ahead(x, np.arange(first, min(first + int(lag), int(len(x) - behind))), behind)

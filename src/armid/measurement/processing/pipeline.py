@@ -1,7 +1,7 @@
 """Processing pipeline from recordings to observations: gaps, clock, repetitions, motion, rows.
 
-The motion is filtered and differentiated here, at full rate. The torque is not filtered: the band travels with the
-observations and is applied to torque and model columns alike.
+The motion is filtered and differentiated here, at full rate. The torque is not filtered here: the filter is stored
+with the observations and is later applied to torque and model columns in the same way.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ def process_recordings(
     """Observations of several recordings of one robot.
 
     Args:
-        recordings: In robot order, SI units, joint side.
+        recordings: Recordings in robot order, SI units, joint side.
         processing: Options; defaults if not given. An automatic cut-off is determined once for all recordings.
         periods: Period of the motion of each recording [s], `None` if the motion does not repeat, or `find` to detect
             it. If no periods are given, they are detected from the positions, because confidence intervals are
@@ -93,13 +93,14 @@ def process_recording(
     """Contiguous runs of one recording, with motion, rows and masks.
 
     Args:
-        recording: In robot order, SI units, joint side; rows are consecutive unless it states otherwise.
+        recording: Recording in robot order, SI units, joint side; its rows are consecutive unless it states
+            otherwise.
         processing: Options.
         period: Period of the motion [s]; `find` to detect it from the positions; `None` if the motion does not
             repeat.
         start: Time of the first repetition on the recording's clock [s]; if not given, the time of the first sample.
             Rows before this time and after the last whole repetition are not used.
-        effort_limits: Of each joint, shape (n,) [N·m or N]; needed for `saturation`.
+        effort_limits: Effort limit of each joint, shape (n,) [N·m or N]; needed for `saturation`.
         index: Number of the recording, which is stored in the runs.
 
     Returns:
@@ -186,7 +187,7 @@ def _highest_cutoff(processing: ProcessingOptions) -> float | None:
 def _long_enough(
     pieces: Sequence[Stretch], processing: ProcessingOptions, source: str, findings: list[Finding]
 ) -> list[Stretch]:
-    """Stretches in which the filters fit; a finding is added about each of the others."""
+    """Stretches that are long enough for the filters; a finding is added about each of the other stretches."""
     if processing.family == "none":
         return list(pieces)
     lowest = min(float(processing.cutoff), processing.motion_cutoff or np.inf)
@@ -312,7 +313,7 @@ def _circles(
     source: str,
     findings: list[Finding],
 ) -> list[Stretch]:
-    """Cuts each stretch to its whole repetitions, or replaces all repetitions by their mean."""
+    """Cuts each stretch to whole repetitions, or replaces all repetitions by their mean."""
     name = source or "The recording"
     if period is None or start is None:
         if len(pieces) > 1:

@@ -1,4 +1,4 @@
-"""Repetitions of a motion: where they are in a recording, their delays, and their mean."""
+"""Repetitions of a motion: their positions in a recording, their delays and their mean."""
 
 from __future__ import annotations
 
@@ -59,7 +59,8 @@ def whole_periods(stretch: Stretch, begins: Sequence[int], samples: int) -> Stre
 def average(found: Sequence[tuple[Stretch, int]], period: float, source: str) -> tuple[Stretch, list[Finding]]:
     """Mean of the repetitions, each shifted to the time of the first one.
 
-    A delay is moved by whole samples in the recording itself and by the rest in the frequency domain.
+    The whole samples of a shift are applied by indices of the recording, the remaining fraction in the frequency
+    domain.
 
     Args:
         found: Stretch and first sample of each repetition.
@@ -117,14 +118,15 @@ def _delay_findings(delays: Array, samples: int, rate: float, source: str) -> li
             "period-misaligned",
             "warning" if wrong else "info",
             source,
-            f"Repetition {worst + 1} of {len(delays)} lies {late / rate:+.4g} s ({late:+.1f} samples) off.",
+            f"Repetition {worst + 1} of {len(delays)} is shifted by {late / rate:+.4g} s ({late:+.1f} samples) from "
+            "its expected time.",
             "Check the period and its start." if wrong else "The repetitions were aligned before averaging.",
         )
     ]
 
 
 def check_closed(stretch: Stretch, source: str) -> None:
-    """Raises an error where the ends of a run do not meet, so that it cannot be made periodic.
+    """Raises an error if the last sample of a run does not agree with the first, so that it is not periodic.
 
     Raises:
         RecordingError: Some joint jumps from the last sample to the first.

@@ -1,4 +1,4 @@
-"""Checks of the rows of a recording: which of them are measurements, and whether they are consecutive."""
+"""Checks of the rows of a recording: missing and repeated values, and whether rows are consecutive in time."""
 
 from __future__ import annotations
 
@@ -56,7 +56,8 @@ def clean(recording: Recording, log_format: LogFormat) -> tuple[Recording, tuple
         log_format: How to read it.
 
     Returns:
-        The recording with `time` or else `rate`, with known `consecutive` and complete `valid`; and the findings.
+        The recording and the findings. The recording has `time` or `rate`, a known value of `consecutive`, and a
+        complete mask `valid`.
 
     Raises:
         RecordingError: Values are NaN, the clock is missing or wrong, or there are too few samples.
@@ -92,7 +93,7 @@ def _excluded(recording: Recording, log_format: LogFormat) -> NDArray[np.bool_]:
 
 
 def _check_exclude(recording: Recording, log_format: LogFormat) -> None:
-    """Raises an error for intervals outside the recording, which are most likely on another clock."""
+    """Raises an error for intervals outside the time of the recording; they probably refer to another clock."""
     if recording.time is None:
         return
     for t0, t1 in log_format.exclude:
@@ -106,7 +107,7 @@ def _check_exclude(recording: Recording, log_format: LogFormat) -> None:
 
 
 def _without_excluded_nan(recording: Recording, log_format: LogFormat) -> Recording:
-    """Drops rows that are excluded and contain NaN, if the recording has a clock, which shows the gap."""
+    """Drops excluded rows with NaN if the recording has a clock; the clock then shows the gap."""
     _check_exclude(recording, log_format)
     broken = ~np.isfinite(_everything(recording)).all(axis=1)
     if recording.time is None or not log_format.exclude or not broken.any():
@@ -161,7 +162,7 @@ def _refuse_nan(recording: Recording, log_format: LogFormat) -> None:
 
 
 def _without(name: str, rows: NDArray[np.intp], recording: Recording, log_format: LogFormat) -> str:
-    """Remedy that leaves out of a log the rows that are not finite, or a quantity that is not needed."""
+    """Remedy that excludes rows with non-finite values, or leaves out a quantity that is not needed."""
     pieces = np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1)
     few = len(pieces) <= MOST_HOLES and len(rows) <= LARGEST_HOLES * recording.samples
     if few and recording.time is not None and np.isfinite(recording.time).all():
@@ -207,24 +208,25 @@ def _without_repeats(recording: Recording) -> tuple[Recording, tuple[Finding, ..
         "",
         f"{repeated.sum()} of {recording.samples} rows repeat the row before; {drop.sum()} of them were "
         f"dropped, {(repeated & ~drop).sum()} masked.",
-        "record at the rate at which the robot gives new samples.",
+        "record at the rate at which the robot sends new samples.",
     )
     recording = replace(recording, valid=recording.valid & ~repeated[:, None])
     return kept_rows(recording, ~drop), (finding,)
 
 
 def _should_differ(values: Array, runs: NDArray[np.intp]) -> NDArray[np.bool_]:
-    """Tests whether equal rows are repeats, from the changes of the channels before and after them.
+    """Tests whether equal rows repeat one sample, from the changes of the channels before and after these rows.
 
-    If an arm rests and its channels are coarse, rows are equal because nothing changes. If a channel changes by r of
-    its smallest steps per row before and after, it keeps its value from one row to the next with probability 1 - r.
+    Rows may also be equal because the arm rests and the resolution of the channels is coarse. If a channel changes by
+    r of its smallest steps per row before and after the equal rows, the probability that it keeps its value from one
+    row to the next is 1 - r.
 
     Args:
         values: All channels, shape (N, c).
         runs: Index of the first equal row, and index after the last, for K runs of equal rows, shape (K, 2).
 
     Returns:
-        Shape (K,).
+        True if the equal rows are repeats, shape (K,).
     """
     steps = np.abs(np.diff(values, axis=0))
     moving = steps.any(axis=0)
@@ -245,11 +247,11 @@ def _should_differ(values: Array, runs: NDArray[np.intp]) -> NDArray[np.bool_]:
 
 
 def _with_consecutive(recording: Recording, turn: Array) -> tuple[Recording, tuple[Finding, ...]]:
-    """Determines whether rows are consecutive, from the clock if there is one, else from q and dq.
+    """Determines whether rows are consecutive, from the clock if there is one, otherwise from q and dq.
 
     Args:
         recording: Recording whose rows were checked.
-        turn: A full turn in each channel's unit of angle, shape (n,); a wrapped angle jumps by it.
+        turn: Size of a full turn in the unit of each channel, shape (n,); a wrapped angle jumps by a full turn.
     """
     if recording.time is not None:
         clocked = replace(recording, rate=None, consecutive=recording.consecutive is not False)
@@ -287,7 +289,7 @@ def _with_consecutive(recording: Recording, turn: Array) -> tuple[Recording, tup
 
 
 def _clockless(recording: Recording, implied: float) -> RecordingError:
-    """Error for a missing clock, with a column that may be one, or the rate [Hz] that q and dq imply."""
+    """Error for a missing clock, with a column that may be the clock, or the rate [Hz] that q and dq imply."""
     told = {each.code: each for each in recording.findings}
     possible, effort = told.get("clock-possible"), told.get("effort-possible")
     evidence = "the recording has neither a time column nor a sample rate"
@@ -325,7 +327,8 @@ def _both(clock: Remedy, effort: Remedy) -> Remedy:
 def _coherence(recording: Recording, turn: Array) -> tuple[float, float]:
     """Share of moving rows whose step in q agrees with the velocity, and the rate [Hz] that this implies.
 
-    Without velocities the share is 1 where steps are small against the positions' spread, else 0; the rate is NaN.
+    Without velocities, the share is 1 if the steps are small compared with the range of the positions, otherwise 0;
+    the rate is NaN.
     """
     step = np.diff(recording.q, axis=0)
     step -= turn * np.round(step / turn)
@@ -352,7 +355,8 @@ def _needing_derivatives(recording: Recording) -> Recording:
         raise recording_error(
             "rows-not-consecutive",
             recording,
-            f"rows are not consecutive and have no {' and no '.join(lacking)}; these cannot be computed then.",
+            f"rows are not consecutive in time and have no {' and no '.join(lacking)}; without consecutive rows "
+            "these cannot be computed.",
             "record velocity and acceleration, too, or give consecutive = true if the rows are consecutive in time.",
         )
     return recording

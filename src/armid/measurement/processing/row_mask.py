@@ -52,7 +52,7 @@ def run_of(
     *,
     found: bool = False,
 ) -> ObservedRun | None:
-    """Run made from a stretch and its motion, with rows, mask and blocks; `None` if no row is left.
+    """Run of a stretch and its motion, with rows, mask and blocks; `None` if no row can be used.
 
     Args:
         stretch: The samples.
@@ -60,8 +60,8 @@ def run_of(
         processing: Resolved.
         repeats: Period and start of the first repetition [s], if the motion repeats.
         recording: Index of the recording.
-        found: True if the repetitions were detected and not stated. Blocks then stay about one second long, because
-            methods that leave blocks out need more blocks than a motion has repetitions.
+        found: True if the repetitions were detected and not stated. Blocks are then about one second long, because
+            methods that leave out blocks need more blocks than there are repetitions.
     """
     samples, rate = stretch.samples, stretch.rate
     periodic = processing.edges == "periodic"
@@ -95,7 +95,7 @@ def separate_rows(stretch: Stretch, motion: Motion, processing: ProcessingOption
 def moving(
     runs: Sequence[ObservedRun], still: Sequence[Flags], processing: ProcessingOptions
 ) -> tuple[list[ObservedRun], Array]:
-    """Runs of one recording with rows at standstill masked for each joint, where enough rows remain.
+    """Runs of one recording with rows at standstill masked for each joint, if enough other rows remain.
 
     Args:
         runs: The runs.
@@ -115,7 +115,7 @@ def moving(
 
 
 def edge_margin(processing: ProcessingOptions, rate: float) -> int:
-    """Number of samples left out at each end of a run: the trim, and the reach of the filters if ends are dropped."""
+    """Number of samples left out at each end of a run: trim, and length of the filters if ends are dropped."""
     drop = processing.edges == "drop"
     seconds = (TRIM if drop else 0.0) if processing.trim is None else processing.trim
     return max([round(seconds * rate), *(edge_samples(low) for low in _filters(processing, rate) if drop)])
@@ -134,7 +134,7 @@ def _step(processing: ProcessingOptions, rate: float, circle: int | None) -> int
 def _spoiled(
     bad: Flags, rows: Rows, processing: ProcessingOptions, rate: float, step: int, *, periodic: bool
 ) -> Flags:
-    """Rows affected by bad samples, within half a row and the reach of the filters, shape (M, n)."""
+    """Mask (M, n) of rows affected by bad samples: within half a row plus the reach of the filters."""
     filters = _filters(processing, rate)
     half = -(-step // 2)
     if not filters:
@@ -146,7 +146,7 @@ def _spoiled(
 
 
 def _at_standstill(still: Flags, run: ObservedRun, processing: ProcessingOptions) -> Flags:
-    """Rows affected by standstill, within half a row or the reach of the filters, shape (M, n)."""
+    """Mask (M, n) of rows affected by standstill: within half a row or the reach of the filters."""
     reach = max([-(-run.step // 2), *(edge_samples(low, STICKING) for low in _filters(processing, run.rate))])
     return _any_within(still, run.rows, reach, periodic=processing.edges == "periodic")
 
@@ -200,11 +200,11 @@ def _parts(time: Array, repetition: Rows, repeats: tuple[float, float]) -> Rows:
 
 
 def _blocks(rows: Rows, rate: float, samples: int) -> Rows:
-    """Blocks of equal length of about a second."""
+    """Block of each row; the blocks have equal lengths of about one second."""
     count = max(1, round(samples / (rate * BLOCK_SECONDS)))
     return _gapless(rows * count // samples)
 
 
 def _gapless(labels: Rows) -> Rows:
-    """Labels renumbered from 0 without gaps, in the same order."""
+    """Labels that are numbered again from 0 without gaps, in the same order."""
     return np.unique(labels, return_inverse=True)[1].astype(np.int64)

@@ -1,7 +1,7 @@
-"""Saturated samples: torque at a plateau, where a sensor or a drive ends, and torque at the effort limit.
+"""Saturated samples: torque at a plateau (the end of the range of a sensor or drive), and torque at the effort limit.
 
-At a plateau the true torque is larger by an unknown amount. Such samples, and the rows that a filter spreads them to,
-are not used for their joint.
+At a plateau the true torque is larger by an unknown amount. Such samples, and the rows on which they have an effect
+through a filter, are not used for their joint.
 """
 
 from __future__ import annotations
@@ -34,12 +34,12 @@ NOT_USED = "Rows near these samples are not used for this joint."
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Plateau:
-    """Extreme torque of a joint at which many samples stand.
+    """Plateau of the torque of a joint: many samples have the same extreme value.
 
     Attributes:
         joint: Index of the joint.
         level: Absolute value [N·m or N].
-        count: Number of samples at one end.
+        count: Number of samples with this value, at the end (largest or smallest) with more of them.
         samples: Number of samples of the joint that were examined.
         rows: Mask of the samples with this absolute value, shape (N,).
     """
@@ -55,7 +55,7 @@ def plateaus(effort: Array, counted: NDArray[np.bool_]) -> tuple[Plateau, ...]:
     """Finds the plateaus of the torque of each joint.
 
     Args:
-        effort: Shape (N, n) [N·m or N].
+        effort: Torque, shape (N, n) [N·m or N].
         counted: Mask of the samples that are examined, shape (N, n).
     """
     found: list[Plateau] = []
@@ -107,7 +107,7 @@ def without_saturated(
                 "warning",
                 recording.channels[each.joint],
                 f"{recording.source}: {each.count} of {each.samples} samples have the same extreme effort, "
-                f"{each.level:.4g}; the true one is larger. {NOT_USED}",
+                f"{each.level:.4g}; the true effort is larger. {NOT_USED}",
                 'record a motion that needs less torque; saturation = "keep" in [processing] uses all rows.',
             )
         )
@@ -150,7 +150,7 @@ def _below_limits(
 
 
 def _plateau(tau: Array) -> tuple[int, float]:
-    """Number of samples at the largest value, 0 if a peak can have as many, and that value."""
+    """Number of samples at the largest value, 0 if a peak can have the same number, and this value."""
     top = float(tau.max())
     same = ROUNDING * max(abs(top), float(np.ptp(tau)))
     count, fewest = int((tau >= top - same).sum()), max(FEWEST, SHARE * len(tau))

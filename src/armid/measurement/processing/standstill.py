@@ -1,9 +1,10 @@
 """Detection of standstill of joints, during which static friction can have any value up to its bound.
 
-A joint that reverses passes through rest quickly: with acceleration a, it is slower than v for a time 2 v / a. A
-joint that sticks stays at rest for longer, and it is fast soon afterwards. A stretch of slow samples is therefore
-standstill if an equally long stretch before or after it contains a speed that a smooth passage through zero could not
-reach. If a joint sticks once in a recording, it may also stick at other places, so there a lower speed is sufficient.
+A joint that reverses passes through rest quickly: with acceleration a, its speed is below v for a time 2 v / a. A
+joint that sticks stays at rest for longer, and moves fast soon afterwards. A stretch of slow samples is therefore
+standstill if an equally long stretch before or after it contains a speed that is too high for a smooth passage
+through zero. If a joint sticks once in a recording, it may also stick at other times; for these a lower speed is
+sufficient.
 
 If all joints stand at the same time, the arm rests. Rests of a second or more occur before and after a motion and
 between poses, not because of sticking. The motion before the rest determines the sign of friction, and the torque
@@ -11,10 +12,10 @@ shows the weight of the arm. Such stretches do not count as standstill, unless o
 recording. In long rests, joints may creep.
 
 Rests of less than a second occur if one motion ends and the next begins, for instance if a designed motion is
-repeated. Within a few samples, the friction of every joint passes through its whole range. These rows would bias the
-estimate by friction at rest, and they do not show more about the weight than the motion before and after them. Such
-rests are standstill of all joints, together with the adjacent samples at which a joint is too slow to slide with
-certainty.
+repeated. Within a few samples, the friction of every joint passes through its whole range. In these rows, friction at
+rest would bias the estimate, and they do not contain more information about the weight than the motion before and
+after them. Such rests count as standstill of all joints, together with the adjacent samples at which a joint is so
+slow that it may stick.
 
 If friction is tracked over time, long rests count as standstill, too: after a long rest, an estimate that forgets old
 rows would depend on rows at rest only. These rests are detected for each joint from speeds over a quarter of a
@@ -117,9 +118,10 @@ def standing(q: Array, rate: float, noise: Array | None = None) -> NDArray[np.bo
 def sticks_and_rests(
     q: Array, rate: float, noise: Array | None = None, *, every: bool = False
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Masks of samples at which a joint stands still while others move, and at which all joints rest briefly.
+    """Masks of samples at which a joint stands still while others move, and of samples in brief rests of all joints.
 
-    Without `every`, the masks are false for joints that never move, and for joints whose noise hides standstill.
+    If `every` is false, the masks are false for joints that never move, and for joints whose noise is too large to
+    detect standstill.
 
     Args:
         q: Positions at a uniform rate, not filtered, shape (N, n) [rad or m].
@@ -161,14 +163,14 @@ def sticks_and_rests(
 def standstill_findings(
     recording: Recording, share: Array, sticks: Array, rests: Array, *, every: bool = False
 ) -> list[Finding]:
-    """Findings about rows left out because of standstill, and about joints that mostly stand still.
+    """Findings about rows that are left out because of standstill, and about joints that mostly stand still.
 
     Args:
         recording: The recording.
         share: Share of the rows of each joint that standstill affects, shape (n,).
         sticks: Share of the rows that are affected by sticking of this joint, shape (n,).
         rests: Share of the rows that are affected by rests of all joints between motions, shape (n,).
-        every: True if long rests are left out as well, even if few rows remain.
+        every: True if long rests are left out, too, even if few rows remain.
     """
     spared = (share > MOST_STILL) & (not every)
     findings = [
@@ -261,7 +263,7 @@ def _moments(speed: Array, limit: Array, rate: float) -> NDArray[np.bool_]:
     Args:
         speed: Speeds divided by the RMS speed of each joint, shape (N, m).
         limit: Limit below which a joint is slow, divided by its RMS speed, shape (m,).
-        rate: Samples a second [Hz].
+        rate: Sample rate [Hz].
     """
     flags = np.zeros(speed.shape, dtype=np.bool_)
     reach, at_rest = round(BESIDE * rate), np.maximum(limit, MOMENT)
@@ -292,7 +294,7 @@ def _around(speed: Array, begin: int, end: int) -> Callable[[float], tuple[int, 
 
 
 def _slow_stretches(speed: Array, shortest: int) -> tuple[NDArray[np.intp], Array]:
-    """First sample and end (K, 2) of stretches with speeds (N,) below 1, and largest speed near each stretch."""
+    """First sample and end (K, 2) of stretches with speeds (N,) below 1, and the largest speed near each stretch."""
     slow = np.concatenate([[False], speed < 1.0, [False]])
     ends = np.flatnonzero(np.diff(slow)).reshape(-1, 2)
     ends = ends[ends[:, 1] - ends[:, 0] >= shortest]
@@ -305,7 +307,7 @@ def _slow_stretches(speed: Array, shortest: int) -> tuple[NDArray[np.intp], Arra
 
 
 def _speed(q: Array, half: int, rate: float) -> Array:
-    """Speed, from the means of `half` samples before and after each sample, shape (N, n)."""
+    """Speed at each sample, from the means of `half` samples before and after it, shape (N, n)."""
     centred = q - q.mean(axis=0)
     whole = np.concatenate(
         [2 * centred[0] - centred[half:0:-1], centred, 2 * centred[-1] - centred[-2 : -half - 2 : -1]]

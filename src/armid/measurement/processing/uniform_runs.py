@@ -54,7 +54,7 @@ class Stretch:
     """Consecutive samples without a gap.
 
     Attributes:
-        time: Shape (N,) [s].
+        time: Times of the samples, shape (N,) [s].
         rate: Average sample rate [Hz].
         q: Positions, shape (N, n).
         dq: Velocities, if recorded, shape (N, n).
@@ -85,7 +85,7 @@ class Stretch:
         rate: float,
         bad: Callable[[NDArray[np.bool_]], NDArray[np.bool_]],
     ) -> Stretch:
-        """Applies the same transformation to every signal; no sample is missing in the result."""
+        """Applies one transformation to every signal; in the result no sample is missing."""
         dq = None if self.dq is None else signals(self.dq)
         ddq = None if self.ddq is None else signals(self.ddq)
         return Stretch(time, rate, signals(self.q), dq, ddq, signals(self.effort), bad(self.bad))
@@ -118,7 +118,7 @@ def is_even(time: Array, number: NDArray[np.int64] | None = None) -> bool:
 
 
 def is_brief(stretch: Stretch, cutoff: float) -> bool:
-    """Tests whether a stretch is too short for a filter with a cut-off [Hz]; its filter must then not be made."""
+    """Tests whether a stretch is too short for a filter with a cut-off [Hz]; if so, this filter cannot be made."""
     return stretch.samples * cutoff < BRIEF * stretch.rate
 
 
@@ -136,8 +136,8 @@ def _unevenness(time: Array, number: NDArray[np.int64] | None) -> Array:
 def stretches(recording: Recording, cutoff: float | None) -> tuple[list[Stretch], list[Finding]]:
     """Cuts a recording at the gaps of its clock.
 
-    Samples that are not finite, and short sequences of samples that are valid for no joint, are treated as missing.
-    They are a gap only if the time step across them is long.
+    Samples that are not finite, and short sequences of samples that are not valid for any joint, count as missing.
+    Missing samples are a gap only if the time step from the sample before to the sample after them is long.
 
     Args:
         recording: Recording in robot order, SI units, joint side; its rows are consecutive in time.
@@ -168,7 +168,7 @@ def stretches(recording: Recording, cutoff: float | None) -> tuple[list[Stretch]
 
 
 def _without_specks(whole: Stretch, longest: float) -> Stretch:
-    """Leaves out the samples that are valid for no joint, if the time step across them stays short."""
+    """Leaves out samples that are not valid for any joint, if the time step that results is short."""
     spoilt = whole.bad.all(axis=1)
     if not spoilt.any() or spoilt.all():
         return whole
@@ -202,9 +202,9 @@ def gather(recording: Recording, *, clock: bool = True) -> tuple[Stretch, float]
         time = np.arange(float(recording.samples))
     elif recording.time is None and recording.rate is None:
         raise RecordingError(
-            f"{name} has no time column, and its rate is not given.",
-            possible="a time column, or rate = 100.0 (Hz) with the recording",
-            remedy="give the rate, or give consecutive = false if the rows are separate samples.",
+            f"{name} has no time column, and its sample rate is not given.",
+            possible="a time column, or for instance `rate = 100.0` (Hz) under [[recording]]",
+            remedy="give the key `rate`; or `consecutive = false`, if the rows are separate samples.",
         )
     else:
         time = counted if recording.time is None else recording.time
@@ -239,7 +239,7 @@ def _median_step(time: Array, name: str) -> float:
 
 
 def _mean_rate(piece: Stretch, step: float) -> float:
-    """Mean rate of a clock [Hz], rounded to the digits that the rounding of its time stamps leaves valid."""
+    """Mean rate of a clock [Hz], rounded to the digits that are certain for the resolution of its time stamps."""
     time, number = piece.time, piece.number
     steps = len(time) - 1 if number is None else int(number[-1] - number[0])
     mean = steps / float(time[-1] - time[0]) if len(time) > 1 else 1.0 / step
@@ -247,15 +247,16 @@ def _mean_rate(piece: Stretch, step: float) -> float:
 
 
 def resample_uniform(stretch: Stretch, span: float | None, rows: float, *, each: bool) -> Stretch:
-    """Stretch on a uniform grid: its own grid if its clock is uniform enough, else a grid that suits the rows.
+    """Stretch on a uniform grid: on its own grid if its clock is uniform enough, otherwise on a grid for the rows.
 
     On its own grid, only missing samples are interpolated, by a cubic spline; all other samples are unchanged.
 
     Args:
         stretch: Stretch whose time stamps need not be uniform.
-        span: Period that must be a whole number of samples [s], if any.
-        rows: Rate of the output rows [Hz], of which the new rate is a multiple; 0 for none.
-        each: True if periods are used one by one, so that a fraction of a sample may be lost between them.
+        span: Period [s] that must be a whole number of samples; `None` if there is none.
+        rows: Rate of the output rows [Hz]; the new rate is a multiple of it. If it is 0, the new rate is not
+            restricted.
+        each: True if periods are used one by one; a fraction of a sample between two periods may then be lost.
     """
     missed = 0.0
     if span is not None:
@@ -273,7 +274,7 @@ def resample_uniform(stretch: Stretch, span: float | None, rows: float, *, each:
 
 
 def _filled(stretch: Stretch) -> Stretch:
-    """Interpolates the missing samples of a uniform stretch; a new sample next to a bad sample is bad."""
+    """Interpolates the missing samples of a uniform stretch; a new sample next to a bad sample is marked as bad."""
     if stretch.number is None:
         return stretch
     place = stretch.number - stretch.number[0]
@@ -293,13 +294,13 @@ def _filled(stretch: Stretch) -> Stretch:
 
 
 def uniform(stretch: Stretch, rate: float, period: float | None = None) -> Stretch:
-    """Resamples a stretch on a uniform grid that starts at its first sample; a sample next to a bad sample is bad.
+    """Resamples a stretch on a uniform grid from its first sample; samples next to a bad sample are marked as bad.
 
     Args:
         stretch: Stretch whose time stamps need not be uniform.
         rate: Rate of the uniform grid [Hz].
-        period: Period of the motion, if it repeats [s]. The grid then also covers the step after the last sample, for
-            which the samples one period earlier are used.
+        period: Period of the motion, if it repeats [s]. The grid then also contains the time between the last sample
+            and the end of the period; the samples one period earlier are used for it.
     """
     time, end = stretch.time, float(stretch.time[-1])
     order = np.arange(len(time))

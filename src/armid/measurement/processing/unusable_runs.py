@@ -1,4 +1,4 @@
-"""Runs of which no row can be used, and the error if no other run is left."""
+"""Findings about runs of which no row can be used, and the error if no run of a recording can be used."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def brief_run(piece: Stretch, cutoff: float, source: str) -> Finding:
 
 
 def unusable_run(piece: Stretch, margin: int, source: str) -> Finding:
-    """Finding about a run whose rows are all left out, at its ends by `margin` samples each, or by its mask."""
+    """Finding about a run without usable rows: `margin` samples at each end are left out, the others are masked."""
     return Finding(
         "run-short",
         "warning",
@@ -35,7 +35,7 @@ def unusable_run(piece: Stretch, margin: int, source: str) -> Finding:
 
 
 def no_run_left(recording: Recording, findings: Sequence[Finding]) -> RecordingError:
-    """Error for a recording of which no row is left."""
+    """Error for a recording without usable rows."""
     return RecordingError(
         f"no row is left for the estimation. {findings[-1].evidence}",
         remedy="give a smaller `trim`, a higher `cutoff` or shorter `exclude` intervals, or record a longer motion; "

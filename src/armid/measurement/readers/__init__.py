@@ -19,7 +19,7 @@ def load_recording(path: Path | str, log_format: LogFormat | None = None, robot:
     """Reads a recording without conversion; `to_robot_convention` converts it to the convention of the robot.
 
     Args:
-        path: File, whose suffix shows its format, or the folder of a ROS bag.
+        path: File, with a suffix that shows the format, or the folder of a ROS bag.
         log_format: Log format of the file.
         robot: The arm, whose joint names select columns, topic and messages.
 

@@ -47,7 +47,7 @@ def read(path: Path, log_format: LogFormat, robot: Robot | None = None) -> Recor
     """Reads joint states by joint name; the times are the header stamps in seconds since the first message.
 
     Args:
-        path: One bag file, also compressed as .db3.zstd, or the folder of a bag.
+        path: One bag file, which may be compressed (.db3.zstd), or the folder of a bag.
         log_format: Log format. `topic` selects one of several topics; the names in `joints` select one of several
             publishers.
         robot: The arm; its joints select topic and publisher if the log format does not.
@@ -126,9 +126,9 @@ def _candidates(kinds: Mapping[str, str], log_format: LogFormat, path: Path) -> 
     if not known:
         listed = ", ".join(f"{name} ({kind})" for name, kind in sorted(kinds.items()))
         raise RecordingError(
-            f"{path} has no topic of {JOINT_STATE}.",
+            f"{path} has no topic with messages of type {JOINT_STATE}.",
             possible=listed or "the bag is empty",
-            remedy="record /joint_states.",
+            remedy="record the topic /joint_states.",
         )
     grouped = ([topic for topic in known if kinds[topic] == kind] for kind in KINDS)
     return [topics for topics in grouped if topics]
@@ -211,7 +211,7 @@ KINDS: Mapping[str, Callable[[Any], Fields]] = {
 
 @cache
 def _store() -> Any:
-    """Message definitions for bags of older distributions, which have none; JointState never changed."""
+    """Message definitions for bags of older ROS distributions, which do not contain them."""
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
     store = get_typestore(Stores.ROS2_JAZZY)

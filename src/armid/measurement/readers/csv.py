@@ -30,7 +30,7 @@ def read(path: Path, log_format: LogFormat, robot: Robot | None = None) -> Recor
     Raises:
         RecordingError: There is no header, a row has a wrong number of fields, or a field is not a number. The
             message names the line.
-        MissingExtraError: The file is compressed by zstd, and pyarrow is not installed.
+        MissingExtraError: The file is compressed by zstd, but pyarrow is not installed.
     """
     table = table_of(decoded(_unpacked(path), path), path)
 
@@ -43,7 +43,7 @@ def read(path: Path, log_format: LogFormat, robot: Robot | None = None) -> Recor
     if dates is not None and (log_format.time_unit or selection.guessed.get("time_unit", 1.0)) != 1.0:
         raise RecordingError(
             f"{path}: the key `time_unit` is given, but the time column {selection.time[0]} contains dates.",
-            remedy="leave time_unit out.",
+            remedy="leave the key `time_unit` out.",
         )
     wanted = [name for name in selection.names if dates is None or name != selection.time[0]]
     columns = numbers_of(table, wanted, path)

@@ -85,7 +85,9 @@ def _number(cell: Any, where: str) -> float:
     if cell == "":
         return float("nan")
     if isinstance(cell, date):
-        raise RecordingError(f"{where} is a date without a time of day.", remedy="name another time column.")
+        raise RecordingError(
+            f"{where} is a date without a time of day.", remedy="name another time column under `columns`."
+        )
     try:
         return float(str(cell).replace(",", "."))
     except ValueError:

@@ -25,7 +25,7 @@ def read(path: Path, log_format: LogFormat, robot: Robot | None = None) -> Recor
     """Reads a NumPy archive; its content is never unpickled.
 
     Raises:
-        RecordingError: The file is no archive, needs pickle, or a variable is missing or not numeric.
+        RecordingError: The file is not an archive or needs pickle, or a variable is missing or not numeric.
     """
     try:
         # Opened here, because numpy leaves a damaged file open.
@@ -41,8 +41,8 @@ def read(path: Path, log_format: LogFormat, robot: Robot | None = None) -> Recor
     except (OSError, EOFError, ValueError, RuntimeError, zipfile.BadZipFile, zlib.error) as error:
         if "pickle" in str(error):
             raise RecordingError(
-                f"{path} is not a NumPy archive of plain arrays. It needs pickle, which is not used, because "
-                "it can run any code.",
+                f"{path} contains Python objects, not only plain arrays. To read them, pickle would be needed; "
+                "armid does not use it, because it can run any code.",
                 remedy="save arrays of numbers with numpy.savez.",
             ) from error
         raise RecordingError(

@@ -20,7 +20,7 @@ def read(path: Path, log_format: LogFormat, robot: Robot | None = None) -> Recor
     """Reads the needed columns from a Parquet file.
 
     Raises:
-        RecordingError: The file is truncated or no Parquet file, or a column is missing or not numeric.
+        RecordingError: The file is truncated or not a Parquet file, or a column is missing or not numeric.
         MissingExtraError: pyarrow is not installed.
     """
     try:
