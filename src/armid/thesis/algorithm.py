@@ -1,4 +1,4 @@
-"""Algorithm 3 of the thesis, from a recording to parameters, and its errors on a virtual arm that is known."""
+"""Algorithm 3 of the thesis, and the errors of its estimates for a virtual arm whose true parameters are known."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ from armid.study.recordings.processed import joined_observations, process_each
 from armid.thesis.setting import PERIOD, ReferenceModel, Setting
 
 REPETITIONS = 5
-"""Number K of repetitions in section 3.2.2 of the thesis, which does not give its value."""
+"""Number of repetitions, for which section 3.2.2 of the thesis has the symbol K but gives no value."""
 
 TEST_RATE = 100.0
 """Sample rate of the motion on which estimates are validated [Hz]."""
 
 NOISE = Sensors()
-"""Noise of recordings at 8 kHz; at other rates it is scaled so that the noise density is the same."""
+"""Noise of recordings at 8 kHz; at other sample rates the noise is scaled so that its density is the same."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -74,7 +74,7 @@ class Errors:
 
 
 def recorded(setting: Setting, seed: int, *, noise: bool = True) -> Recording:
-    """Simulates a noisy recording of the virtual arm: five repetitions of Table A.1 in 27 s each, without a pause."""
+    """Simulates a noisy recording of five repetitions of Table A.1 of the thesis, 27 s each, without a pause."""
     rng, rate = np.random.default_rng(seed), setting.extent.rate
     size = np.sqrt(rate / NOISE.rate) if noise else 0.0
     sensors = Sensors(size * NOISE.position, size * NOISE.torque, rate)
@@ -102,7 +102,7 @@ def mean_of(recording: Recording, period: float = PERIOD) -> Recording:
 def observed(
     setting: Setting, recording: Recording, processing: ProcessingOptions, period: float | None = PERIOD
 ) -> Observations:
-    """Steps 1 and 2 of Algorithm 3: processes a recording; if `period` is `None`, it has no repetitions."""
+    """Steps 1 and 2 of Algorithm 3: processes a recording. If `period` is `None`, the motion is not repeated."""
     reading = LogFormat() if period is None else LogFormat(period=period, start=0.0)
     choice = RecordingChoice("virtual", reading=reading)
     return joined_observations(process_each([(choice, recording)], processing, setting.hanging.dynamics.robot))
@@ -127,7 +127,7 @@ def _solved(problem: EstimationProblem, method: str, options: Mapping[str, Any] 
 
 
 def errors_of(setting: Setting, fitted: Fitted) -> Errors:
-    """Errors of an estimate, and of the torque that it predicts along Table A.2, compared with the truth."""
+    """Errors of the estimated parameters, and of the torque along Table A.2 that is predicted with them."""
     truth, values = setting.truth, fitted.fit.values
     friction = np.array([name.symbol not in RIGID_BODY_SYMBOLS for name in setting.hanging.base.names])
     motion = setting.unseen.sample(TEST_RATE)

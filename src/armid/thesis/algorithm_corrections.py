@@ -26,7 +26,7 @@ class Step:
     """Row of the table of results: one variant of the identification.
 
     Attributes:
-        group: Title of the group of rows to which it belongs.
+        group: Title of the group to which the row belongs.
         key: Unique name.
         title: Description of the method.
         errors: Errors compared with the true parameters.
@@ -66,8 +66,8 @@ class Estimates:
         printed: Estimate by Algorithm 3 as printed: ordinary least squares, periodic edges.
         corrected: The same estimate with filtered columns.
         wrong: Estimate with filtered columns and the printed sign of gravity.
-        printed_physical: Estimate by (3.52) and (3.53), with filtered torque only.
-        corrected_physical: Estimate by (3.52) and (3.53), with filtered columns.
+        printed_physical: Estimate under the constraints (3.52) and (3.53) of the thesis; only the torque is filtered.
+        corrected_physical: Estimate under the same constraints; the columns are filtered, too.
         consistent: Physically consistent estimate with filtered columns.
     """
 

@@ -58,12 +58,12 @@ class Deviations:
 
     Attributes:
         period: Duration to which the motion is stretched [s], shape (k,).
-        hanging: Standard deviation over the parameters of ln(printed / computed deviation), for the hanging arm,
-            shape (k,).
-        literal: The same quantity for the printed sign of gravity, shape (k,).
-        shape: Relative deviations [%] for 27 s and the printed sign of gravity, scaled to the printed ones, shape
-            (57,).
-        outlier: Parameter that is not used in `hanging`, `literal` and the scale of `shape`.
+        hanging: Scatter of the ratio of printed and computed deviation: standard deviation of its logarithm among
+            the parameters, for the hanging arm, shape (k,).
+        literal: The same scatter for the printed sign of gravity, shape (k,).
+        shape: Computed relative deviations [%] for 27 s and the printed sign of gravity, multiplied by one factor
+            that makes them agree best with the printed ones, shape (57,).
+        outlier: Parameter that is not used for `hanging`, `literal` and the factor in `shape`.
         error_median: Median ratio of true error and estimated deviation, for Algorithm 3 as printed on the virtual
             arm.
         error_largest: Largest of these ratios.
@@ -120,8 +120,8 @@ class PrintedCoefficients:
         sums: Largest absolute values over the joints of Σ b_l / l, Σ a_l and Σ l b_l, which (3.55c) sets to zero,
             shape (3,).
         without_last: The same values without the last row of b, shape (3,).
-        position_share: Largest utilisation of the limit in (3.55d).
-        velocity_share: Largest utilisation of the limit in (3.55e).
+        position_share: Largest value over the joints of the left side of (3.55d), divided by its limit.
+        velocity_share: Largest value over the joints of the left side of (3.55e), divided by its limit.
         above_literal: Number of pairs (a_il, b_il) that exceed the bound (3.55f) as printed.
         above: Number of pairs that exceed this bound without its factor 1/L.
     """

@@ -138,7 +138,10 @@ def designs(setting: Setting, tell: Callable[[float], None]) -> Designs:
 
 
 def _problem(setting: Setting) -> DescentProblem:
-    """Problem (3.55): smallest condition number at 100 Hz under (3.55c) to (3.55f), the last without the 1/L."""
+    """Problem (3.55) of the thesis: smallest condition number at 100 Hz, with its constraints (3.55c) to (3.55f).
+
+    The factor 1/L of (3.55f) is left out.
+    """
     model = setting.hanging
     robot = model.dynamics.robot
     limits = limits_of(robot)

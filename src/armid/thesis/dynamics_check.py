@@ -25,7 +25,7 @@ STATE = (
 """Pose, velocity and acceleration of the state at which results are printed [rad, rad/s, rad/s²]."""
 
 BALANCE_RATE, BALANCE_STEP = 100.0, 1e-4
-"""Rate of the energy balance [Hz], and half the step of its difference quotient [s], whose error is about 1e-6 W."""
+"""Sample rate of the energy balance [Hz], and half the step of its difference quotient [s]; the error is 1e-6 W."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -37,7 +37,7 @@ class Kinematics:
         rotation_error: Largest difference of an element of a rotation.
         position_error: Largest difference of a coordinate of an origin [m].
         heights: Heights of the origins of the frames and of the flange at q = 0, shape (8,) [m].
-        pose: Pose of the next two fields, shape (7,) [rad].
+        pose: Pose to which `origins` and `rotation` belong, shape (7,) [rad].
         origins: Origins of the frames and of the flange in this pose, shape (8, 3) [m].
         rotation: Orientation of frame 7 in this pose, shape (3, 3).
     """
@@ -153,7 +153,7 @@ def _friction(model: DynamicsModel, states: Motion, theta: Array) -> Array:
 
 
 def _triangle(Y: Array) -> tuple[float, float]:
-    """Largest elements of the blocks of earlier and of later links than the joint, divided by the largest of all."""
+    """Largest element of Y for links before the joint and for links after it, divided by the largest of all."""
     blocks = np.abs(Y.reshape(len(Y), 7, 7, 10)).max(axis=(0, 3))  # joint j, link i
     return float(np.tril(blocks, -1).max() / blocks.max()), float(np.triu(blocks, 1).max() / blocks.max())
 

@@ -94,7 +94,7 @@ class Reduction:
         names: Base parameters, π_b of equation (3.38).
         dependences: Lines of equation (A.1).
         groupings: Lines of equation (3.39).
-        identities: Identities between (3.18) and (3.30).
+        identities: Identities with equation numbers from (3.18) to (3.30).
         torque_error: Largest difference of Y_b π_b(π(μ)) and τ(μ) in Algorithm 1, divided by the largest torque.
     """
 

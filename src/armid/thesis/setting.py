@@ -135,7 +135,7 @@ def make_setting(extent: Extent) -> Setting:
 
 
 def random_states(setting: Setting, seed: int) -> Motion:
-    """Random states with positions within the joint limits, velocities to 2 rad/s and accelerations to 5 rad/s²."""
+    """Random states: positions within the joint limits, velocities up to 2 rad/s, accelerations up to 5 rad/s²."""
     rng, joints = np.random.default_rng(seed), setting.hanging.dynamics.robot.joints
     low, high = np.array([joint.position_limits for joint in joints]).T
     shape = (setting.extent.poses, len(joints))

@@ -221,7 +221,8 @@ def _identities(found: tuple[Identity, ...]) -> Table:
                 ]
             )
     note = (
-        "A name denotes its β. Error: largest difference of the sides, divided by the largest left side, all links."
+        "A name stands for the β of this parameter. Error: largest difference of the sides, divided by the largest "
+        "left side, all links."
     )
     return Table("identities", "Identities in the derivation of (A.1), checked with β", columns, rows, note)
 

@@ -182,7 +182,7 @@ def _scatter(thesis: Thesis) -> Table:
         [TableCell(f"{period:g}", float(period)), *(number(100.0 * x, fixed(100.0 * x, 1)) for x in values)]
         for period, *values in zip(found.period, found.hanging, found.literal, strict=True)
     ]
-    note = f"Standard deviation of ln(printed over computed deviation), {subscripts(found.outlier)} left out."
+    note = f"Standard deviation of ln(printed / computed deviation), {subscripts(found.outlier)} left out."
     return Table("scatter", "Deviations in print against those of Table A.1", columns, rows, note)
 
 
