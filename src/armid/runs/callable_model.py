@@ -109,7 +109,7 @@ class CallableModel:
         if memory is None:
             raise ArmidError(
                 "The model has hysteresis, but no memory was given.",
-                remedy="create a memory with model.memory(q) at the begin of the motion, and update it at every "
+                remedy="create a memory with model.memory(q) at the start of the motion, and update it at every "
                 "sample.",
             )
         return memory.state
@@ -139,7 +139,7 @@ class _Call:
     """Generated function that is run by the kernel.
 
     Attributes:
-        inputs: Names of its inputs.
+        inputs: Names of the inputs.
         lengths: Lengths of the inputs.
         run: Function that computes the result from one vector for each input.
     """

@@ -49,9 +49,9 @@ class Verdict(Displayed):
         certificate: Certificate, with the distance to the nearest real body.
         limited: Certificate under the condition that no link is heavier than `heaviest`.
         heaviest: Largest mass of a link in `limited` [kg].
-        pose: Worst pose of the mass matrix within the joint limits.
-        along: Worst pose along a motion, if one was given.
-        constraints: Constraints of the thesis, if the parameters determine them.
+        pose: Pose within the joint limits in which the mass matrix has its smallest eigenvalue.
+        along: The same for the poses of a motion, if one was given.
+        constraints: Check of the constraints (3.52) and (3.53) of the thesis, if the parameters determine them.
         findings: Findings on consistency and gravity.
     """
 

@@ -15,12 +15,12 @@ from armid.robot.robot import Robot
 from armid.runs.run import Run
 
 SAME = 1e-6
-"""Largest difference of placements [m], axes and coefficients at which two arms count as the same; files are
-rounded."""
+"""Largest difference of placements [m], axes and coefficients at which two arms count as the same. It is not zero,
+because numbers in files are rounded."""
 
 
 def estimated_torque(run: Run, robot: Robot) -> EstimatedTorque | None:
-    """Torque of the estimate of a run, with all of its terms, for an arm with its own gravity.
+    """Torque model of a run with all of its terms, for an arm whose gravity may differ from that of the run.
 
     Hysteresis depends on the earlier motion; its elements always slip in the model
     (`armid.model.memoryless_model`).

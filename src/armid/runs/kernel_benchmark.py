@@ -78,10 +78,10 @@ def measure(samples: int) -> dict[str, Any]:
 def _result(
     name: str, peer: str, armid: Callable[[], object], other: Callable[[], object], rounds: int
 ) -> dict[str, Any]:
-    """Medians of the times of both, measured in alternation, so that other load of the machine affects both equally.
+    """Median CPU times of armid and of another program.
 
-    If the other program takes seconds, it runs fewer rounds than armid, whose times of milliseconds are easily
-    disturbed.
+    The two run alternately, so that other load of the machine affects both equally. A program that takes seconds runs
+    fewer times than armid, because times of milliseconds are disturbed more easily.
     """
     mine: list[float] = []
     theirs: list[float] = []
@@ -180,7 +180,7 @@ def _least_squares(model: DynamicsModel, base: BaseParameters, motion: Motion, t
 
 
 def _design_gradient(model: DynamicsModel, base: BaseParameters) -> dict[str, Any]:
-    """Value and gradient of the condition number along Table A.1, against forward differences over a Pinocchio loop.
+    """Value and gradient of the condition number along Table A.1, compared with forward differences by Pinocchio.
 
     The time of one value with Pinocchio is measured and multiplied by 141, because forward differences need one value
     and one more for each of the 140 coefficients.

@@ -46,7 +46,7 @@ class NewRecordings:
         samples: Estimation problem of the new recordings, with their samples.
         recordings: The new recordings, processed.
         held_out: New recordings for validation, processed.
-        findings: Findings of run, reading, doctor and processing.
+        findings: Findings about the run, and of the reader, the doctor and the processing.
     """
 
     run: Run
@@ -84,7 +84,7 @@ def load_new_recordings(
         loaded: Number of the link that may carry a load; by default that of the tip.
 
     Raises:
-        StudyError: A recording has trained the run or is given twice, or the run has no drive gains.
+        StudyError: The run was trained on a recording, or a recording is given twice, or the run has no drive gains.
         RecordingError: A recording cannot be read or has other joints.
     """
     if gain_deviation is not None and run.reading.drive_gain is None:
@@ -128,7 +128,7 @@ def read_new_recordings(
         reading: Fields of the log format that differ from that of the run's first recording.
 
     Raises:
-        StudyError: A recording has trained the run or is given twice.
+        StudyError: The run was trained on a recording, or a recording is given twice.
         RecordingError: A recording cannot be read or has other joints.
     """
     how = replace(run.reading, **{"exclude": (), "start": None, **reading})
@@ -198,18 +198,18 @@ def check_new_recordings(
 
 
 def _without_rotors(run: Run, finding: Finding) -> Finding:
-    """Finding of rotor inertia that the model of a run lacks, with what it means for the run."""
+    """Finding about rotor inertia that the model of a run lacks, with the consequence for new estimates."""
     evidence = (
-        f"{finding.evidence} The model of {run.folder} has no rotor inertia, so in a new estimate it would count as "
-        "inertia of links or load. The effort may be measured on another side of the gears than that of the run: on "
-        "that of the motors instead of that of the joints."
+        f"{finding.evidence} The model of {run.folder} has no rotor inertia, so a new estimate would attribute "
+        "it to links or load. These recordings may contain the effort on the motor side of the gears, but those of "
+        "the run the effort on the joint side."
     )
     terms = Remedy.read(finding.remedy).keys.get("terms", ["default", "rotor-inertia"])
     # In a run that was recalibrated with such a recording, the finding is an error.
     known = any(each.code == finding.code and each.severity != "error" for each in run.estimate.findings)
     remedy = Remedy(
-        "give recordings whose effort is measured as that of the run, or identify the arm from recordings like these "
-        "with ",
+        "give recordings whose effort is measured on the same side of the gears as in the run, or identify the arm "
+        "from recordings like these with ",
         setting("terms", terms),
         ".",
     )
@@ -219,7 +219,7 @@ def _without_rotors(run: Run, finding: Finding) -> Finding:
 def known_links(run: Run, loaded: int | None = None) -> KnownLinks | None:
     """Links of a run, with which the doctor compares new recordings; `None` if the run has no rigid bodies.
 
-    Where the run has base parameters only, the bodies are those of the description with changes that give the torque
+    If the run has only base parameters, the bodies of the description are used, changed so that they give the torque
     of the run.
 
     Args:
@@ -251,7 +251,7 @@ def earlier_information(run: Run) -> Information:
 
 
 def new_recording_findings(run: Run) -> list[Finding]:
-    """Findings that show why a run may be a bad basis."""
+    """Finding about a run that failed its own validation; an empty list if it did not fail."""
     if run.verdict != "fail":
         return []
     named = "; ".join(["verdict fail", *failed_checks(run)])
@@ -268,7 +268,7 @@ def new_recording_findings(run: Run) -> list[Finding]:
 
 
 def load_columns(run: Run) -> tuple[Array, Array]:
-    """Matrices from ten payload parameters in the tip frame to base parameters (b, 10) and link frame (10, 10).
+    """Matrices that map payload parameters in the tip frame to base parameters (b, 10) and link frame (10, 10).
 
     Raises:
         RobotError: The tip is fixed to the base, or its link carries further joints.
@@ -281,7 +281,7 @@ def load_columns(run: Run) -> tuple[Array, Array]:
 
 
 def link_columns(run: Run, link: int | None = None) -> tuple[int, Array]:
-    """Link that carries a load, and matrix that maps its ten parameters to the base parameters, shape (b, 10).
+    """Link that carries a load, and matrix from the ten parameters of the load to base parameters, shape (b, 10).
 
     Args:
         run: Run of the arm.
@@ -295,7 +295,7 @@ def link_columns(run: Run, link: int | None = None) -> tuple[int, Array]:
     if not run.model.has_rigid_bodies:
         raise StudyError(
             f"The model of {run.folder} has no rigid bodies, so the effect of a load cannot be computed.",
-            remedy="identify again with the term rigid-body.",
+            remedy="identify again with the term `rigid-body`.",
         )
     columns = run.model.inertial_columns.reshape(-1, 10)[link]
     return link, run.estimate.base.regrouping[:, columns]

@@ -26,20 +26,21 @@ from armid.study.storage.records import judgement_record
 from armid.validation.torque_validation import Check
 
 FAR = 3.0
-"""Distance between estimate and nearest real body, in standard deviations, from which it is reported."""
+"""Distance between the estimate and the nearest real body above which a finding is reported [standard deviations]."""
 
 GAIN_CODES = (CURRENT, MOTOR, UNIT)
-"""Codes of the findings on a torque that is not that of the described masses; wrong drive gains are one cause."""
+"""Codes of findings on a torque that does not agree with the described masses; wrong drive gains are one cause."""
 
 FAR_GAIN = 4.0
-"""Correction of a drive gain, in stated standard deviations, from which it is reported. With gains drawn from the
-stated deviation, 2 of 15 logs of a simulated arm of six joints exceeded 3, and none 4."""
+"""Correction of a drive gain, divided by the stated standard deviation, above which a finding is reported. With
+random gains of the stated deviation, 2 of 15 logs of a simulated arm of six joints exceeded 3, and none 4."""
 
 NOTHING = 1e-5
-"""Lower end of the mass interval up to which the payload may be zero [kg]; consistency requires a positive mass."""
+"""Largest lower end of the mass interval at which the mass counts as zero [kg]. It is above zero, because
+the estimate is physically consistent and its mass therefore positive."""
 
 INERTIA = ("xx", "xy", "yy", "xz", "yz", "zz")
-"""Entries of an inertia in parameter order."""
+"""Elements of an inertia matrix, in the order of the parameters."""
 
 PRINTED = (0, 1, 2, 3, 4, 5, 7, 6, 8, 9)
 """Indices that put the parameters of a payload in the usual order XX XY XZ YY YZ ZZ."""
@@ -54,7 +55,7 @@ class Payload:
         place: Link that carries the payload, and frame of its parameters.
         load: The payload.
         misfit: Residuals of the recordings with the payload, compared with those of a fit of these recordings alone.
-        known: Mask of the parameters that were given, shape (10,).
+        known: Mask of the parameters of the payload that were given, shape (10,).
         gains: Corrections of the drive gains, if the payload was known.
         findings: Findings of recordings and estimate.
     """
@@ -98,7 +99,7 @@ def find_payload(
         run: Run of the arm without the payload.
         paths: Recordings with the payload.
         reading: Fields of the log format that differ from that of the run's first recording.
-        mass: Known mass [kg]; the drive gains are then unknowns.
+        mass: Known mass of the payload [kg]; if it is given, the drive gains are estimated.
         com: Known centre of mass [m], in the tip frame, or in the frame of the link if one is named.
         gain_deviation: Relative standard deviation of the drive gains, instead of the value of the run.
         same_friction: True if the recordings with the payload have the friction of the run.
@@ -137,7 +138,7 @@ def only_drive_gains_failed(run: Run) -> bool:
     """Tests whether a run failed only because its drive gains contradict the masses of the description.
 
     The doctor reports such gains with one of three codes, by the factor between the torques. These codes also have
-    other causes, such as positions in counts of encoders; the remedy is then no drive gain.
+    other causes, such as positions in counts of encoders; then the remedy is not a drive gain.
 
     Args:
         run: The run.
@@ -154,14 +155,14 @@ def only_drive_gains_failed(run: Run) -> bool:
 
 
 def _with_gains_sought(run: Run, findings: Sequence[Finding]) -> list[Finding]:
-    """Findings about the new recordings, where a known load determines the gains for which the run failed."""
+    """Findings in which the failure of a run is only information, if wrong drive gains are its only cause."""
     if not only_drive_gains_failed(run):
         return list(findings)
     evidence = (
         f"The run {run.folder} did not pass its own validation, but only because its drive gains contradict the "
         "masses of the description. The known load determines the gains."
     )
-    remedy = "give the gains that were found as drive_gain in the study, and identify the arm again."
+    remedy = "write the estimated gains into the key `drive_gain` of the study, and identify the arm again."
     info = Finding("earlier-run-failed", "info", "", evidence, remedy)
     return [info if each.code == "earlier-run-failed" else each for each in findings]
 
@@ -176,7 +177,8 @@ def _known(run: Run, mass: float | None, com: tuple[float, float, float] | None,
         return None
     if not 0.0 < mass < np.inf or not np.isfinite(com or 0.0).all():
         raise StudyError(
-            f"A known load must have a mass above 0 and a finite centre of mass; found {mass:g} kg, {com}."
+            f"A known load must have a mass above 0 and a finite centre of mass; found {mass:g} kg, {com}.",
+            remedy="correct --mass or --com.",
         )
     if drive_gain is None:
         raise StudyError(
@@ -215,7 +217,8 @@ def _payload_findings(
                 "warning",
                 "",
                 f"The nearest real body is {load.distance:.1f} standard deviations from the best fit to the torques.",
-                "check for contact, for a load that was not attached all the time, and for other drive gains.",
+                "check that the arm had no contact, that the load was attached all the time, and that the drive "
+                "gains are right.",
             )
         )
     if gains is None and load.intervals[0, 0] <= NOTHING:
@@ -261,10 +264,10 @@ def _gains_beyond(new_recordings: NewRecordings, gains: DriveGains) -> list[Find
             "gain-beyond-deviation",
             "warning",
             ", ".join(names[j] for j in joints),
-            f"Corrections of drive gains are far larger than the stated deviation: {each}. Mass, link or deviation "
-            "may be wrong; the intervals assume that they are right.",
-            "check the mass and the link of the load (--mass, --link), and state a larger drive_gain_deviation if "
-            "the gains are that uncertain.",
+            f"Corrections of drive gains are far larger than the stated deviation: {each}. The mass, the link or "
+            "the stated deviation may be wrong; then the intervals are wrong, too.",
+            "check the mass and the link of the load (--mass, --link). If the gains are that uncertain, state a "
+            "larger `drive_gain_deviation`.",
         )
     ]
 

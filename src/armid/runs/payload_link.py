@@ -38,7 +38,8 @@ def payload_link(run: Run, name: str | None = None) -> PayloadLink:
 
     Args:
         run: Run of the arm.
-        name: Name of a moving link, in whose own frame the payload is; by default the tip's link and frame.
+        name: Name of a moving link, in whose frame the parameters of the payload are; by default the link and
+            frame of the tip.
 
     Raises:
         RobotError: No link is named, and the tip is fixed to the base, or its link carries further joints.
@@ -53,7 +54,7 @@ def payload_link(run: Run, name: str | None = None) -> PayloadLink:
         raise StudyError(
             f"The load is said to be on the link {name!r}, but {robot.name} has no moving link of this name.",
             possible=", ".join(names),
-            remedy="name the link that moves: a link that is fixed to it counts as a part of it.",
+            remedy="name one of the moving links; a link that is fixed to a moving link counts as a part of it.",
         )
     return PayloadLink(name, name, link_columns(run, names.index(name))[1], np.eye(10))
 
@@ -111,13 +112,13 @@ def _finding(
     ratio = found.residual[joints] / found.alone[joints]
     times = f"{ratio.min():.1f}" if ratio.max() - ratio.min() < 0.05 else f"{ratio.min():.1f} to {ratio.max():.1f}"
     names = ", ".join(new_recordings.run.robot.joint_names[j] for j in joints)
-    check = "check for contact, and that the load was attached firmly and all the time."
+    check = "check that the arm had no contact, and that the load was attached firmly and all the time."
     if not own.any():
         check = f"leave --same-friction out, since friction may have changed; {check}"
     if best is None or better is None:
-        remedy = f"no other link explains more; {check}"
+        remedy = f"a load on another link does not explain the torque better; {check}"
     elif better.significant.any():
-        remedy = f"a load on the link {best} explains more, but not all (--link {best}); {check}"
+        remedy = f"a load on the link {best} explains the torque better, but not completely (--link {best}); {check}"
     else:
         remedy = f"a load on the link {best} explains the torque: if it is attached there, give --link {best}."
     return Finding(

@@ -38,8 +38,8 @@ RECALIBRATED = ", recalibrated"
 """Suffix of the name of the method, because the properties of the method do not hold for the new values."""
 
 SAME_ERROR = 1.5
-"""Torque error on the new recordings, divided by the error of the earlier run in training, from which more than
-the estimated parameters must have changed."""
+"""Ratio of the torque error on the new recordings to that of the earlier run in training above which other parameters
+than the estimated ones must have changed."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -184,7 +184,7 @@ def _assumption_findings(new_recordings: NewRecordings, result: Result, changed:
                 "info",
                 "",
                 f"The torque error on the new recordings is {error:.3g}, but was {before:.3g} in the earlier "
-                f"run; with all parameters free it would still be {least:.3g}. The noise in the band is "
+                f"run; if all parameters are estimated, it is still {least:.3g}. The noise in the band is "
                 "therefore larger, for instance because of a lower rate or fewer periods. This does not show "
                 "that other parameters have changed.",
             )
@@ -199,9 +199,9 @@ def _assumption_findings(new_recordings: NewRecordings, result: Result, changed:
                 f"The torque error on the new recordings is {error:.3g}, but was {before:.3g} in the earlier "
                 "run, so other parameters than the estimated ones seem to have changed"
                 + (", or the recordings have a fault." if faults else "."),
-                f"first see {', '.join(faults)}; an estimate of more parameters would hide it."
+                f"first see {', '.join(faults)}; if more parameters are estimated, they hide this fault."
                 if faults
-                else f"try {further}.",
+                else f"estimate more parameters with {further}.",
             )
         )
     fit = result.estimate.fit
@@ -221,7 +221,7 @@ def _least_error(new: Information, seen: NDArray[np.bool_]) -> float:
 def _regression_findings(
     new_recordings: NewRecordings, result: Result, before: Sequence[Score], changed: Changed
 ) -> list[Finding]:
-    """Findings if the earlier run is better on held-out motion."""
+    """Finding that the earlier run is better on held-out motion; an empty list if it is not."""
     scores = result.validation.recordings
     if not scores:
         return []
@@ -248,7 +248,7 @@ def _regression_findings(
 
 
 def _error(scores: Sequence[Score]) -> float:
-    """Torque error [N·m or N]: root of the sum over joints, mean over recordings."""
+    """Torque error [N·m or N]: root of the sum over joints of squared RMS errors, averaged over the recordings."""
     return float(np.sqrt(np.nansum(np.mean([score.rms**2 for score in scores], axis=0))))
 
 

@@ -22,7 +22,7 @@ from armid.validation.rollout_score import MotionScore, score_motion
 from armid.validation.torque_validation import Check, Validation
 
 MOST_LOST = 0.5
-"""Largest share of windows that may be lost; with more, there is no median error."""
+"""Largest share of windows that may be lost; if more are lost, there is no median error."""
 
 LOST, INDEFINITE = ROLL_OUT_CODES = ("roll-out-lost", "roll-out-indefinite")
 """Codes of findings about lost windows: the motion diverged, or the mass matrix became indefinite."""

@@ -38,11 +38,11 @@ from armid.study.storage.records import judgement_record
 from armid.threads import one_blas_thread
 
 THRESHOLD = 3.0
-"""Normalised innovation from which a change is reported. With ten independent rows, noise exceeds it once in 1e14
-blocks; other motion of the same arm gives hardly two."""
+"""Normalised innovation above which a change is reported. With ten independent rows in a block, noise exceeds it once
+in 1e14 blocks. If the arm has not changed, other motions hardly give more than two."""
 
 LOOSE = np.array([100.0, 50.0, 50.0, 50.0, 25.0, 25.0, 25.0, 25.0, 25.0, 25.0])
-"""Prior standard deviations of an unknown payload [kg, kg·m, kg·m²]: ten times a usual payload."""
+"""Prior standard deviations of an unknown payload [kg, kg·m, kg·m²]: ten times those of a usual payload."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,7 +75,7 @@ class TrackedRun:
         before: RMS torque error in each block with the values of the run, shape (K, n) [N·m or N].
         normalized_innovation: Normalised innovation, shape (K, n).
         events: Blocks in which the normalised innovation exceeded `THRESHOLD`.
-        findings: Findings of run, reading, doctor and processing.
+        findings: Findings about the run, and of the reader, the doctor and the processing.
     """
 
     names: tuple[ParameterName, ...]

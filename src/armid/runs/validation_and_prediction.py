@@ -35,7 +35,7 @@ from armid.validation.torque_validation import Validation, validate
 def validate_run(
     run: Run, paths: Sequence[str], reading: Mapping[str, Any]
 ) -> tuple[Validation, tuple[Finding, ...]]:
-    """Validates a run on recordings that did not train it, with findings; it fails if one of them is an error.
+    """Validates a run on recordings that were not used to train it; it fails if a finding is an error.
 
     Args:
         run: The run.
@@ -43,7 +43,7 @@ def validate_run(
         reading: Fields of the log format that differ from that of the run's first recording.
 
     Raises:
-        StudyError: A recording has trained the run.
+        StudyError: The run was trained on one of the recordings.
         RecordingError: A recording cannot be read or does not fit.
     """
     recordings: list[tuple[RecordingChoice, Recording]] = []
