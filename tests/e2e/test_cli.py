@@ -605,7 +605,7 @@ def assert_refused(done: Done, problem: str, help: str = "") -> None:
         (("validate", "nowhere", "{small}/run2.csv"), "nowhere is not a run of armid", "armid identify"),
         (("validate", "{run}", "nowhere.csv"), "nowhere.csv does not exist", ""),
         (("predict", "{run}", "thesis-a1"), "thesis-a1 moves 7 joints, but small has 3", ""),
-        (("predict", "{run}", "nowhere.json"), "nowhere.json is no plan", ""),
+        (("predict", "{run}", "nowhere.json"), "nowhere.json cannot be read as a plan", ""),
         (("predict", "{run}", "{small}/run2.csv", "--out", "torque.xls"), "neither .csv nor .npz", "suffixes"),
         (("predict", "{run}", "{small}/run2.csv", "--out", "{small}/run1.csv/t.csv"), "could not be written", ""),
         (("demo", "--edges", "cut", "--preset", "thesis"), "edges = 'cut' is not known", "pad"),

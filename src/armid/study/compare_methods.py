@@ -50,7 +50,7 @@ UnseenError = Callable[[Estimator, Fit], Array]
 
 @dataclass(frozen=True, eq=False, slots=True)
 class MethodScore:
-    """Scores of one method; if it fails, only the reason.
+    """Scores of one method; if the method fails, only the reason of the failure.
 
     Attributes:
         method: Name of the method.

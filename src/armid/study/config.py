@@ -169,7 +169,10 @@ class Study(Displayed):
     def __post_init__(self) -> None:
         object.__setattr__(self, "recordings", tuple(self.recordings))
         if not any(recording.role == "train" for recording in self.recordings):
-            raise StudyError('The study has no recording with the role "train".', remedy='give one role = "train".')
+            raise StudyError(
+                'The study has no recording with the role "train".',
+                remedy='set role = "train" for one of the recordings.',
+            )
 
     @property
     def is_motor_side(self) -> bool:
@@ -270,8 +273,8 @@ def build_model(robot: Robot, choice: ModelChoice, *, motor_side: bool = False) 
     names = tuple(name for each in asked for name in (further if each == DEFAULT else (each,)))
     for name in choice.shapes:
         if name not in names:
-            problem = f"The table [model] gives options of {name!r}, but this is not one of its terms."
-            remedy = did_you_mean(name, names) or f"add {name!r} to terms, or remove its options."
+            problem = f"The table [model] gives options of {name!r}, but this is not one of the terms of the study."
+            remedy = did_you_mean(name, names) or f"add {name!r} to `terms`, or remove its options."
             raise StudyError(problem, possible=", ".join(names), remedy=remedy)
     tables = {name: _tables(choice.shapes.get(name, {})) for name in names}
     terms: list[Term] = []
@@ -314,7 +317,7 @@ def _model_choice(table: Mapping[str, Any]) -> ModelChoice:
     for name, value in shapes.items():
         several = isinstance(value, list) and all(isinstance(each, Mapping) for each in value)
         good = isinstance(value, Mapping) or several
-        _require(good, f"[model] {name}", "a table of options, or a list of such tables", value)
+        _require(good, name, "a table of options, or a list of such tables", value, "[model] ")
     chosen = {"terms": () if automatic else terms, "shapes": shapes, "automatic": automatic}
     return _make(ModelChoice, chosen, "[model]")
 
@@ -331,7 +334,7 @@ def _estimation_choice(table: Mapping[str, Any], method: str) -> EstimationChoic
     _known(table, possible, "[estimation]")
     options = {name: value for name, value in table.items() if name in ESTIMATORS}
     for name, value in options.items():
-        _require(isinstance(value, Mapping), f"[estimation] {name}", "a table of options", value)
+        _require(isinstance(value, Mapping), name, "a table of options", value, "[estimation] ")
     own = {name: value for name, value in table.items() if name not in ESTIMATORS}
     choice = _make(EstimationChoice, {"method": method, **own, "options": options}, "[estimation]")
     for name in options:
@@ -375,7 +378,9 @@ def _known(table: object, known: Iterable[str], where: str) -> None:
     """Refuses a value that is not a table, and unknown keys."""
     known = list(known)
     if not isinstance(table, Mapping):
-        raise StudyError(f"{where} must be a table; found {table!r}.", remedy=f"give {', '.join(known)} in it.")
+        raise StudyError(
+            f"{where} must be a table; found {table!r}.", remedy=f"write a table with the keys {', '.join(known)}."
+        )
     for key in table:
         if key not in known:
             raise StudyError(
@@ -383,10 +388,10 @@ def _known(table: object, known: Iterable[str], where: str) -> None:
             )
 
 
-def _require(good: bool, name: str, wanted: str, found: object) -> None:
+def _require(good: bool, key: str, wanted: str, found: object, table: str = "") -> None:
     """Refuses a value of the wrong kind."""
     if not good:
-        raise StudyError(f"{name} must be {wanted}; found {found!r}.")
+        raise StudyError(f"{table}`{key}` must be {wanted}; found {found!r}.")
 
 
 def _are_texts(values: object) -> bool:

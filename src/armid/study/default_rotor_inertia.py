@@ -1,4 +1,4 @@
-"""Terms that the default model of a study takes from its recordings."""
+"""Rotor inertia, which is added to the default model of a study if the recordings show it."""
 
 from __future__ import annotations
 

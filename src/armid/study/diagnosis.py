@@ -141,7 +141,7 @@ def _no_effort(raw: Recording) -> Finding:
 
 
 def _standstill(recording: Recording, processing: ProcessingOptions) -> list[Finding]:
-    """Findings about joints at rest while others move, and about rests; empty if a log cannot be processed."""
+    """Findings about joints that rest while others move, and about rests of the arm; empty if processing fails."""
     plain = replace(processing, edges="drop", average=False, saturation=None)
     try:
         found = process_recording(recording, plain)[1]
@@ -335,7 +335,7 @@ def _implied_rate(log: Recording) -> float | None:
 
 
 def _told_once(findings: Sequence[tuple[int, Finding]], kinds: Sequence[str] = ("",)) -> list[tuple[int, Finding]]:
-    """Findings without the reader's suspicion about a joint far outside its limits if its cause is known.
+    """Leaves out the reader's warnings about joints far outside their limits if another finding gives the cause.
 
     Args:
         findings: Findings, each with the index of its recording.

@@ -10,12 +10,12 @@ from armid.measurement.observations import Observations
 from armid.robot import Robot
 
 FAR = 1.25
-"""Ratio of a speed to the highest trained speed from which it is reported. Two random motions of the same kind
-differ by less."""
+"""Ratio of a speed to the highest speed in training above which a finding is reported. The highest speeds of two
+random motions of the same kind differ by less."""
 
 LEAST = 0.02
 """Smallest excess of speed that is reported [rad/s or m/s]: the width of Coulomb friction. A joint that rested in
-training may creep within this width."""
+training may move more slowly than that."""
 
 
 def highest_speeds(observations: Observations) -> Array:
@@ -25,7 +25,7 @@ def highest_speeds(observations: Observations) -> Array:
 
 
 def speed_finding(robot: Robot, trained: Array | None, requested: Array, where: str) -> Finding | None:
-    """Finding on joints whose speed is far beyond the trained speeds, or `None`.
+    """Finding on joints whose speed is far above their speeds in training, or `None`.
 
     Args:
         robot: The arm.

@@ -30,7 +30,7 @@ from armid.validation.gravity_sign import gravity_finding
 from armid.validation.torque_validation import Check, Validation
 
 FAR = 20.0
-"""Factor between the estimated mass of a link and its mass in the description from which it is reported."""
+"""Factor between the estimated mass of a link and its mass in the description above which a finding is reported."""
 
 NAMED = 4
 
@@ -82,8 +82,8 @@ def drift_finding(model: DynamicsModel, fit: Fit) -> Finding | None:
         "offset-drift",
         "warning",
         "",
-        f"Offsets differ between recordings: {'; '.join(drifts)}. The offset of another recording is unknown, so "
-        "their mean is used for it, and its prediction interval is wider by their scatter.",
+        f"Offsets differ between recordings: {'; '.join(drifts)}. The offsets of other recordings are unknown, "
+        "so the mean offset is used for them, and the scatter of the offsets widens the prediction interval.",
         "set the torque sensors to zero before a recording, or estimate the offsets again from a short "
         "recording (armid recalibrate).",
     )
@@ -109,8 +109,8 @@ def far_findings(standard: StandardParameters | None, fit: Fit) -> list[Finding]
         found.append(
             _far(
                 "The data determine these masses, but they are far from the masses of the description: "
-                f"{listed_masses(names, values, nominal, which)}. The recordings or the description are of another "
-                "arm or load, or the unit of the torque is wrong.",
+                f"{listed_masses(names, values, nominal, which)}. The description may be of another arm or "
+                "load than the recordings, or the unit of the torque may be wrong.",
                 "check that description and recordings are of the same arm with the same load, and check the unit of "
                 "the torque; armid doctor finds the usual reasons",
             )
@@ -190,7 +190,7 @@ def few_blocks_finding(fit: Fit) -> Finding | None:
 
 
 def weak_finding(information: Information, observations: Observations, fit: Fit, *, chosen: bool) -> Finding | None:
-    """Finding about weak data, so that prior, constraints or selected friction determine parameters, or `None`.
+    """Finding about data that are too weak for the parameters or for the selection of friction, or `None`.
 
     Estimators without a prior raise an error if the data do not determine a parameter. Estimators with a prior
     estimate it nevertheless.

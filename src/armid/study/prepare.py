@@ -130,7 +130,7 @@ def stated_problem(prepared: Prepared) -> EstimationProblem:
         return problem
     if len(np.unique(problem.information.recording)) < 2:
         raise StudyError(
-            f"`{asked[0]}` needs at least two training recordings.",
+            f"The key `{asked[0]}` needs at least two training recordings, but the study has only one.",
             remedy="add another training recording, or leave this key out.",
         )
     offsets = np.isin(problem.information.names, offset_names(prepared.model))

@@ -29,11 +29,11 @@ OPTIONS = (*OF_READING, "gravity", "terms", "cutoff", "edges", "slow", "standsti
 """Keys for which commands have options with the same names."""
 
 READING = "reading"
-"""Option that takes any line of a `[[recording]]` table, of commands that read new recordings like those of a run."""
+"""Option for any line of a `[[recording]]` table, for commands that read new recordings of the arm of a run."""
 
 
 def tables_of(remedy: str) -> dict[str, dict[str, Any]]:
-    """Keys of a remedy by table of the study; empty if the remedy is work by hand."""
+    """Keys of a remedy, by table of the study; empty if the remedy contains no keys."""
     return _by_table(Remedy.read(remedy).keys)
 
 
@@ -106,7 +106,7 @@ def at_the_prompt(remedy: str, options: Collection[str]) -> str:
 
 
 def _with_option(setting: Assignment, options: Collection[str]) -> str:
-    """Setting within a sentence, after the option of the command if there is one."""
+    """Setting as part of a sentence, preceded by the corresponding option of the command if there is one."""
     option = _options(setting.keys, options)
     if option is None or READING in options:
         return option or setting.text

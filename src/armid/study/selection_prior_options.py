@@ -1,4 +1,4 @@
-"""Estimation options of a model with selected friction, if the study does not set them, and the finding about it."""
+"""Default estimation options for a model with selected friction, and the finding about the method."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def chosen_finding(selection: FrictionSelection, method: str) -> Finding:
             "friction-not-chosen", "warning", "", selection.why, "record longer, or give the torque terms by name."
         )
     evidence = (
-        "Friction was selected while a prior held the inertial parameters. The weight of the prior with the "
+        "While friction was selected, a prior was used for the inertial parameters. The weight of the prior with the "
         f"smallest error on held-out motion is {selection.prior_weight:.3g} independent samples. The "
         f"parameters were then estimated with the method {method}. The selection is valid for speeds and "
         "poses similar to the recorded ones."

@@ -55,7 +55,7 @@ def evidence(designed, code):
 
 def test_torque_that_nothing_limits_is_said_not_to_be_judged(weightless, tmp_path):
     (said,) = evidence(weightless, "torque-unjudged")
-    assert said == "the torque of any joint is not checked, because no effort limit is given, and no mass is known"
+    assert said == "no torque is checked, because no effort limit is given, and no mass is known"
     text, record = report_text(weightless), report_record(weightless)
     assert (
         "may use 100 % of each velocity limit; its torque is not checked" in text and record["torque_share"] is None

@@ -209,22 +209,22 @@ def test_an_unknown_key_is_answered_with_the_known_ones(tables: dict, where: str
     [
         ({"robot": "iiwa"}, "[robot] must be a table; found 'iiwa'"),
         ({"robot": {}}, "[robot] has no value for description"),
-        ({"robot": {"description": 5}}, "[robot] description must be text; found 5"),
-        ({"robot": {"description": "x", "gravity": [1, 2]}}, "[robot] gravity must be three numbers"),
-        ({"robot": {"description": "x", "gravity": "down"}}, "[robot] gravity must be three numbers"),
-        ({"robot": {"description": "x", "locked": "finger"}}, "[robot] lock must be a list of names"),
-        ({"robot": {"description": "x", "locked": {"finger": "in"}}}, "[robot] lock must be a list of names"),
-        ({"robot": {"description": "x", "tip": 3}}, "[robot] tip must be text"),
+        ({"robot": {"description": 5}}, "[robot] `description` must be text; found 5"),
+        ({"robot": {"description": "x", "gravity": [1, 2]}}, "[robot] `gravity` must be three numbers"),
+        ({"robot": {"description": "x", "gravity": "down"}}, "[robot] `gravity` must be three numbers"),
+        ({"robot": {"description": "x", "locked": "finger"}}, "[robot] `lock` must be a list of names"),
+        ({"robot": {"description": "x", "locked": {"finger": "in"}}}, "[robot] `lock` must be a list of names"),
+        ({"robot": {"description": "x", "tip": 3}}, "[robot] `tip` must be text"),
         ({"model": 3}, "[model] must be a table"),
-        ({"model": {"terms": "viscous"}}, "[model] terms must be a list of names; found 'viscous'"),
-        ({"model": {"terms": [1]}}, "[model] terms must be a list of names"),
-        ({"model": {"coulomb": 0.02}}, "[model] coulomb must be a table of options"),
+        ({"model": {"terms": "viscous"}}, "[model] `terms` must be a list of names; found 'viscous'"),
+        ({"model": {"terms": [1]}}, "[model] `terms` must be a list of names"),
+        ({"model": {"coulomb": 0.02}}, "[model] `coulomb` must be a table of options"),
         ({"recording": {"path": "a"}}, "The key `recording` of the study must be a list of tables"),
         ({"recording": ["a.csv"]}, "The key `recording` of the study must be a list of tables"),
         ({"recording": [{"role": "train"}]}, "A recording has no key `path`"),
-        ({"recording": [{"path": 3}]}, "[[recording]] path must be text"),
-        ({"recording": [{"path": "a", "part": 0.5}]}, "[[recording]] part must be two numbers"),
-        ({"recording": [{"path": "a", "part": [0.5]}]}, "[[recording]] part must be two numbers"),
+        ({"recording": [{"path": 3}]}, "[[recording]] `path` must be text"),
+        ({"recording": [{"path": "a", "part": 0.5}]}, "[[recording]] `part` must be two numbers"),
+        ({"recording": [{"path": "a", "part": [0.5]}]}, "[[recording]] `part` must be two numbers"),
         (
             {"recording": [{"path": "a", "part": [0.7, 0.3]}]},
             "`part` must be two increasing shares",
@@ -239,8 +239,8 @@ def test_an_unknown_key_is_answered_with_the_known_ones(tables: dict, where: str
         ({"processing": {"edges": "cut"}}, "[processing] edges = 'cut' is not known"),
         ({"estimation": {"method": "magic"}}, "Unknown estimation method 'magic'"),
         ({"estimation": {"method": ["wls"]}}, "Unknown estimation method"),
-        ({"estimation": {"friction_per_recording": "yes"}}, "friction_per_recording must be true or false"),
-        ({"estimation": {"offset_per_recording": 1.5}}, "offset_per_recording must be true or false"),
+        ({"estimation": {"friction_per_recording": "yes"}}, "`friction_per_recording` must be true or false"),
+        ({"estimation": {"offset_per_recording": 1.5}}, "`offset_per_recording` must be true or false"),
     ],
 )
 def test_values_of_the_wrong_kind_are_refused(tables: dict, message: str):
@@ -311,7 +311,7 @@ def test_terms_that_are_not_there_are_refused():
     with pytest.raises(StudyError, match="Unknown torque term 'viscouss'") as caught:
         names_and_width(ModelChoice(("rigid-body", "viscouss")))
     assert caught.value.possible == ", ".join((*TERMS, "default")) and "'viscous'" in caught.value.remedy
-    with pytest.raises(StudyError, match="options of 'coulomb', but this is not one of its terms"):
+    with pytest.raises(StudyError, match="options of 'coulomb', but this is not one of the terms"):
         names_and_width(ModelChoice(("rigid-body",), {"coulomb": {"width": 0.1}}))
 
 
@@ -392,7 +392,7 @@ stribeck = [{ velocity = 0.1, joints = ["joint_1"] }, { velocity = 0.3, joints =
     assert [term.name for term in build_model(model.robot, again).terms] == list(again.terms)
     with pytest.raises(ModelError, match="belong to two torque terms: FT_1"):
         build_model(model.robot, ModelChoice(("stribeck", "stribeck"), {"stribeck": {"velocity": 0.1}}))
-    with pytest.raises(StudyError, match=r"\[model\] stribeck must be a table of options, or a list of such"):
+    with pytest.raises(StudyError, match=r"\[model\] `stribeck` must be a table of options, or a list of such"):
         plain(model={"terms": ["rigid-body"], "stribeck": [0.1]})
 
 

@@ -56,9 +56,9 @@ class DesignConstraints:
         given: Limits, by joint and kind, that replace the limits of the description.
         acceleration: Limit of the acceleration of every joint [rad/s² or m/s²]; no limit if not given.
         jerk: Limit of the jerk of every joint [rad/s³ or m/s³]; no limit if not given.
-        torque_margin: Share of the torque limits that must stay unused; with `None` torque is not limited.
-        estimate: Estimate from which torque is computed; if not given, the description.
-        clearance: Smallest distance between bodies [m]; with `None` collisions are not checked.
+        torque_margin: Share of the torque limits that must stay unused; if `None`, torque is not limited.
+        estimate: Estimate from which torque is computed; if not given, torque is computed from the description.
+        clearance: Smallest allowed distance between bodies [m]; if `None`, collisions are not checked.
         surroundings: Bodies that do not move.
         floor: Assumed floor, which is ignored if the arm does not start above it.
         workspace: Region in which the tip must stay.

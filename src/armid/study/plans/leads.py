@@ -64,7 +64,7 @@ def check_leads(plan: Plan, robot: Robot, collision: CollisionOptions | None) ->
         close = [each for each in nearest if not each.kept]
         if close:
             raise ArmidError(
-                f"During the motion from or to the {name} pose, {close[0].pair} come as close as "
-                f"{1000 * max(close[0].distance, 0.0):.0f} mm.",
+                f"During the motion from or to the {name} pose, {close[0].pair} come too close to each other: "
+                f"{1000 * max(close[0].distance, 0.0):.0f} mm instead of at least {1000 * close[0].asked:.0f} mm.",
                 remedy="choose another pose, or leave the pose out and move the arm there by hand.",
             )

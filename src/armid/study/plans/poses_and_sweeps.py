@@ -157,7 +157,7 @@ def design_moves(model: DynamicsModel, goal: MovesGoal, constraints: DesignConst
     colliding = np.flatnonzero(~collision_free(motion.q))
     if len(colliding):
         raise ArmidError(
-            f"Bodies come too close to each other {motion.time[colliding[0]]:.1f} s after the begin of the "
+            f"Bodies come too close to each other {motion.time[colliding[0]]:.1f} s after the start of the "
             f"{goal.kind}.",
             remedy="give narrower position limits with --limit JOINT.position=LOW:HIGH, or choose another --start "
             "or --seed.",

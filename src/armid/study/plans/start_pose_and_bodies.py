@@ -37,7 +37,7 @@ class Placement:
     Attributes:
         start: The pose, shape (n,) [rad or m].
         collision: Bodies that are kept apart; `None` where collisions are not checked.
-        limits: Limits of the joints, with positions in which adjacent links are apart.
+        limits: Limits of the joints; position limits are narrowed so that adjacent links do not touch.
         findings: Findings on start pose, floor and collisions.
         unchecked: Reason why collisions are not checked; empty if they are checked.
     """
@@ -108,9 +108,9 @@ def _among_bodies(
         start = chosen.pose
         if not chosen.usual:
             evidence = (
-                "limits, bodies or torque leave less free space around the usual start pose, so the motion "
-                f"starts from {_positions(robot, start)}; on average, random moves from this pose are free of "
-                f"collisions for {100 * chosen.free_share:.0f} % of their length"
+                "limits, bodies or torque leave less free space around the usual start pose than around another "
+                f"pose, so the motion starts from this pose: {_positions(robot, start)}; on average, random moves "
+                f"from it are free of collisions for {100 * chosen.free_share:.0f} % of their length"
             )
             findings = (_chosen(evidence), *findings)
     collision = kept_apart(cell, start)
@@ -238,7 +238,7 @@ def _are(pairs: Sequence[IgnoredPair]) -> str:
 
 
 def _by_reason(pairs: Sequence[IgnoredPair]) -> list[str]:
-    """For each reason the reason itself, with the pair of links or the number of pairs; the report lists all."""
+    """Text for each reason: the reason, and the pair of links or the number of pairs; the report lists all pairs."""
     return [
         f"{why} ({found[0] if len(found) == 1 else plural(len(found), 'pair') + ' of links'})"
         for why, found in pairs_by_reason(pairs).items()
@@ -256,7 +256,7 @@ def _checked_start(robot: Robot, limits: Limits, given: Array) -> Array:
         raise ArmidError(
             f"The start pose has {start.size} numbers, but {robot.name} has {robot.n} joints.",
             possible=f"one number for each joint, in this order: {', '.join(robot.joint_names)}",
-            remedy="give as many numbers, or leave the start pose out, so that one is found.",
+            remedy=f"give {robot.n} numbers with --start, or leave --start out; then a start pose is chosen.",
         )
     for name, q, low, high in zip(robot.joint_names, start, limits.lower, limits.upper, strict=True):
         if not low < q < high:

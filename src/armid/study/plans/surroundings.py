@@ -59,7 +59,7 @@ def assumed_floor(robot: Robot, options: Mapping[str, Any]) -> AssumedFloor | No
     if down[2] > -UPRIGHT:
         return AssumedFloor(None, "gravity does not point along -z of the base")
     if any(shape.kind == "half-space" for shape in robot.shapes):
-        return AssumedFloor(None, "the description has a plane")
+        return AssumedFloor(None, "the description contains a plane")
     lowest = min((_lowest(shape) for shape in robot.shapes if shape.link < 0), default=None)
     if lowest is None:
         return AssumedFloor(None, "the description has no body that is fixed to the base")

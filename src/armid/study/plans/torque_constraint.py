@@ -154,9 +154,9 @@ def _without_masses(robot: Robot) -> Finding:
 
 def _unjudged(joints: Sequence[str], robot: Robot) -> Finding:
     """Finding that the torque of joints without an effort limit is not checked."""
-    which = "any joint" if len(joints) == robot.n else ", ".join(joints)
+    unchecked = "no torque is" if len(joints) == robot.n else f"the torque of {', '.join(joints)} is not"
     masses = ", and no mass is known" if len(massless_joints(robot)) == robot.n else ""
-    evidence = f"the torque of {which} is not checked, because no effort limit is given{masses}"
+    evidence = f"{unchecked} checked, because no effort limit is given{masses}"
     return Finding("torque-unjudged", "info", "", evidence, "give the limit with --limit JOINT.effort=VALUE.")
 
 

@@ -40,10 +40,10 @@ LARGE = 0.08
 the residual was 15 %."""
 
 SCALED = 1.15
-"""Torque scale, or its inverse, from which it is reported."""
+"""Torque scale, or its inverse, above which the scale is reported."""
 
 WRONG = 1.3
-"""Torque scale, or its inverse, from which the finding is an error."""
+"""Torque scale, or its inverse, above which the finding is an error."""
 
 SURE = 5.0
 """Smallest difference between a torque scale and one, in standard deviations, that is significant. The standard
@@ -59,7 +59,7 @@ LEFT = 1.5
 disagreement. For a load of 10 kg they explained 97 %, but the ratio was 3.7."""
 
 ALIKE = 0.8
-"""Share of the largest decrease of the cost from which another recording may be the wrong one, too."""
+"""Smallest decrease of the cost, relative to the largest one, at which a recording may be the wrong one, too."""
 
 TRIED = 3
 """Largest number of recordings of which scales are computed at a time."""
@@ -125,7 +125,7 @@ def _odd_recording(compared: Sequence[Agreement]) -> _Odd | None:
 
 
 def _finding(model: DynamicsModel, odd: _Odd, deviation: Array, name: str, against: str) -> Finding | None:
-    """Finding about a recording, or `None` if its disagreement is not significant or small."""
+    """Finding about a recording, or `None` if its disagreement is small or not significant."""
     agreement, scales = odd.agreement, odd.scales
     best = min(agreement.separate, scales.cost)
     explained = (agreement.cost - scales.cost) / max(agreement.cost - best, np.finfo(float).tiny)
@@ -139,10 +139,10 @@ def _finding(model: DynamicsModel, odd: _Odd, deviation: Array, name: str, again
         CODE,
         "error",
         "",
-        f"{name} contradicts {against}: one model for all leaves in {name} a torque error of "
-        f"{agreement.relative:.0%} of the torque, {agreement.excess:.2g} times that of a model for {name} alone, "
-        "each with friction of its own. Scales of the torques do not explain it; the load, the signs or the order "
-        "of channels, or the zeros of the joints may differ.",
+        f"{name} contradicts {against}: with one model for all recordings, the torque error in {name} is "
+        f"{agreement.relative:.0%} of the torque, {agreement.excess:.2g} times the error with a model for {name} "
+        "alone; both models have separate friction for each recording. Different scales of the torques do not "
+        "explain the difference; the load, the signs or order of channels, or the zeros of the joints may differ.",
         f"check the load and the log format of {name} and of {against}, and leave out the recording that is wrong.",
     )
 
@@ -169,7 +169,7 @@ def _scale_finding(
         CODE,
         "error" if bool((_factor(scale)[other] > WRONG).any()) else "warning",
         "",
-        f"The torques of {name} have another scale than those of {against}, relative to which they are: {listed} "
+        f"The torques of {name} have another scale than those of {against}. The ratios of the scales are: {listed} "
         "(95 % intervals). Parameters that are estimated from both are a compromise between the scales.",
         f"find out which of them is right. If it is not {name}, divide its drive_gain by these factors, or correct "
         "its unit or torque_sign; or leave out the recording that is wrong.",

@@ -57,7 +57,7 @@ def read_all(
         Recordings with their choices, and the findings on each.
 
     Raises:
-        RecordingError: One cannot be read or does not fit the robot.
+        RecordingError: A recording cannot be read or does not fit the robot.
         StudyError: A sample is used twice.
     """
     recordings: list[tuple[RecordingChoice, Recording]] = []

@@ -37,10 +37,10 @@ ESTIMATE_KEYS = {
     "parameters": "Standard parameters of all links and terms, each with its status.",
     "residual": "`rms`: RMS residual of each joint on the training recordings [N·m or N].",
     "condition": "Condition number of the weighted base regressor.",
-    "scaled_condition": "The same with columns of unit length.",
+    "scaled_condition": "Condition number of the same matrix with columns scaled to unit length.",
     "samples": "Largest number of rows of a joint.",
     "rows": "Number of rows of each joint.",
-    "covariance": "Covariance of the base parameters: `kind`, the reason `why`, `matrix` and what it was made from.",
+    "covariance": "Covariance of the base parameters: `matrix`, `kind`, the reason `why`, and data on the noise.",
     "certificate": "Proof that an estimate with `--method physical` is consistent, and its prior; otherwise null.",
     "seconds": "Computing time from recordings to result [s].",
     "warnings": "Findings: `code`, `severity`, `channel`, `evidence`, `remedy`, `message`.",
@@ -51,12 +51,12 @@ ESTIMATE_KEYS = {
 """Meaning of each key of `estimate.json`."""
 
 BASE_PARAMETER_KEYS = {
-    "name": "Name; `[k]` behind it means that the value is of recording k.",
+    "name": "Name. With `[k]` at its end, the value is of recording k only.",
     "value": "Estimated value.",
     "unit": "Unit of the value.",
     "deviation": "Standard deviation, in the same unit.",
     "relative_deviation_percent": "Standard deviation divided by the absolute value [%].",
-    "poorly_identified": "True if the relative deviation is too large for the value to mean much.",
+    "poorly_identified": "True if the relative deviation is so large that the value is hardly known.",
     "dropped": "True if the method set the parameter to zero.",
     "interval95": "Both ends of the 95 % interval.",
     "formula": "The parameter as a sum of standard parameters, as text.",
