@@ -115,7 +115,7 @@ def _recorded(pair: Pair, recorded: Iterable[ParameterChange]) -> list[RunChange
 
 
 def _independent(pair: Pair) -> list[RunChange]:
-    """Differences of two independent estimates; the interval of each follows from both."""
+    """Differences of two independent estimates; the interval of a difference follows from both intervals."""
     formulas = [
         dict(zip(m.run.estimate.base.names, base_formulas(m.run.estimate.base), strict=True)) for m in _both(pair)
     ]
@@ -161,7 +161,7 @@ def _show_changes(pair: Pair) -> Section:
         Column("after"),
         Column("change"),
         Column("unit", words=True),
-        Column("change over its half interval"),
+        Column("change / half interval"),
     )
     rows: list[list[TableCell]] = []
     for each in all_changes:

@@ -1,8 +1,8 @@
 """HTML page of a run or a comparison: all sections that are not empty, in one file that needs no network.
 
 plotly.js has 4.8 MB, and its Python package contains no smaller build. It is stored once in the page, compressed to a
-third of its size, and the script of the page unpacks it. Plots contain four-byte numbers, not more of them than a
-screen can show.
+third of its size, and the script of the page unpacks it. Plots contain numbers of four bytes, and only as many
+points as a screen can show.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from armid.runs.run import Run
 
 
 def write_report(run: Run, path: Path | str, *, data: Path | str | None = None) -> Path:
-    """Write a run's page.
+    """Writes the page of a run.
 
     Args:
         run: The run.
@@ -41,7 +41,7 @@ def write_report(run: Run, path: Path | str, *, data: Path | str | None = None) 
 
 
 def write_page(page_data: PageData, path: Path | str) -> Path:
-    """Write the page of a run from its gathered records and recordings.
+    """Writes the page of a run from its gathered records and recordings.
 
     Raises:
         ArmidError: The file cannot be written.
@@ -50,7 +50,7 @@ def write_page(page_data: PageData, path: Path | str) -> Path:
 
 
 def write_comparison(before: Run, after: Run, path: Path | str) -> Path:
-    """Write a page about the changes from one run to another.
+    """Writes a page about the changes from one run to another.
 
     Args:
         before: The earlier run.
@@ -98,7 +98,7 @@ def assemble(
 
     Args:
         title: Heading of the page.
-        subtitle: A line below it.
+        subtitle: Line below the heading.
         sections: Sections by name, in order.
         with_plots: True if plotly.js is needed.
         heading: Facts and picture next to the title.

@@ -41,7 +41,7 @@ MANY = 12
 
 
 def write_preflight(designed: Checked, path: Path | str) -> Path:
-    """Write the page completely or not at all.
+    """Writes the page completely or not at all.
 
     Raises:
         MissingExtraError: jinja2 or plotly is not installed.

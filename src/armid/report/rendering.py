@@ -20,7 +20,7 @@ INLINE = 40
 
 
 def require_extra(*names: str) -> None:
-    """Check that the packages that a page needs are installed; by default for a page with plots.
+    """Checks that the packages that a page needs are installed; by default those of a page with plots.
 
     Raises:
         MissingExtraError: A package is not installed.

@@ -14,7 +14,7 @@ from armid.report.tables import Table
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Section:
-    """A section of a page.
+    """Section of a page.
 
     Attributes:
         title: Heading of the section.

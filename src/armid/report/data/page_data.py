@@ -54,7 +54,7 @@ class PageData:
 
     @property
     def joints(self) -> tuple[Joint, ...]:
-        """The arm's joints."""
+        """Joints of the arm."""
         return self.run.robot.joints
 
     def of_role(self, role: str) -> tuple[RecordingData, ...]:
@@ -93,7 +93,7 @@ def gather(
     recordings: Sequence[tuple[ProcessedRecording, PredictedRecording]] | None = None,
     data: Path | str | None = None,
 ) -> PageData:
-    """Gather the records and certificate of a run, and its recordings if they are available.
+    """Gathers the records and the certificate of a run, and its recordings if they are available.
 
     Args:
         run: The run.
@@ -115,7 +115,7 @@ def with_recordings(
     recordings: Sequence[tuple[ProcessedRecording, PredictedRecording]] | None = None,
     data: Path | str | None = None,
 ) -> PageData:
-    """Gather a run's records and recordings, without its certificate, which plots do not need.
+    """Gathers the records and recordings of a run, without the certificate, which plots do not need.
 
     Arguments and errors as in `gather`.
     """
@@ -133,7 +133,7 @@ def with_recordings(
 
 
 def stored(run: Run) -> PageData:
-    """A run's records, without recordings and certificate.
+    """Records of a run, without recordings and certificate.
 
     Raises:
         ArmidError: A record is damaged.

@@ -22,8 +22,8 @@ POOR_COVERAGE = 0.85
 """Share of rows inside the 95 % prediction interval below which the interval counts as too narrow."""
 
 MANY_BLOCKS = 20
-"""Number of blocks from which the scatter between blocks is known to a sixth, so that more blocks would hardly
-change it."""
+"""Number of blocks from which the scatter between blocks has a relative error of at most a sixth, so that more blocks
+would hardly change it."""
 
 MAX_ERROR_RATIO = 2.0
 """Ratio of validation error to training error above which more motions are recommended."""
@@ -33,7 +33,7 @@ STANDSTILL_SHARE = 0.01
 its velocity."""
 
 SLOW_SHARE = 0.3
-"""Share of the velocity limit of a joint; viscous friction is hard to identify from slower motion."""
+"""Share of the velocity limit that a joint must reach; viscous friction is hard to identify from slower motion."""
 
 STICKING = (
     "A motion with higher accelerations and less time at low speed, or a stiffer controller: the residual "
@@ -45,7 +45,7 @@ STICKING = (
 
 @dataclass(frozen=True, slots=True)
 class TrustJudgement:
-    """Verdict as sentences.
+    """Assessment of a run, as sentences.
 
     Attributes:
         trusted: Reliable results.
@@ -59,7 +59,7 @@ class TrustJudgement:
 
 
 def judge_trust(page_data: PageData) -> TrustJudgement:
-    """Assess a run; the most important sentences come first."""
+    """Assesses a run; the most important sentences come first."""
     trusted: list[str] = []
     doubted: list[str] = []
     wanted: list[str] = []

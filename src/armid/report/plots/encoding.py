@@ -34,7 +34,7 @@ def embedded(record: Mapping[str, Any]) -> str:
 
 
 def compressed(text: str) -> str:
-    """Script compressed and in base 64; reproducible byte by byte."""
+    """Compressed script in base 64; equal scripts give equal bytes."""
     return base64.b64encode(_gzipped(text)).decode()
 
 

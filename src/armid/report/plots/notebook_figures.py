@@ -88,7 +88,7 @@ def plot_plan(
     joint: str | None = None,
     theme: Theme = "light",
 ) -> Figure:
-    """Position, velocity, acceleration and torque of the links along a plan, against limits.
+    """Position, velocity, acceleration and torque along a plan, and limits; torque as the description gives it.
 
     Args:
         plan: The plan, or the motion that it repeats.
@@ -190,14 +190,14 @@ def _of_run(
 
 
 def _require(value: object, kinds: tuple[type, ...], what: str, example: str) -> None:
-    """Check the type of an argument.
+    """Checks the type of an argument.
 
     Raises:
         ArmidError: The value has none of these types.
     """
     if not isinstance(value, kinds):
         shown = f"{value!r:.60}" if isinstance(value, str | int | float | Path) else f"a {type(value).__name__}"
-        raise ArmidError(f"{what} must be given; found {shown}.", remedy=f"give it as a value: {example}.")
+        raise ArmidError(f"{what} must be given; found {shown}.", remedy=f"give a value, for instance {example}.")
 
 
 def _of_joint(section: Section, joint: str | None, robot: Robot) -> Rows:
@@ -249,7 +249,7 @@ def _titles(placed: Sequence[tuple[int, int, str, Plot]], lines: int, columns: i
 
 
 def _link_zoom(figure: Any, plot: Plot, groups: dict[str, str], row: int, column: int) -> None:
-    """Link the horizontal axes of the plots of a group, so that they zoom together as on a page."""
+    """Links the horizontal axes of the plots of a group, so that they zoom together as on a page."""
     if plot.group:
         axis = figure.get_subplot(row, column).xaxis.plotly_name.replace("axis", "")
         figure.update_xaxes({"matches": groups.setdefault(plot.group, axis)}, row=row, col=column)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from armid.checked_array import Array
 
 LINE_INTERVALS = 700
-"""Number of intervals of a line; each keeps its smallest and largest value, enough for the width of a plot."""
+"""Number of intervals of a line. The smallest and largest value of each are kept, enough for the width of a plot."""
 
 MAX_POINTS = 800
 """Largest number of points of a cloud; more points would cover each other."""
@@ -44,8 +44,8 @@ VISIBLE_SHARE = 0.995
 """Share of the values that is inside the range of a residual plot, so that a few spikes do not flatten the curves."""
 
 BULK_SHARE, BULK_FACTOR = 0.95, 4.0
-"""Share of the values, and factor: the range is at most the factor times the largest value of this share. This
-limits the range of plots with spikes in each period, which are too many for `VISIBLE_SHARE` alone."""
+"""Share of the values, and factor: the range is at most the factor times the quantile of the absolute values for this
+share. This limits the range of plots with spikes in each period, which are too many for `VISIBLE_SHARE` alone."""
 
 RANGE_MARGIN = 1.1
 """Factor from the largest visible value to the end of the axis."""

@@ -1,9 +1,9 @@
 """Nearest pair of bodies of an arm and its surroundings over a motion.
 
 Bodies, pairs and distances are the same as in the preflight report (`armid.excitation.collision.closest_approach`),
-so both agree. The distances of capsules around the bodies are lower bounds; NumPy computes them for all moments at
-once. Coal then measures the pairs in the order of these bounds until the next bound is larger than the smallest
-distance.
+so the results of both agree. The distances of capsules around the bodies are lower bounds; NumPy computes them for
+all moments at once. Coal then measures the pairs in the order of these bounds until the next bound is larger than the
+smallest distance.
 """
 
 from __future__ import annotations

@@ -52,7 +52,7 @@ class Preview:
 
 
 def write_preview(preview: Preview, path: Path | str) -> tuple[Path, tuple[Finding, ...]]:
-    """Write the page of a preview completely or not at all.
+    """Writes the page of a preview completely or not at all.
 
     Returns:
         The file, and findings about bodies of the arm that the page does not show.
@@ -148,6 +148,6 @@ def _constant_text(approach: NearestBodies) -> str:
 
 
 def _down(gravity: Array) -> list[float]:
-    """Direction of gravity, a unit vector in the base frame; the base's -z without gravity."""
+    """Direction of gravity, a unit vector in the base frame; -z of the base if there is no gravity."""
     size = float(np.linalg.norm(gravity))
     return (gravity / size).tolist() if size > 0.0 else [0.0, 0.0, -1.0]

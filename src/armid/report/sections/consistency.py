@@ -90,7 +90,7 @@ def _blame(page_data: PageData) -> Table:
         Column("parameter", words=True),
         Column("value"),
         Column("change to the nearest"),
-        Column("over half its interval"),
+        Column("change / half interval"),
     )
     note = "▲ marks changes beyond the 95 % interval, which noise alone does not explain."
     return Table("blame", "Changes that make the values physically consistent", columns, rows, note, folded=True)

@@ -167,7 +167,7 @@ def _over_velocity(page_data: PageData, recordings: Sequence[RecordingData], j: 
 
 
 def _law(page_data: PageData, recordings: Sequence[RecordingData], j: int, fastest: float) -> PlotTrace:
-    """Fitted law over constant velocity; its mean along the motion if it depends on more than the velocity."""
+    """Fitted law for constant velocities; if it depends on more than the velocity, its mean along the motion."""
     laws = [law for _, law in page_data.run.model.laws if j in dict(law.coordinate)]
     if any(law.memory is not None or symbols(law.expression) - {"dq", "ddq"} for law in laws):
         return _means(

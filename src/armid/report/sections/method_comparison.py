@@ -22,8 +22,8 @@ def show_methods(page_data: PageData) -> Section | None:
         Column("training RMS", unit),
         Column("held-out RMS", unit),
         Column("physically consistent", words=True),
-        Column("distance to one"),
-        Column("held at zero"),
+        Column("distance"),
+        Column("set to zero"),
         Column("time", "s"),
         Column("", words=True),
     )
