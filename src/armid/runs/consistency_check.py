@@ -117,7 +117,9 @@ def read_values(path: Path | str) -> dict[str, float]:
         raise ArmidError(f"{path} is not a JSON object of parameters.", remedy='write {"ZZR_1": 0.05, …}.')
     for name, value in values.items():
         if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-            raise ArmidError(f"{path}: {name} must be a finite number; found {value!r}.")
+            raise ArmidError(
+                f"{path}: {name} must be a finite number; found {value!r}.", remedy="correct this value."
+            )
     return {str(name): float(value) for name, value in values.items()}
 
 

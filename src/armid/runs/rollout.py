@@ -41,7 +41,9 @@ def load_feedback(path: Path | str) -> Feedback:
     try:
         content: Any = json.loads(Path(path).read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
-        raise ArmidError(f"{path} has no controller gains: {error}.", remedy="give a JSON file.") from error
+        raise ArmidError(
+            f"Controller gains cannot be read from {path}: {error}.", remedy="give a JSON file."
+        ) from error
     table: Any = content.get("controller") if isinstance(content, Mapping) else None
     if not isinstance(table, Mapping) or any(name not in table for name in GAINS[:2]):
         raise ArmidError(
@@ -53,7 +55,8 @@ def load_feedback(path: Path | str) -> Feedback:
         return Feedback(table["proportional"], table["derivative"], table.get("integral") or none)
     except TypeError as error:
         raise ArmidError(
-            f"{path}: controller gains must be lists with one number for each joint ({error})."
+            f"{path}: controller gains must be lists with one number for each joint ({error}).",
+            remedy="write each gain as a list, for instance [100.0, 80.0].",
         ) from error
 
 
@@ -74,7 +77,7 @@ def roll_out_run(
         reading: Fields of the log format that differ from that of the run's first recording.
         seconds: Length of a window [s].
         tolerance: Position error from which a window counts as lost [rad or m].
-        feedback: Feedback of the controller that was recorded; if not given, only the recorded torque acts.
+        feedback: Feedback of the controller of the recordings; if not given, only the recorded torque acts.
 
     Raises:
         RecordingError: A recording cannot be read or does not fit.

@@ -169,10 +169,7 @@ class Study(Displayed):
     def __post_init__(self) -> None:
         object.__setattr__(self, "recordings", tuple(self.recordings))
         if not any(recording.role == "train" for recording in self.recordings):
-            raise StudyError(
-                'The study has no recording with the role "train".',
-                remedy='set role = "train" for one of the recordings.',
-            )
+            raise StudyError('There is no recording with the role "train".', remedy='set role = "train" for one.')
 
     @property
     def is_motor_side(self) -> bool:
@@ -378,9 +375,7 @@ def _known(table: object, known: Iterable[str], where: str) -> None:
     """Refuses a value that is not a table, and unknown keys."""
     known = list(known)
     if not isinstance(table, Mapping):
-        raise StudyError(
-            f"{where} must be a table; found {table!r}.", remedy=f"write a table with the keys {', '.join(known)}."
-        )
+        raise StudyError(f"{where} must be a table; found {table!r}.", remedy=f"write the keys {', '.join(known)}.")
     for key in table:
         if key not in known:
             raise StudyError(

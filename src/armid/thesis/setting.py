@@ -21,7 +21,7 @@ HANGING, LITERAL = (0.0, 0.0, 9.81), (0.0, 0.0, -9.81)
 """Acceleration of gravity in the base frame of the hanging arm [m/s²], and the same with the sign of the thesis."""
 
 PERIOD, DESIGNED = 27.0, 20.0
-"""Period of Table A.1 on the arm and in its design [s]."""
+"""Period of the motion of Table A.1 on the arm, and period for which it was designed [s]."""
 
 Tell = Callable[[str, float], None]
 """Callback with the name of the part and the share of the study that is done."""
@@ -99,8 +99,8 @@ class Setting:
         theta: True standard parameters of the virtual arm, shape (p,): bodies of the description, friction of Table
             4.1.
         truth: True base parameters of the virtual arm, shape (57,).
-        train: Table A.1, stretched to 27 s.
-        unseen: Table A.2, stretched to 27 s.
+        train: Motion of Table A.1 of the thesis, stretched to 27 s.
+        unseen: Motion of Table A.2 of the thesis, stretched to 27 s.
         extent: Extent of the run.
     """
 

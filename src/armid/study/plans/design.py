@@ -134,7 +134,9 @@ def _check_times(goal: DesignGoal, budget: SearchBudget) -> None:
             remedy="give a budget of some seconds; ten seconds are enough for one arm.",
         )
     if not goal.duration > 0.0:
-        raise ArmidError(f"The duration of a period must be positive; found {goal.duration} s.")
+        raise ArmidError(
+            f"The duration of a period must be positive; found {goal.duration} s.", remedy="give another --duration."
+        )
 
 
 def _unlimited(plan: Plan, limits: Limits, robot: Robot) -> Finding | None:

@@ -155,7 +155,9 @@ def _write_motions(
 def track_of(plan: Plan | Moves, robot: Robot, rate: float) -> SampledMotion:
     """Samples a plan for a controller."""
     if not rate > 0.0:
-        raise ArmidError(f"The sample rate of a motion must be above zero; found {rate} Hz.")
+        raise ArmidError(
+            f"The sample rate of a motion must be above zero; found {rate} Hz.", remedy="correct --format-rate."
+        )
     prismatic = tuple(joint.is_prismatic for joint in robot.joints)
     if isinstance(plan, Moves):
         return SampledMotion(robot.name, robot.joint_names, prismatic, plan.sample(rate))

@@ -54,7 +54,9 @@ def motion_of_plan(name: str, robot: Robot, rate: float) -> Motion | None:
     if not is_plan(name):
         return _motion_of_format(Path(name), robot)
     if not 0.0 < rate < np.inf:
-        raise ArmidError(f"The sample rate of a plan must be above 0; found {rate:g} Hz.")
+        raise ArmidError(
+            f"The sample rate of a plan must be above 0; found {rate:g} Hz.", remedy="give a positive --plan-rate."
+        )
     plan, _ = read_whole_plan(name)
     motion = plan.sample(rate) if isinstance(plan, Moves) else plan.excitation.sample(rate)
     if motion.n != robot.n:

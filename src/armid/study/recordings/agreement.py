@@ -67,7 +67,7 @@ TRIED = 3
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Odd:
-    """Recording that contradicts the others, with its torque scales, and the recording with the largest excess."""
+    """Recording that contradicts the others, with its torque scales; and the recording with the largest `excess`."""
 
     agreement: Agreement
     scales: TorqueScales
