@@ -116,10 +116,7 @@ def track(
         ArmidError: The recordings do not fit the run, or a time is not positive.
     """
     if not (memory > 0.0 and 0.0 < block < np.inf):
-        raise StudyError(
-            f"The times `memory` and `block` must be above 0 s; found {memory:g} s and {block:g} s.",
-            remedy="give positive times with --memory and --block.",
-        )
+        raise StudyError(f"The times `memory` and `block` must be above 0 s; found {memory:g} s and {block:g} s.")
     tell = progress or no_progress
     tell("recordings", 0.0)
     recordings, read = read_new_recordings(run, paths, reading)
