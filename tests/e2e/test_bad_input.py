@@ -144,7 +144,7 @@ def with_one_joint_still(table: Table) -> None:
         (without_effort, ["effort"]),
         (
             with_one_effort_missing,
-            ["3 columns of q (q1 … q3), but 2 columns of effort", "missing columns of effort: 1"],
+            ["3 columns of q (q1 … q3), but 2 columns of effort", "missing columns of effort: tau3 (joint_3)"],
         ),
         (with_one_sample, ["usable samples is too small: 1"]),
         (of_a_moment, ["no row is left"]),

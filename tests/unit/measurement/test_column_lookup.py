@@ -1,9 +1,13 @@
 """Columns that are taken, by pattern, list, preset or usual name."""
 
 import numpy as np
+import pytest
 
+from armid.errors import RecordingError
 from armid.measurement.log_format import PRESETS, LogFormat
 from armid.measurement.readers import load_recording
+from armid.robot import load_robot
+from labs import write_arm
 from recordings import DDQ, DQ, RNG, TABLE, TAU, N, Q, T, assert_same, refused, write_csv
 
 
@@ -37,7 +41,7 @@ def test_an_unknown_column_is_answered_with_what_is_there(tmp_path):
 
 def test_a_gap_in_the_numbers_is_refused(tmp_path):
     gap = {name: column for name, column in TABLE.items() if name != "tau2"}
-    refused("must start at 1 and have no gap; found tau1, tau3", write_csv(tmp_path / "gap.csv", gap))
+    refused("must start at 1 and have no gap; found tau1, tau3; missing: tau2", write_csv(tmp_path / "gap.csv", gap))
     zero = {name.replace("3", "0"): column for name, column in TABLE.items()}
     path = write_csv(tmp_path / "zero.csv", zero)
     guessed = load_recording(path)
@@ -50,9 +54,25 @@ def test_a_gap_in_the_numbers_is_refused(tmp_path):
 def test_a_missing_channel_is_refused(tmp_path):
     short = {name: column for name, column in TABLE.items() if name != "tau3"}
     refused(
-        r"3 columns of q \(q1 … q3\), but 2 columns of effort \(tau1 … tau2\) \(missing columns of effort: 1\)",
+        r"3 columns of q \(q1 … q3\), but 2 columns of effort \(tau1 … tau2\) \(missing columns of effort: tau3\)",
         write_csv(tmp_path / "short.csv", short),
     )
+
+
+@pytest.mark.parametrize(("style", "base"), [("tau", 1), ("tau_", 0), ("actual_current_", 0)])
+@pytest.mark.parametrize("missing", [0, 1, 2])
+def test_a_missing_column_of_effort_is_named_with_its_joint(tmp_path, style: str, base: int, missing: int):
+    """Usual names with a gap or without the last column are refused; other names are told as possible effort."""
+    robot = load_robot(write_arm(tmp_path))
+    table = {"t": T} | {f"q{'_' * (not base)}{k + base}": Q[:, k] for k in range(3)}
+    table |= {f"{style}{k + base}": TAU[:, k] for k in range(3) if k != missing}
+    path, name = write_csv(tmp_path / "short.csv", table), f"{style}{missing + base} ({robot.joint_names[missing]})"
+    try:
+        (told,) = [each for each in load_recording(path, robot=robot).findings if each.code == "effort-possible"]
+        said, remedy = told.evidence, told.remedy
+    except RecordingError as error:
+        said, remedy = str(error), error.remedy
+    assert name in said and "lock" in remedy
 
 
 def test_currents_are_known_by_their_names(tmp_path):

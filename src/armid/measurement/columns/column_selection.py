@@ -17,6 +17,7 @@ from armid.errors import Finding, RecordingError
 from armid.measurement.columns.clocks import Values, evenly_growing, unit_of_step
 from armid.measurement.columns.column_guessing import ClockRequest, Guess, guess_columns
 from armid.measurement.columns.joint_name_comparison import missing_joints, other_arm, refuse_other_joints
+from armid.measurement.columns.missing_channels import joints_of_channels, uneven_channels, with_joints
 from armid.measurement.columns.units import factors, hold_current, overruled, stated_units, unit_fields
 from armid.measurement.columns.unread import ambiguous_columns, effort_possible, no_such_column, positions_missing
 from armid.measurement.log_format import PRESETS, QUANTITIES, LogFormat
@@ -88,7 +89,7 @@ def select(
             several sets of columns may hold positions. The message lists the columns.
     """
     present = dict.fromkeys(names)
-    chosen = _stated(present, log_format, path)
+    chosen = _stated(present, log_format, path, robot)
     guess = Guess({})
     if log_format.preset is None and (
         open_ := [name for name in QUANTITIES if not chosen[name] and name not in log_format.columns]
@@ -115,11 +116,16 @@ def select(
         findings += (Finding("units-of-header", "warning", "", " ".join(contradicted.values()), remedy),)
     if values is not None and _lacks_clock(chosen, log_format):
         findings += _possible_clocks(present, chosen, values, log_format)
-    findings += effort_possible(list(present), chosen, log_format, labels)
+    joints = joints_of_channels(len(chosen["q"]), log_format, robot)
+    if len(chosen["q"]) > 1 and len(chosen["effort"]) > 1 and len(chosen["q"]) != len(chosen["effort"]):
+        raise uneven_channels(chosen, len(chosen["q"]), len(chosen["effort"]), path, log_format, joints)
+    findings += effort_possible(list(present), chosen, log_format, labels, joints)
     return Selection(**chosen, guessed=guessed, findings=findings)
 
 
-def _stated(present: Mapping[str, Any], log_format: LogFormat, path: Path) -> dict[str, tuple[str, ...]]:
+def _stated(
+    present: Mapping[str, Any], log_format: LogFormat, path: Path, robot: Robot | None
+) -> dict[str, tuple[str, ...]]:
     """Columns of each quantity, by the names in the log format, the names of its preset, or the usual names."""
     chosen: dict[str, tuple[str, ...]] = {}
     for quantity in QUANTITIES:
@@ -135,7 +141,8 @@ def _stated(present: Mapping[str, Any], log_format: LogFormat, path: Path) -> di
                 else tuple(chain.from_iterable(_expand(pattern, present, path) for pattern in patterns))
             )
         else:
-            found = (_expand(pattern, present, path, usual=True) for pattern in DEFAULTS[quantity])
+            joints = () if robot is None or robot.held or log_format.joints else robot.joint_names
+            found = (_expand(pattern, present, path, joints, usual=True) for pattern in DEFAULTS[quantity])
             chosen[quantity] = next((columns for columns in found if columns), ())
     return chosen
 
@@ -166,7 +173,8 @@ def assemble(
     q = _matrix(selection.q, scaled, path)
     effort = _matrix(selection.effort, scaled, path) if selection.effort else None
     if effort is not None and effort.ndim == q.ndim == 2 and effort.shape[1] != q.shape[1]:
-        raise _uneven(selection, q.shape[1], effort.shape[1], path)
+        chosen = {name: found for name in QUANTITIES if (found := getattr(selection, name))}
+        raise uneven_channels(chosen, q.shape[1], effort.shape[1], path, log_format)
     return Recording(
         time=_time(selection.time, column, selection.guessed.get("time_unit", log_format.clock_unit)),
         q=q,
@@ -289,20 +297,6 @@ def _possible_clocks(
     return (Finding("clock-possible", "info", "time", evidence, remedy),)
 
 
-def _uneven(selection: Selection, q: int, effort: int, path: Path) -> RecordingError:
-    """Error for quantities with different numbers of channels."""
-    listed = [
-        f"{count} columns of {name} ({' … '.join(dict.fromkeys((*names[:1], *names[-1:])))})"
-        for name, names, count in (("q", selection.q, q), ("effort", selection.effort, effort))
-    ]
-    fewer = "effort" if effort < q else "q"
-    return RecordingError(
-        f"{path} has {listed[0]}, but {listed[1]} (missing columns of {fewer}: {abs(q - effort)}).",
-        remedy=f"add the missing columns of {fewer}; or name the same number of columns for both quantities in "
-        "`columns`, and lock the joints that were not recorded.",
-    )
-
-
 def numeric(values: NDArray[Any], name: str, path: Path) -> Array:
     """Values of a column as float64.
 
@@ -336,7 +330,9 @@ def _named(patterns: tuple[str, ...], present: Mapping[str, Any], quantity: str,
     return patterns
 
 
-def _expand(pattern: str, present: Mapping[str, Any], path: Path, *, usual: bool = False) -> tuple[str, ...]:
+def _expand(
+    pattern: str, present: Mapping[str, Any], path: Path, joints: Sequence[str] = (), *, usual: bool = False
+) -> tuple[str, ...]:
     """Columns that match a pattern, in the order of their numbers; the numbers of usual names may also start at 0."""
     for braces, first in (("{}", 1), ("{0}", 0)):
         if braces not in pattern:
@@ -351,11 +347,14 @@ def _expand(pattern: str, present: Mapping[str, Any], path: Path, *, usual: bool
         expected = range(first, first + len(numbered))
         if sorted(numbered) != list(expected):
             found = ", ".join(numbered[i] for i in sorted(numbered))
+            gaps = {i - first: f"{before}{i}{after}" for i in range(first, max(numbered)) if i not in numbered}
+            missing = f"; missing: {with_joints(gaps, joints)}" if len(gaps) < len(numbered) else ""
             raise RecordingError(
                 f"{path}: the numbers of the columns {pattern!r} must start at {first} and have no gap; found "
-                f"{found}.",
+                f"{found}{missing}.",
                 possible="in a pattern, {} counts from 1 and {0} from 0; a list may contain any names",
-                remedy="list the names of the columns under the key `columns`.",
+                remedy="log the missing columns, too; or list the names of the columns under the key `columns`, and "
+                "lock joints that were not recorded.",
             )
         return tuple(numbered[i] for i in expected)
     return (pattern,) if pattern in present else ()

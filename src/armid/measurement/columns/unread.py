@@ -12,6 +12,7 @@ from armid.measurement.columns.clocks import ClockRequest, unit_of_step
 from armid.measurement.columns.column_guessing import shortened
 from armid.measurement.columns.column_name_parsing import split_unit, words
 from armid.measurement.columns.joint_name_comparison import columns_of_joints
+from armid.measurement.columns.missing_channels import incomplete_effort, remedy_of, with_joints
 from armid.measurement.log_format import PRESETS, LogFormat
 from armid.measurement.remedy_builders import naming
 from armid.remedy import Remedy, setting
@@ -25,7 +26,11 @@ LISTED = 60
 
 
 def effort_possible(
-    names: Sequence[str], chosen: Mapping[str, Sequence[str]], log_format: LogFormat, labels: Sequence[str]
+    names: Sequence[str],
+    chosen: Mapping[str, Sequence[str]],
+    log_format: LogFormat,
+    labels: Sequence[str],
+    joints: Sequence[str] = (),
 ) -> tuple[Finding, ...]:
     """Finding that lists the unread columns of a file without effort, with a remedy that declares them as effort.
 
@@ -34,6 +39,7 @@ def effort_possible(
         chosen: Columns by quantity.
         log_format: Log format of the file.
         labels: Names of the joints in the file.
+        joints: Joints of numbered channels; empty if they are unknown.
     """
     if chosen["effort"] or "effort" in log_format.columns or log_format.preset is not None:
         return ()
@@ -56,6 +62,13 @@ def effort_possible(
         remedy = f"log the effort of {missing}, too, or lock joints that stood still (--lock, or lock in [robot])"
     else:
         remedy = ""
+    numbered, absent = ((), {}) if partly or sets else incomplete_effort(unread, chosen["q"])
+    if absent:
+        evidence = (
+            "Effort is read only if each joint has a column: the file has "
+            f"{', '.join(numbered)}, but not {with_joints(absent, joints)}."
+        )
+        remedy = remedy_of(absent, numbered, chosen, joints, log_format)
     if len(sets) > 1:
         evidence += f" These sets have one column for each joint: {'; '.join(shortened(each) for each in sets)}."
     return (Finding("effort-possible", "info", "effort", evidence, remedy),)
