@@ -421,6 +421,30 @@ def test_noise_of_new_recordings_is_not_taken_for_a_change(armid: Armid, tmp_pat
     assert code == 0 and "noisier-recordings" not in err and "more-has-changed" in err
 
 
+def test_larger_errors_at_rest_are_not_taken_for_noise(armid: Armid, tmp_path: Path):
+    """At rest the torque lies anywhere between the bounds of static friction; in motion the error is as before."""
+    warm = recorded(5, friction=0.6)
+    assert warm.effort is not None and warm.time is not None and warm.rate is None
+    step, rest = float(np.median(np.diff(warm.time))), 400
+    held = warm.effort[-1] + np.array([1.5, -2.0, 1.0])
+    longer = replace(
+        warm,
+        time=np.concatenate([warm.time, warm.time[-1] + step * np.arange(1, rest + 1)]),
+        q=np.concatenate([warm.q, np.repeat(warm.q[-1:], rest, axis=0)]),
+        dq=None,
+        effort=np.concatenate([warm.effort, np.repeat(held[None], rest, axis=0)]),
+        valid=np.concatenate([warm.valid, np.repeat(warm.valid[-1:], rest, axis=0)]),
+    )
+    write_recording(longer, tmp_path / "resting.npz")
+    code, _, err = armid("recalibrate", "run", tmp_path / "resting.npz", "--out", tmp_path / "a")
+    told = " ".join(err.split())
+    assert code == 0 and "noisier-recordings" in told and "slow, reverses or rests" in told
+    noise = 1.5 * np.random.default_rng(1).normal(size=warm.effort.shape)
+    write_recording(replace(warm, effort=warm.effort + noise), tmp_path / "noisy.npz")
+    told = " ".join(armid("recalibrate", "run", tmp_path / "noisy.npz", "--out", tmp_path / "b")[2].split())
+    assert "the check cannot tell which" in told and "reverses or rests" not in told
+
+
 def test_a_recalibrated_run_with_validation_is_reported_and_exported(armid: Armid, tmp_path: Path):
     """The run has digests of all recordings of its study, so that each is found again."""
     out = tmp_path / "new"

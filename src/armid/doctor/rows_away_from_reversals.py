@@ -6,6 +6,7 @@ residual. It hides small effects of inertia, and it shifts estimates that depend
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import lru_cache
 
 import numpy as np
@@ -35,12 +36,22 @@ def away_from_reversals(state: LogState) -> LogState:
     the controller. In the model, friction reverses with the velocity, many milliseconds earlier or later. This
     difference is not a delay of the log. A joint with too few remaining rows for a fit keeps no rows.
     """
-    runs, rows = state.log.runs, state.rows
-    slow = SLOW * np.sqrt(np.mean(np.concatenate([run.motion.dq for run in runs]) ** 2, axis=0))
-    near = np.concatenate([_any_within(np.abs(r.motion.dq) < slow, SPREAD / state.log.cutoff, r) for r in runs])
+    rows = state.rows
+    near = np.concatenate(rows_near_reversals(state.log.runs, state.log.cutoff))
     kept = (rows.mask & ~near).sum(axis=0)
     few = kept <= ROWS * np.array([len(parameters) for parameters in rows.parameters])
     return state.without(near | few)
+
+
+def rows_near_reversals(runs: Sequence[ObservedRun], cutoff: float) -> list[NDArray[np.bool_]]:
+    """Masks of the rows of each run that are near a reversal or a rest of a joint, shape (M, n).
+
+    Args:
+        runs: Runs of one or several recordings; their RMS speeds define which speeds are low.
+        cutoff: Cut-off of the band [Hz]; infinite if nothing is filtered.
+    """
+    slow = SLOW * np.sqrt(np.mean(np.concatenate([run.motion.dq for run in runs]) ** 2, axis=0))
+    return [_any_within(np.abs(run.motion.dq) < slow, SPREAD / cutoff, run) for run in runs]
 
 
 def judged_away_from_reversals(state: LogState) -> tuple[LogState, NDArray[np.bool_]]:

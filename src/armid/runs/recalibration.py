@@ -13,12 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armid.doctor.checks.dynamics.rotor_inertia_missing import CODE as ROTOR_INERTIA_MISSING
+from armid.doctor.rows_away_from_reversals import rows_near_reversals
 from armid.errors import ArmidError, EstimationError, Finding, StudyError
 from armid.estimation.estimate_record import EARLIER_RUN, Estimate, InputDigest
 from armid.estimation.update.parameter_change import ParameterChange
 from armid.estimation.update.recalibration import recalibrate_fit
 from armid.estimation.whitened_system import minimum_norm_solution
 from armid.hashes import digest, sha256_of_file
+from armid.information.accumulate import accumulate_information
 from armid.information.information import Information, stack, total
 from armid.runs.new_recordings import NewRecordings, link_columns, load_new_recordings
 from armid.runs.run import Run
@@ -26,7 +28,7 @@ from armid.study.config import EstimationChoice, RecordingChoice, Study, parse_r
 from armid.study.diagnosis import diagnosed_error
 from armid.study.identify import Result
 from armid.study.plausibility import contradicted, few_blocks_finding, negative_finding
-from armid.study.recordings.processed import ProcessedRecording
+from armid.study.recordings.processed import ProcessedRecording, joined_observations
 from armid.study.score_recordings import score_recordings
 from armid.threads import one_blas_thread
 from armid.validation.torque_validation import Score, validate
@@ -36,6 +38,9 @@ Changed = Literal["friction", "tool", "all"]
 
 RECALIBRATED = ", recalibrated"
 """Suffix of the name of the method, because the properties of the method do not hold for the new values."""
+
+LEAST_ROWS = 2
+"""Smallest number of rows of a joint for each base parameter with which the error without slow rows is computed."""
 
 SAME_ERROR = 1.5
 """Ratio of the torque error on the new recordings to that of the earlier run in training above which other parameters
@@ -178,17 +183,7 @@ def _assumption_findings(new_recordings: NewRecordings, result: Result, changed:
     faults = dict.fromkeys(f.code for f in told if f.severity == "error" or f.code == ROTOR_INERTIA_MISSING)
     least = _least_error(new_recordings.new, seen) if larger and not faults else 0.0
     if larger and error <= SAME_ERROR * least:
-        found.append(
-            Finding(
-                "noisier-recordings",
-                "info",
-                "",
-                f"The torque error on the new recordings is {error:.3g}, but was {before:.3g} in the earlier "
-                f"run; if all parameters are estimated, it is still {least:.3g}. The noise in the band is "
-                "therefore larger, for instance because of a lower rate or fewer periods. This does not show "
-                "that other parameters have changed.",
-            )
-        )
+        found.append(_unexplained(new_recordings, seen, before, error, least))
     elif larger:
         further = "--tool or --all" if changed == "friction" else "--all"
         found.append(
@@ -207,6 +202,51 @@ def _assumption_findings(new_recordings: NewRecordings, result: Result, changed:
     fit = result.estimate.fit
     further = (negative_finding(new_recordings.run.model, fit), few_blocks_finding(fit))
     return [*found, *(finding for finding in further if finding is not None)]
+
+
+def _unexplained(
+    new_recordings: NewRecordings, seen: NDArray[np.bool_], before: float, error: float, least: float
+) -> Finding:
+    """Finding about a torque error that no parameters explain, with the rows that cause it if these are known.
+
+    Args:
+        new_recordings: The new recordings.
+        seen: Mask of the joints with rows in use.
+        before: Torque error of the earlier run in training.
+        error: Torque error on the new recordings.
+        least: Torque error that remains with all parameters free.
+    """
+    moving = _least_error_in_motion(new_recordings, seen)
+    text = (
+        f"The torque error on the new recordings is {error:.3g}, but was {before:.3g} in the earlier run; if all "
+        f"parameters are estimated, it is still {least:.3g}"
+    )
+    unchanged = "This does not show that other parameters have changed."
+    if moving <= SAME_ERROR * before:
+        text += (
+            f", but {moving:.3g} without the rows in which a joint is slow, reverses or rests. Friction at rest and "
+            f"at reversals, which the model lacks, has a larger share in these recordings. {unchanged}"
+        )
+        remedy = "record without rests, or leave them out (`exclude`); the errors of both runs are then comparable."
+        return Finding("noisier-recordings", "info", "", text, remedy)
+    text += (
+        ". The rest is larger noise in the band, for instance because of a lower rate or fewer periods, or an effect "
+        f"that the model lacks; the check cannot tell which. {unchanged}"
+    )
+    return Finding("noisier-recordings", "info", "", text)
+
+
+def _least_error_in_motion(new_recordings: NewRecordings, seen: NDArray[np.bool_]) -> float:
+    """Torque error with all parameters free, without rows near reversals and rests; infinite if few rows are left."""
+    run, observed = new_recordings.run, joined_observations(new_recordings.recordings)
+    cutoff = np.inf if observed.band.is_open else observed.band.cutoff
+    near = rows_near_reversals(observed.runs, cutoff)
+    moving = [replace(each, mask=each.mask & ~rows) for each, rows in zip(observed.runs, near, strict=True)]
+    kept = np.sum([each.mask.sum(axis=0) for each in moving], axis=0)
+    if (kept[seen] <= LEAST_ROWS * new_recordings.base.count).any():
+        return np.inf
+    information = accumulate_information(run.model, new_recordings.base, replace(observed, runs=tuple(moving)))
+    return _least_error(information, seen)
 
 
 def _least_error(new: Information, seen: NDArray[np.bool_]) -> float:
