@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from armid.doctor.held_torque import update_interval
 from armid.errors import Finding
 from armid.excitation.fourier import Excitation
 from armid.lab.known_arms import truth_of
@@ -72,6 +73,29 @@ def test_a_torque_that_is_held_is_a_warning_that_names_the_cause(name: str, rate
     assert abs(value + 500.0 / rate) < 3.0 * deviation + 0.1  # as above
     assert "holds until its next sample" in told.evidence
     assert told.severity == ("warning" if rate == 500.0 else "error")
+
+
+@pytest.mark.parametrize(("rows", "late"), [(10, 0), (4, 12)])
+def test_a_torque_that_the_log_repeats_is_named_as_the_cause_of_the_delay(rows: int, late: int):
+    """The log has a new torque once in some rows, late by half of the other rows on average, and perhaps more."""
+    robot, rate = load_robot("ur5e"), 500.0
+    log = coarse_log(robot, rate, late)
+    assert log.effort is not None
+    last = np.arange(log.samples) // rows * rows
+    found = diagnose_recording(robot, replace(log, effort=log.effort[last]), LogFormat())
+    (told,) = [f for f in found if f.code == "channel-delay"]
+    ((value, deviation),) = delays(found)
+    assert abs(value - late - 500.0 * (rows - 1) / rate) < 3.0 * deviation + 0.1  # as above
+    assert f"changes only once in {rows} rows" in told.evidence and "keep only the rows with a new one" in told.remedy
+    assert ("explains the delay" in told.evidence) == (late == 0)
+
+
+def test_steps_of_a_coarse_sensor_are_no_repeated_torque():
+    """A slow torque keeps the value of its step for many rows, at irregular times."""
+    t = np.arange(20000) / 500.0
+    torque = 5.0 * np.sin(2.0 * np.pi * np.array([0.1, 0.23, 0.31]) * t[:, None]) + 0.01 * np.sin(40.0 * t)[:, None]
+    assert update_interval(np.round(torque, 1)) == 1
+    assert update_interval(np.round(torque, 1)[np.arange(len(t)) // 5 * 5]) == 5
 
 
 def test_coarse_encoders_are_no_delay():

@@ -12,6 +12,7 @@ from armid.doctor.check_definition import LogCheck
 from armid.doctor.check_input import WIDTH, Explanation, LogEvidence
 from armid.doctor.downsample import CUTOFFS, DownsampledLog, downsample
 from armid.doctor.fitted_log import LogState
+from armid.doctor.held_torque import held_by_controller, with_repeated_torque
 from armid.doctor.quick_fit import QuickRows, solve
 from armid.doctor.remedy_trial import try_remedy
 from armid.doctor.rows_away_from_reversals import away_from_reversals
@@ -89,16 +90,10 @@ where the torque has little noise."""
 SHORT = 1.5e-3
 """Longest delay that is a warning and not an error [s]: half a step of the usual controllers."""
 
-HALF_STEP = 0.2
-"""Largest difference between a lead and half a sample, in samples, for which a held torque is named as its cause."""
-
 AGREE, CONTRADICT = 2.0, 3.0
 """Two limits for the difference between the delay from all rows and the delay from rows away from reversals, in
 standard deviations of the latter. Up to the first, the delay is measured on all rows; from the second, a delay that
 is significant only on all rows is rejected."""
-
-HELD = " A torque that the controller holds until its next sample runs ahead by half a sample."
-"""Usual cause of a lead by half a sample."""
 
 UNSURE = "s, if no positions of single joints are late"
 """Comment on a delay that torques of single joints contradict."""
@@ -115,6 +110,11 @@ PADDING = 0.25
 
 
 def check(evidence: LogEvidence) -> list[Finding]:
+    """Reports a delay with its cause, as far as the log shows it."""
+    return [with_repeated_torque(each, evidence) for each in _measured(evidence)]
+
+
+def _measured(evidence: LogEvidence) -> list[Finding]:
     """Reports a delay if it explains the log; if it is the strongest fault, a wider band is used to estimate it."""
     found = evidence.explained(CODE)
     sharp = _in_wider_band(evidence) if found and evidence.explanations[0].code == CODE else None
@@ -277,7 +277,7 @@ def _delay_text(delay: float, deviation: float, gain: float, rate: float) -> str
     return (
         f"Torque {word} the positions by {1e3 * abs(delay):.2f} ± {1e3 * deviation:.2f} ms "
         f"({abs(delay) * rate:.2g} samples); with the delay removed, the residual is {1 - np.exp(-gain):.0%} smaller."
-        + (HELD if abs(delay * rate + 0.5) < HALF_STEP else "")
+        + held_by_controller(delay * rate)
     )
 
 
