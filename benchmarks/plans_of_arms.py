@@ -48,7 +48,7 @@ MESH = re.compile(r"package://([^/\"']+)/([^\"']+)")
 
 COLUMNS = "arm | joints | exit | verdict | wall [s] | samples | overlaps | of | pairs | left out | by | said"
 
-ASKED = re.compile(r"lacks limits of position or velocity: (.*?)\.\s", re.DOTALL)
+ASKED = re.compile(r"limit of position or velocity is missing for .*?: (.*?)\.\s", re.DOTALL)
 """Message of the command about limits that it lacks."""
 
 

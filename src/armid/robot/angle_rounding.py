@@ -3,12 +3,18 @@
 If a description writes π/2 as 1.5708, its axes are almost, but not exactly, parallel or at right angles. Each such
 joint adds columns to the regressor that the real arm does not have, with coefficients of about 1e-5. Roll, pitch and
 yaw angles that are close to multiples of 15° are therefore set to these multiples.
+
+Only the relations between the axes of neighbouring joints, and between gravity and the first axis, have this effect:
+the angle between two axes, and whether they intersect. A description with exact numbers can have such a relation
+although the angles of its frames are only near multiples of 15°, for instance if an axis and the frame behind it are
+tilted by the same small angle. There the correction would destroy an exact relation. So it is undone for both joints
+of such a pair.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -16,13 +22,17 @@ import numpy as np
 from armid.checked_array import Array
 from armid.errors import Finding
 from armid.maths.rotations import homogeneous, rpy_rotation
-from armid.robot.robot import Robot
+from armid.robot.robot import Joint, Robot
 
 STEP = math.pi / 12.0
 """Step of the multiples of 15° with which angles are compared [rad]."""
 
 ROUNDING = 1e-4
 """Largest difference from a multiple of 15° that is treated as rounding [rad]: angles printed with four digits."""
+
+EXACT = 1e-9
+"""Largest deviation of two axes from an angle of a multiple of 15° [rad], or from an intersection [m], that counts as
+rounding of the arithmetic. The base parameters are computed with the same tolerance."""
 
 NOISE = 1e-8
 """Changes below this value [rad] are not reported. They come from π with nine or more digits, or from the arithmetic
@@ -41,24 +51,28 @@ def rounded(robot: Robot, locked: Collection[str] = ()) -> tuple[Robot, Finding 
         The robot with corrected placements and axes, and a finding `description-rounded` with the largest change;
         `None` in place of the finding if every counted change is below `NOISE`.
     """
-    changes: list[tuple[float, str]] = []
-
-    def snap_pose(pose: Array, name: str) -> Array:
-        rotation = snapped_rotation(pose[:3, :3])
-        # The chord gives a small angle accurately, where the arc cosine of the trace loses digits.
-        chord = float(np.linalg.norm(rotation - pose[:3, :3])) / math.sqrt(8.0)
-        changes.append((2.0 * math.asin(min(1.0, chord)), name))
-        return homogeneous(rotation, pose[:3, 3])
-
-    def snap_axis(axis: Array, name: str) -> Array:
-        result = snapped_axis(axis)
-        changes.append((float(np.linalg.norm(result - axis)), name))
-        return result
-
-    joints = tuple(
-        replace(j, placement=snap_pose(j.placement, j.name), axis=snap_axis(j.axis, j.name)) for j in robot.joints
+    corrected = tuple(
+        replace(
+            j,
+            placement=homogeneous(snapped_rotation(j.placement[:3, :3]), j.placement[:3, 3]),
+            axis=snapped_axis(j.axis),
+        )
+        for j in robot.joints
     )
-    tip = replace(robot.tip, placement=snap_pose(robot.tip.placement, robot.tip.name))
+    joints = _without_broken_relations(robot, corrected)
+    pose = robot.tip.placement
+    tip = replace(robot.tip, placement=homogeneous(snapped_rotation(pose[:3, :3]), pose[:3, 3]))
+    changes = [
+        *(
+            (_angle_between(old.placement, new.placement), new.name)
+            for old, new in zip(robot.joints, joints, strict=True)
+        ),
+        *(
+            (float(np.linalg.norm(new.axis - old.axis)), new.name)
+            for old, new in zip(robot.joints, joints, strict=True)
+        ),
+        (_angle_between(pose, tip.placement), tip.name),
+    ]
     robot = replace(robot, joints=joints, tip=tip)
     counted = {*_carriers(robot, locked), robot.tip.name}
     seen = sorted(((change, name) for change, name in changes if change > NOISE and name in counted), reverse=True)
@@ -69,10 +83,61 @@ def rounded(robot: Robot, locked: Collection[str] = ()) -> tuple[Robot, Finding 
         "description-rounded",
         "info",
         "",
-        f"{len(seen)} orientations or axes differed from multiples of 15° by rounding only and were set to these "
-        f"multiples; the largest change is {largest:.2g} rad, at {name}",
+        f"Orientations or axes that differed from multiples of 15° by rounding only were set to these multiples: "
+        f"{len(seen)}; the largest change is {largest:.2g} rad, at {name}",
     )
     return replace(robot, findings=(*robot.findings, finding)), finding
+
+
+def _angle_between(old: Array, new: Array) -> float:
+    """Angle [rad] between the orientations of two poses, shape (4, 4) each."""
+    # The chord gives a small angle accurately, where the arc cosine of the trace loses digits.
+    chord = float(np.linalg.norm(new[:3, :3] - old[:3, :3])) / math.sqrt(8.0)
+    return 2.0 * math.asin(min(1.0, chord))
+
+
+def _without_broken_relations(robot: Robot, corrected: tuple[Joint, ...]) -> tuple[Joint, ...]:
+    """Corrected joints, but as described where the correction would break an exact relation of neighbouring axes.
+
+    A joint that stays as described can break the relation to its next neighbour, so the test is repeated until
+    no relation is broken.
+    """
+    joints = list(corrected)
+    while True:
+        broken = [
+            k
+            for k, (old, new) in enumerate(zip(robot.joints, joints, strict=True))
+            if any(
+                before <= EXACT < after
+                for before, after in zip(
+                    _deviations(robot, robot.joints, old), _deviations(robot, joints, new), strict=True
+                )
+            )
+        ]
+        kept = {each for k in broken for each in (k, robot.joints[k].parent) if each >= 0}
+        if all(joints[k] is robot.joints[k] for k in kept):
+            return tuple(joints)
+        for k in kept:
+            joints[k] = robot.joints[k]
+
+
+def _deviations(robot: Robot, joints: Sequence[Joint], joint: Joint) -> tuple[float, float]:
+    """Deviations of a joint's axis in relation to the axis of its parent, or to gravity for a joint of the base.
+
+    Returns:
+        Difference of the angle between the axes from the nearest multiple of 15° [rad], and distance of the axes [m];
+        the distance is zero if the axes are parallel or if there is no parent.
+    """
+    other = joints[joint.parent].axis if joint.parent >= 0 else np.array(robot.gravity)
+    size = float(np.linalg.norm(other))
+    if not size:
+        return 0.0, 0.0
+    axis, other = joint.placement[:3, :3] @ joint.axis, other / size
+    normal = np.cross(other, axis)
+    sine = float(np.linalg.norm(normal))
+    angle = math.atan2(sine, float(other @ axis))
+    distance = abs(float(normal @ joint.placement[:3, 3])) / sine if sine > ROUNDING and joint.parent >= 0 else 0.0
+    return abs(angle - round(angle / STEP) * STEP), distance
 
 
 def _carriers(robot: Robot, locked: Collection[str]) -> set[str]:

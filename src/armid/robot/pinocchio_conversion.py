@@ -26,6 +26,10 @@ NO_STOP = 100.0
 """Position limit [rad] from which a revolute joint counts as unlimited, because no real arm turns 16 times between
 its limits."""
 
+NO_SPEED = 100.0
+"""Velocity limit [rad/s or m/s] from which it counts as unknown: it is ten times that of the fastest arms.
+Descriptions for simulators have limits of 100 to 50 000 where the real ones were not known."""
+
 FLANGE_NAMES = ("tool0", "flange")
 """Names of the frame of the tool flange, in order of preference, by the convention REP 199 of ROS-Industrial."""
 
@@ -57,8 +61,9 @@ def limits_of(
 ) -> tuple[DescribedLimits, Finding | None]:
     """Limits of a joint from its description; placeholder values are treated as unknown limits.
 
-    Placeholders are a velocity or effort of zero, a position range of zero width, and a position range of a rotating
-    joint that is wider than that of any real joint. The last two are reported in a finding.
+    Placeholders are a velocity or effort of zero, a position range of zero width, a position range of a rotating
+    joint that is wider than that of any real joint, and a velocity that no arm reaches. In the last case the effort
+    counts as a placeholder, too, if its number is at least as large. All but zeros are reported in a finding.
 
     Args:
         joint: Name of the joint.
@@ -86,7 +91,20 @@ def limits_of(
             "write the real limits of the joint into the description if they are needed",
         )
         lower, upper = -math.inf, math.inf
-    return DescribedLimits(lower, upper, abs(velocity) or math.inf, abs(effort) or math.inf), finding
+    velocity, effort = abs(velocity) or math.inf, abs(effort) or math.inf
+    if NO_SPEED <= velocity < math.inf:
+        both = velocity <= effort < math.inf
+        stated = f"velocity limit {velocity:g}{f' and effort limit {effort:g}' if both else ''}"
+        position_too = f"{finding.evidence}; " if finding is not None else ""
+        finding = Finding(
+            "limits-unknown",
+            "info",
+            joint,
+            f"{position_too}{stated}: no arm reaches this, so the limit counts as unknown",
+            "write the real limits of the joint into the description if they are needed",
+        )
+        velocity, effort = math.inf, math.inf if both else effort
+    return DescribedLimits(lower, upper, velocity, effort), finding
 
 
 def pinocchio() -> Any:

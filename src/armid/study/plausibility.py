@@ -10,7 +10,12 @@ from numpy.typing import NDArray
 
 from armid.checked_array import Array
 from armid.doctor import effects
-from armid.doctor.checks.dynamics.excitation_weak import WEAK_CONDITION, excitation_severity, poorly_determined
+from armid.doctor.checks.dynamics.excitation_weak import (
+    WEAK_CONDITION,
+    excitation_severity,
+    limit_factor,
+    poorly_determined,
+)
 from armid.errors import Finding
 from armid.estimation.crossvalidation import FOLDS
 from armid.estimation.fit_result import Fit
@@ -25,7 +30,6 @@ from armid.measurement.observations import Observations
 from armid.measurement.remedy_builders import lines
 from armid.model.dynamics_model import DynamicsModel
 from armid.remedy import Remedy, setting
-from armid.robot import Robot
 from armid.validation.gravity_sign import gravity_finding
 from armid.validation.torque_validation import Check, Validation
 
@@ -56,7 +60,7 @@ def plausibility_findings(
     _, _, observations = problem.require_samples("identify")
     found = [
         gravity_finding(model.robot),
-        excitation_finding(information, model.robot, observations),
+        excitation_finding(information, model, observations),
         few_blocks_finding(fit),
         negative_finding(model, fit),
         drift_finding(model, fit),
@@ -158,18 +162,22 @@ def listed_masses(names: Sequence[str], found: Array, described: Array, which: N
     return ", ".join(texts[:NAMED]) + (" and more" if len(texts) > NAMED else "")
 
 
-def excitation_finding(information: Information, robot: Robot, observations: Observations) -> Finding | None:
+def excitation_finding(information: Information, model: DynamicsModel, observations: Observations) -> Finding | None:
     """Finding about a motion with which some parameters can hardly be distinguished, or `None`."""
     _, values, directions = np.linalg.svd(unit_columns(stack(total(information))[0])[0], full_matrices=False)
     condition = float(values[0] / values[-1])
     if condition <= WEAK_CONDITION:
         return None
+    motion = max((run.motion for run in observations.runs), key=lambda each: each.samples)
+    factor = 1.0 if model.nodes else limit_factor(model, motion)
+    if condition <= WEAK_CONDITION * factor:
+        return None
     fastest = np.max([np.abs(run.motion.dq[run.rows]).max(axis=0) for run in observations.runs], axis=0)
     return Finding(
         "excitation-weak",
-        excitation_severity(condition, robot, fastest),
+        excitation_severity(condition / factor, model.robot, fastest),
         "",
-        poorly_determined(information.names, directions[-1], condition),
+        poorly_determined(information.names, directions[-1], condition, WEAK_CONDITION * factor),
         "record a motion that moves all joints at the same time, fast and over a wide range; otherwise the "
         "torque error may be large on other motion.",
     )

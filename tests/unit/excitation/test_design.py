@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from armid.errors import ArmidError
+from armid.errors import ArmidError, Finding
 from armid.excitation.design.interior_point import descend_inside
 from armid.excitation.design.multistart import random_start, search, single_threaded_pool
 from armid.excitation.design.objective import CriterionGoal, along, information_along, known_sizes
@@ -233,6 +233,9 @@ def test_limits_that_are_missing_or_contradict():
     robot = replace(limited, joints=tuple(replace(joint, velocity_limit=np.inf) for joint in limited.joints))
     with pytest.raises(ArmidError, match=r"joint_1\.velocity, joint_2\.velocity"):
         limits_of(robot)
+    placeholder = Finding("limits-unknown", "info", "joint_2", "velocity limit 50000: no arm reaches this")
+    with pytest.raises(ArmidError, match=r"placeholders: joint_2: velocity limit 50000"):
+        limits_of(replace(robot, findings=(placeholder,)))
     given = {("joint_1", "velocity"): 1.0, ("joint_2", "velocity"): 2.0}
     assert limits_of(robot, given).velocity.tolist() == [1.0, 2.0]
     with pytest.raises(ArmidError, match="are reversed or equal"):

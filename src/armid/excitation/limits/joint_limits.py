@@ -187,8 +187,16 @@ def limits_of(
     ]  # fmt: skip
     without += [(name, "velocity") for name, v in zip(limits.joints, limits.velocity, strict=True) if v == np.inf]
     if without:
+        joints = {name for name, _ in without}
+        unusable = [
+            f"{each.channel}: {each.evidence}"
+            for each in robot.findings
+            if each.code == "limits-unknown" and each.channel in joints
+        ]
+        more = f" (and {len(unusable) - 1} joints alike)" if len(unusable) > 1 else ""
+        stated = f" The description has placeholders: {unusable[0]}{more}." if unusable else ""
         raise ArmidError(
-            f"A limit of position or velocity is missing for {robot.name}: {', '.join(map('.'.join, without))}.",
+            f"A limit of position or velocity is missing for {robot.name}: {', '.join(map('.'.join, without))}.{stated}",
             remedy=_examples(without, robot.n),
         )
     return limits
