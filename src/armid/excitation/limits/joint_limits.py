@@ -196,7 +196,8 @@ def limits_of(
         more = f" (and {len(unusable) - 1} joints alike)" if len(unusable) > 1 else ""
         stated = f" The description has placeholders: {unusable[0]}{more}." if unusable else ""
         raise ArmidError(
-            f"A limit of position or velocity is missing for {robot.name}: {', '.join(map('.'.join, without))}.{stated}",
+            f"A limit of position or velocity is missing for {robot.name}: {', '.join(map('.'.join, without))}."
+            f"{stated}",
             remedy=_examples(without, robot.n),
         )
     return limits
