@@ -74,8 +74,15 @@ def print_result(result: Result, *, verbose: bool = False) -> None:
     console.print(
         f"condition number {fit.condition:.2f}, with columns of unit length {fit.scaled_condition:.2f}; "
         f"{int(fit.rows.max())} rows\n{intervals_text(fit, result.information.scale_deviation)}\n"
+        f"{_assumption(result)}\n"
         f"{estimate.seconds:.2f} s from recordings to result"
     )
+
+
+def _assumption(result: Result) -> str:
+    """Line with what the intervals assume."""
+    other = "" if result.friction_selection is not None else "; --terms auto selects other forms"
+    return f"intervals assume that the model is right, including its form of friction{other}"
 
 
 def _method_line(result: Result) -> str:

@@ -26,6 +26,7 @@ from armid.report.page import render
 from armid.report.plots.arm_picture import skeleton
 from armid.report.plots.plot_specification import PlotRange
 from armid.report.preflight_page import nearest_of_links
+from armid.report.sections import parameters
 from armid.report.sections.link_properties import show_link_properties
 from armid.report.sections.parameters import show_parameters
 from armid.report.sections.residuals import show_residuals
@@ -127,6 +128,16 @@ def test_parameters_stand_below_the_names_of_their_joints(material: PageData, ht
     page = html.split('id="table-parameters"')[1]
     assert page.index("joint 3 · elbow") < page.index("FV_3") and page.index("joint 2 ·") < page.index("FV_2")
     assert re.search(r"\d+ inertial \+ \d+ friction", html)
+
+
+def test_the_assumption_about_friction_stands_beside_the_intervals(
+    material: PageData, html: str, monkeypatch: pytest.MonkeyPatch
+):
+    said = "assume that the model is right, including its form of friction"
+    assert said in html and "This log contradicts that" not in html
+    monkeypatch.setattr(parameters, "depends_on_velocity", lambda _, j: j == 2)
+    assert show_parameters(material).content["contradicting"] == "3 · elbow"
+    assert "the residual of 3 · elbow depends on the velocity" in render(material)
 
 
 def test_every_part_of_the_page_says_the_names(material: PageData, html: str):

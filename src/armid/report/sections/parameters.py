@@ -7,9 +7,10 @@ import numpy as np
 from armid.estimation.fit_result import POORLY_IDENTIFIED
 from armid.maths.median import median
 from armid.model.base_formulas import base_sums, parameter_latex
-from armid.report.data.joint_names import groups_of
+from armid.report.data.joint_names import groups_of, label_of
 from armid.report.data.number_format import decimals_of, fixed, percent
 from armid.report.data.page_data import PageData
+from armid.report.data.residual_dependence import depends_on_velocity
 from armid.report.section import Section
 from armid.report.tables import Column, Table, TableCell
 
@@ -23,8 +24,15 @@ def show_parameters(page_data: PageData) -> Section:
         "freedom": f"{float(median(fit.freedom)):.0f}",
         "count": len(fit.names),
         "kinds": _kinds(page_data),
+        "contradicting": ", ".join(_with_other_friction(page_data)),
     }
     return Section("Parameters", content, (_table(page_data),))
+
+
+def _with_other_friction(page_data: PageData) -> list[str]:
+    """Joints whose residual depends on the velocity in both halves of the training motion."""
+    train = page_data.of_role("train")
+    return [label_of(page_data.joints, j) for j in range(len(page_data.joints)) if depends_on_velocity(train, j)]
 
 
 def _kinds(page_data: PageData) -> str:
