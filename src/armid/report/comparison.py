@@ -192,7 +192,7 @@ def _show_changes(pair: Pair) -> Section:
 
 
 def _only(page_data: PageData, shared: Collection[str]) -> list[str]:
-    """Parameters of a run that are not compared; a copy of one recording counts as compared with the parameter."""
+    """Parameters of a run that are not compared, without copies for single recordings of compared parameters."""
     names = page_data.run.estimate.fit.names
     return [name for name in names if name not in shared and name.of_all not in shared]
 

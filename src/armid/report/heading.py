@@ -97,7 +97,7 @@ def limitation_of_description(estimate: Estimate, robot: Robot) -> str:
     if unknown:
         return f"needs masses of {', '.join(unknown)} in the description"
     if bodies is None or bodies.proof.smallest_eigenvalue <= 0.0 or bodies.proof.lowest < 0.0:
-        nearest = "bodies nearest to the description, if any consistent ones have these base parameters"
+        nearest = "bodies nearest to the description that are consistent and have these base parameters, if any"
         return f"{nearest}; identify with --method physical to estimate bodies"
     return ""
 

@@ -52,7 +52,7 @@ def payload_link(run: Run, name: str | None = None) -> PayloadLink:
     names = [link.name for link in robot.links]
     if name not in names:
         raise StudyError(
-            f"The load is said to be on the link {name!r}, but {robot.name} has no moving link of this name.",
+            f"The load cannot be on the link {name!r}, because {robot.name} has no moving link of this name.",
             possible=", ".join(names),
             remedy="name one of the moving links; a link that is fixed to a moving link counts as a part of it.",
         )

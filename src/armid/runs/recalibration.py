@@ -37,7 +37,7 @@ Changed = Literal["friction", "tool", "all"]
 """Parameters that may have changed: friction and offsets; friction, offsets and the last link; or all."""
 
 RECALIBRATED = ", recalibrated"
-"""Suffix of the name of the method, because the properties of the method do not hold for the new values."""
+"""Suffix of the name of the method: it shows that the properties of the method do not hold for the new values."""
 
 LEAST_ROWS = 2
 """Smallest number of rows of a joint for each base parameter with which the error without slow rows is computed."""

@@ -14,7 +14,7 @@ FAR = 1.25
 random motions of the same kind differ by less."""
 
 LEAST = 0.02
-"""Smallest excess of speed that is reported [rad/s or m/s]: the width of Coulomb friction. A joint that rested in
+"""Smallest increase of a speed that is reported [rad/s or m/s]: the width of Coulomb friction. A joint that rested in
 training may move more slowly than that."""
 
 

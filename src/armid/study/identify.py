@@ -87,7 +87,7 @@ def identify(
         progress: Called with each stage.
 
     Raises:
-        ArmidError: Bad input; the message says what and where.
+        ArmidError: An input is wrong; the message names the input and the fault.
     """
     return conclude(prepare(study, given=given, threads=threads, progress=progress), progress=progress)
 

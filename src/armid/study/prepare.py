@@ -72,7 +72,7 @@ def prepare(
     """Prepares the data and the model for the estimate, once for several methods. Arguments as in `identify`.
 
     Raises:
-        ArmidError: Bad input; the message says what and where.
+        ArmidError: An input is wrong; the message names the input and the fault.
     """
     began = time.perf_counter()
     tell = progress or no_progress

@@ -28,7 +28,7 @@ class Erratum:
         shown: Meaning of the two numbers; if there are none, the reason why the printed form is wrong.
         printed_value: Number that follows from the printed form; NaN if there is none.
         right_value: Number that follows from the correct form; NaN if there is none.
-        typesetting: Whether it may be an error of typesetting, or of the copy of the thesis that was used.
+        typesetting: True if this may be an error of typesetting, or of the copy of the thesis that was used.
     """
 
     item: str
@@ -66,9 +66,10 @@ def _of_theory(dynamics: Dynamics, estimates: Estimates) -> tuple[Erratum, ...]:
     least = 100.0 * np.sqrt(fit.deviation**2 + fit.values**2) / np.abs(fit.values)
     return (
         Erratum(
-            "(2.5), before it", "Ṙ = dR(θ)/dθ", "Ṙ = dR/dt", "a rate is meant, as S(ω) is one", typesetting=True
+            "(2.5), before it", "Ṙ = dR(θ)/dθ", "Ṙ = dR/dt", "the time derivative is meant, because S(ω) is a rate",
+            typesetting=True,
         ),
-        Erratum("(2.16)", "ḋ = ∂d/∂q", "ḋ = (∂d/∂q) q̇", "a matrix of 3 × 7 is no velocity"),
+        Erratum("(2.16)", "ḋ = ∂d/∂q", "ḋ = (∂d/∂q) q̇", "a 3 × 7 matrix is not a velocity"),
         Erratum(
             "(2.21), (2.30)–(2.33), (3.12)",
             "U = + Σ m_i g_0ᵀ p_i with g_0 along gravity",
@@ -79,11 +80,11 @@ def _of_theory(dynamics: Dynamics, estimates: Estimates) -> tuple[Erratum, ...]:
         ),
         Erratum(
             "(2.33), (3.12)", "second vector garbled, indices repeat", "as (3.8) orders them, v × ω + Rᵀ g for m r",
-            "with these Y is Newton and Euler's", typesetting=True,
+            "with the correct form, Y equals that of Newton and Euler", typesetting=True,
         ),
         Erratum(
             "§2.4.1", "m > n and A has rank m", "m > n and A has rank n",
-            "rows m of the stacked Y_b, and its rank", float(rows), float(b),
+            "number m of rows of the stacked Y_b, and its rank", float(rows), float(b),
         ),
         Erratum("(2.40), (3.49), (3.50), (3.54)", "x̂ := min …", "x̂ := arg min …", "a minimum is one number"),
         Erratum(
@@ -119,7 +120,8 @@ def _of_model(dynamics: Dynamics, reduction: Reduction, audit: Audit) -> tuple[E
             "largest difference of the two sides, divided by the largest β_M", identity.error, identity.right_error,
         ),
         Erratum(
-            "(3.31c)", "an index as a factor; a vector of two times one of three", "Y of M_n, a zero row first",
+            "(3.31c)", "an index as a factor; a product of vectors with two and three elements",
+            "Y of M_n, a zero row first",
             "(A.1) has its lines", typesetting=True,
         ),
         Erratum(
@@ -133,7 +135,7 @@ def _of_model(dynamics: Dynamics, reduction: Reduction, audit: Audit) -> tuple[E
         ),
         Erratum(
             "(A.1), labels", "labels of other lines repeat or are no columns", "as in the table of (A.1)",
-            "lines whose label is not the removed column's", float(wrong_labels), 0.0, typesetting=True,
+            "number of lines with the label of another column", float(wrong_labels), 0.0, typesetting=True,
         ),
         Erratum(
             "(3.42)", "d/dt (∂β_i/∂q_j)", "d/dt (∂β_i/∂q̇_j)", "largest error of Y, divided by its largest entry",
@@ -166,7 +168,7 @@ def _of_method(setting: Setting, designs: Designs, steps: Steps, audit: Audit) -
         Erratum(
             "(3.52d), (3.53a)", "inertia positive definite, triangle on its diagonal",
             "pseudo-inertia positive semidefinite",
-            "smallest eigenvalue of it in Table 4.2 among links that keep both", min(sound), 0.0,
+            "smallest eigenvalue in Table 4.2 for links that keep both conditions", min(sound), 0.0,
         ),
         Erratum(
             "(3.54)", "cond(Y)", "cond(Y_b)", "condition number of Table A.1 in 20 s",
@@ -176,9 +178,9 @@ def _of_method(setting: Setting, designs: Designs, steps: Steps, audit: Audit) -
             "(3.55a), Algorithm 2", "min over a; x_0 from [−1.5, 1.5] to the power 2L", "min over a and b; 2 · 7 · L",
             "coefficients", float(designs.unknowns // setting.hanging.dynamics.n), float(designs.unknowns),
         ),
-        Erratum("(3.55c)", "sums from l = 0", "sums from l = 1", "b_0 / 0 is no number", typesetting=True),
+        Erratum("(3.55c)", "sums from l = 0", "sums from l = 1", "b_0 / 0 is not defined", typesetting=True),
         Erratum(
-            "(3.55f)", "l ω_f / L · q_max", "l ω_f · q_max", "pairs of Tables A.1 and A.2 above the bound",
+            "(3.55f)", "l ω_f / L · q_max", "l ω_f · q_max", "number of pairs in Tables A.1 and A.2 above the bound",
             float(sum(each.above_literal for each in audit.tables)),
             float(sum(each.above for each in audit.tables)),
         ),
@@ -198,7 +200,7 @@ def _of_results(setting: Setting, audit: Audit) -> tuple[Erratum, ...]:
             "Table 4.1, names", "YZ_3, YZ_5", "YZR_3, YZR_5", "(3.39) regroups both", typesetting=True
         ),
         Erratum(
-            f"Table 4.1, {outlier}", "its σ", "as the other 56 imply", "relative standard deviation, in %",
+            f"Table 4.1, {outlier}", "its σ", "as the other 56 deviations imply", "relative standard deviation, in %",
             published().base[outlier][1], float(audit.deviations.shape[names.index(outlier)]),
         ),
         Erratum(

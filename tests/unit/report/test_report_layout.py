@@ -312,7 +312,7 @@ BANNED = (
 def test_the_page_speaks_the_words_of_the_field(html: str, bodies: PageData):
     for prose in (Page(html).prose, Page(render(bodies)).prose):
         assert [word for word in BANNED if word in prose] == []
-    assert "root of the sum over joints" in Page(html).prose and "(median)" in Page(html).prose
+    assert "root of the sum of squares over joints" in Page(html).prose and "(median)" in Page(html).prose
 
 
 def test_links_of_several_bodies_are_one_pair_and_the_worst_of_it_is_shown():

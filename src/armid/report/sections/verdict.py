@@ -71,7 +71,7 @@ def _figures(page_data: PageData) -> list[tuple[str, str, str]]:
     """Main numbers of the run: number, unit, meaning."""
     fit, unit = page_data.run.estimate.fit, effort_unit(page_data)
     figures: list[tuple[str, str, str]] = []
-    error = "RMS error, root of the sum over joints" if len(page_data.joints) > 1 else "RMS error"
+    error = "RMS error, root of the sum of squares over joints" if len(page_data.joints) > 1 else "RMS error"
     held_out = page_data.validation_rms()
     if np.isfinite(held_out).any():
         figures.append((short(float(np.linalg.norm(held_out[np.isfinite(held_out)]))), unit, f"validation {error}"))

@@ -183,7 +183,7 @@ def _scatter(thesis: Thesis) -> Table:
         for period, *values in zip(found.period, found.hanging, found.literal, strict=True)
     ]
     note = f"Standard deviation of ln(printed / computed deviation), {subscripts(found.outlier)} left out."
-    return Table("scatter", "Deviations in print against those of Table A.1", columns, rows, note)
+    return Table("scatter", "Deviations in print, compared with those from Table A.1", columns, rows, note)
 
 
 def _tables(thesis: Thesis) -> Table:
@@ -205,7 +205,7 @@ def _tables(thesis: Thesis) -> Table:
         "Sums: largest over the joints, from five printed digits. Shares: largest over the joints. Above: number of "
         "pairs (a, b)."
     )
-    return Table("coefficients", "Tables A.1 and A.2 against (3.55)", columns, rows, note)
+    return Table("coefficients", "Tables A.1 and A.2, checked against the conditions (3.55)", columns, rows, note)
 
 
 def show_errata(thesis: Thesis) -> Section:
