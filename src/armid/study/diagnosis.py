@@ -92,7 +92,8 @@ def diagnose_recording(
         robot: The arm that was recorded.
         raw: The recording as logged.
         reading: Log format.
-        model: The study's model; the usual terms if not given.
+        model: Model of the study; if not given, the usual terms are assumed: rigid bodies, viscous and Coulomb
+            friction, offset and rotor inertia.
         processing: Options of the study; they determine which rows are used near effort limits and at standstill.
 
     Raises:

@@ -116,7 +116,7 @@ def far_findings(standard: StandardParameters | None, fit: Fit) -> list[Finding]
                 f"{listed_masses(names, values, nominal, which)}. The description may be of another arm or "
                 "load than the recordings, or the unit of the torque may be wrong.",
                 "check that description and recordings are of the same arm with the same load, and check the unit of "
-                "the torque; armid doctor finds the usual reasons",
+                "the torque; armid doctor finds the usual faults",
             )
         )
     if (which := far & ~determined).any():

@@ -69,7 +69,7 @@ def prepare(
     threads: int = 1,
     progress: Progress | None = None,
 ) -> Prepared:
-    """Prepares the data and the model for the estimate, once for several methods. Arguments as in `identify`.
+    """Prepares data and model once for the estimates by one or more methods; the arguments are those of `identify`.
 
     Raises:
         ArmidError: An input is wrong; the message names the input and the fault.

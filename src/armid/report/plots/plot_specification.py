@@ -139,7 +139,7 @@ class PlotRange:
 
 
 def line(role: str, x: Array, y: Array, name: str) -> PlotTrace:
-    """Line that is thinned to the resolution of a plot and keeps its extremes."""
+    """Line with no more points than a plot can show; its extremes are kept."""
     indices = envelope(y, LINE_INTERVALS)
     return PlotTrace(role, x[indices], y[indices], name)
 

@@ -154,7 +154,7 @@ def _approach_lines(report: Preflight) -> list[str]:
         for a in changing[:MOST_LINES]
     ]
     if len(changing) > MOST_LINES:
-        lines.append(f"  … {len(changing) - MOST_LINES} more pairs are further apart")
+        lines.append(f"  … {len(changing) - MOST_LINES} more pairs have larger distances")
     if constant:
         lines.append(f"  {constant_text(constant)}")
     return lines
@@ -199,9 +199,9 @@ def _expected_lines(designed: Designed) -> list[str]:
     for k in order[:MOST_LINES]:
         lines.append(f"  {expected.names[k]:<12}{expected.deviation[k]:12.3g} {expected.units[k]}")
     if len(order) > MOST_LINES:
-        lines.append(f"  … {len(order) - MOST_LINES} more are smaller; preflight.json has all")
+        lines.append(f"  … {len(order) - MOST_LINES} more are smaller; preflight.json contains all of them")
     torque = ", ".join(f"{x:.3g} {unit}" for x, unit in zip(expected.torque, units, strict=True))
-    lines.append(f"  of the torque that the model then predicts, joint by joint: {torque}")
+    lines.append(f"  predicted torque, joint by joint: {torque}")
     return lines
 
 

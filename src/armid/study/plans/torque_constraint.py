@@ -119,12 +119,12 @@ def _stuck_joints(robot: Robot, limits: Limits, margin: float) -> dict[str, str]
 
 
 def _beyond_effort(stuck: Mapping[str, str], margin: float) -> Finding:
-    """Finding that the torque of joints is not checked because friction alone takes all of it."""
+    """Finding that the torque of joints is not checked because friction alone needs all torque that is allowed."""
     texts = ", ".join(f"{name} ({text})" for name, text in stuck.items())
     evidence = (
-        f"the torque of {', '.join(stuck)} is not checked: in the description, Coulomb friction alone takes the "
-        f"{100.0 * (1.0 - margin):.0f} % of the effort limit that a plan may use, so that the joint could not move: "
-        f"{texts}"
+        f"the torque of {', '.join(stuck)} is not checked: in the description, Coulomb friction is at least as "
+        f"large as the {100.0 * (1.0 - margin):.0f} % of the effort limit that a plan may use, so the joint could "
+        f"not move: {texts}"
     )
     remedy = "give the real limit with --limit JOINT.effort=VALUE, or correct the friction in the description."
     return Finding("friction-beyond-effort", "warning", ", ".join(stuck), evidence, remedy)
