@@ -82,7 +82,7 @@ def test_masses_that_are_missing_are_said_where_torque_is_not_judged(tmp_path):
 def test_friction_that_takes_all_torque_is_said_and_the_other_joints_are_judged(tmp_path):
     made = planned(tmp_path, effort="90", inertial=INERTIAL, dynamics='<dynamics friction="85"/>')
     (said,) = evidence(made, "friction-beyond-effort")
-    assert "as large as the 90 % of the effort limit that a plan may use" in said and said.endswith("turn (85 of 90 N·m)")
+    assert "as large as the 90 % of the effort limit" in said and said.endswith("turn (85 of 90 N·m)")
     assert {each.label for each in made.preflight.margins if each.limit == "torque"} == {"slider", "wrist"}
 
 
