@@ -1,6 +1,7 @@
 """armid finds the dynamic model of a robot arm from its description and a recording.
 
-The names here are the stages of the work and the values between them; everything is loaded when first used.
+The names in this module are the functions for the stages of an identification and the types of their results. Each of
+them is loaded when it is first used.
 """
 
 from __future__ import annotations

@@ -33,7 +33,7 @@ def replace_file(path: Path | str, content: bytes | str) -> Path:
     except OSError as error:
         raise OutputError(
             f"{path} could not be written: {error.strerror or error}.",
-            remedy="choose a folder that exists, is writable and has room.",
+            remedy="choose an existing and writable folder on a disk with enough free space.",
         ) from error
     finally:
         if temporary is not None:

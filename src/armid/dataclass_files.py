@@ -57,8 +57,8 @@ def load(kind: type[T], path: Path | str) -> T:
         ) from error
     if header["type"] != kind.__name__:
         raise ArmidError(
-            f"{path} holds a {header['type']}; a {kind.__name__} was asked for.",
-            remedy="give the file that holds it.",
+            f"{path} contains a value of type {header['type']}, but a {kind.__name__} is needed.",
+            remedy=f"give a file that contains a {kind.__name__}.",
         )
     return _unpack(kind, header["value"], arrays)
 

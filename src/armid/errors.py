@@ -1,4 +1,4 @@
-"""Errors that say what was asked, what was found, what is possible and what to do.
+"""Errors that state the request, the problem that was found, the possible values and the remedy.
 
 All errors that armid raises for bad input derive from `ArmidError`. So a program needs to catch only one type, and
 the command line can print one message. A `Finding` is not raised: it is an observation that is stored with a result.
@@ -14,7 +14,7 @@ from armid.remedy import Remedy
 
 
 class ArmidError(Exception):
-    """Bad input, stated so that a person can act on it.
+    """Bad input, described in such a way that the user can correct it.
 
     Args:
         problem: What was asked and what was found instead, one sentence.
@@ -87,8 +87,8 @@ class MissingExtraError(ArmidError):
 
     Args:
         package: Import name of the missing package.
-        purpose: Purpose for which it is needed.
-        extra: Extra of armid that installs it.
+        purpose: Purpose for which the package is needed.
+        extra: Extra of armid that installs the package.
     """
 
     def __init__(self, package: str, purpose: str, extra: str) -> None:
@@ -104,8 +104,9 @@ class Finding:
 
     Attributes:
         code: Short stable name, for instance `description-rounded`.
-        severity: `error` stops the work, `warning` questions the result, `info` explains it.
-        channel: Joint, link, column or file that it concerns; empty if it concerns all.
+        severity: `error` if the work cannot continue, `warning` if the result may be wrong, `info` if it only
+            explains the result.
+        channel: Joint, link, column or file that the finding concerns; empty if it concerns all.
         evidence: Observation, with numbers.
         remedy: Action to take; empty if none is needed.
     """
@@ -118,7 +119,7 @@ class Finding:
 
 
 def did_you_mean(name: object, known: Iterable[str]) -> str:
-    """Remedy with the known name that is closest to a given one; empty if none is close.
+    """Remedy with the known name that is most similar to a given name; empty if no name is similar.
 
     Args:
         name: Given name.

@@ -18,7 +18,7 @@ class Catalogue(Mapping[str, T], Generic[T]):
     """Objects of one kind by name, in the order of the rows.
 
     Args:
-        rows: For each name, the place of the object as text, or the object itself.
+        rows: For each name, the module and the object as text, or the object itself.
     """
 
     def __init__(self, rows: Mapping[str, str | T]) -> None:
@@ -53,6 +53,6 @@ class Catalogue(Mapping[str, T], Generic[T]):
 
 
 def _load(row: str) -> Any:
-    """Module or object that a row names."""
+    """Module or object of a row."""
     module, _, name = row.partition(":")
     return getattr(import_module(module), name) if name else import_module(module)

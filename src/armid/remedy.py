@@ -44,9 +44,9 @@ class Remedy(str, TextValue):
 
     Attributes:
         parts: Sentences and settings, in their order; a remedy of lines of a study consists of settings only.
-        note: Comment behind the lines of a study.
+        note: Comment after the lines of a study.
         table: Table of the study to which the lines belong, if it is not `[[recording]]`.
-        judged: True if the finding gives the result of the test of the remedy on left-out motion.
+        judged: True if the finding states the result of the test of the remedy on left-out motion.
     """
 
     __slots__ = ("judged", "note", "parts", "table")

@@ -1,4 +1,4 @@
-"""Settings of the process: BLAS on one thread, and freed memory that is kept for the next array.
+"""Settings of the process: one thread for BLAS, and reuse of freed memory for the next array.
 
 The matrices of an arm are small, so several threads of BLAS would mostly wait for each other.
 """

@@ -208,7 +208,7 @@ def test_external_entities_are_refused(identify):
     entity = '<!DOCTYPE robot [<!ENTITY secret SYSTEM "secret">]>\n' + URDF.replace("base", "&secret;")
     Path("arm.urdf").write_text(entity)
     done = identify("run.csv", arm="arm.urdf")
-    refused(done, "a document type or entities")
+    refused(done, "a document type or of entities")
     assert "password" not in done[2]
 
 

@@ -299,7 +299,7 @@ def test_an_unknown_link_of_a_tool_is_refused(tmp_path, capsys):
     cell = tmp_path / "cell.toml"
     cell.write_text('[[sphere]]\nlink = "hand"\nradius = 0.1\nxyz = [0, 0, 0]\n')
     said = stopped(["ur5e", *QUICK, "--environment", cell, "--out", tmp_path / "plan"], capsys)
-    assert "has no link 'hand' to carry it" in " ".join(said.split()) and "link_6" in said
+    assert "has no link 'hand', so no link can carry this body" in " ".join(said.split()) and "link_6" in said
     assert not (tmp_path / "plan").exists()
 
 

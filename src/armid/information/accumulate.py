@@ -159,7 +159,7 @@ def _collect(
 
 
 def _of_run(source: ColumnSource, run: ObservedRun, index: int, factors: list[Array], method: str) -> Information:
-    """Information of one run from the factors of its joints, which are removed from the list `factors`."""
+    """Information of one run from the factors of its joints; the list `factors` is emptied."""
     borders = _borders(run)
     names, stretches = np.unique(run.block[borders[:-1]], return_inverse=True)
     rows = np.zeros((len(names), source.tree.n), dtype=np.int64)
@@ -177,7 +177,7 @@ def _of_run(source: ColumnSource, run: ObservedRun, index: int, factors: list[Ar
 
 
 def _borders(run: ObservedRun) -> NDArray[np.intp]:
-    """First row of each stretch of rows of one block, and the end of the last stretch, shape (stretches + 1,)."""
+    """First row of each stretch of rows in one block, and the end of the last stretch, shape (stretches + 1,)."""
     changes = np.flatnonzero(run.block[1:] != run.block[:-1]) + 1
     return np.concatenate([[0], changes, [len(run.block)]])
 

@@ -46,9 +46,9 @@ def filtered_torque(run: ObservedRun, band: Band) -> Array:
 def filtered_columns(source: ColumnSource, run: ObservedRun, band: Band) -> Iterator[tuple[int, Array]]:
     """Filtered regressor columns and torque on the output grid, in segments.
 
-    The sharp filter is applied to the decimated ("early") rows. Their step is a divisor of the step of the output
-    grid. If the output grid is denser than the band needs, their step is coarser, and the filtered columns are
-    interpolated.
+    The sharp filter is applied to the decimated ("early") rows. The step between early rows is a divisor of the step
+    of the output grid. If the output grid is denser than the band needs, the step between early rows is larger
+    instead, and the filtered columns are interpolated.
 
     Yields:
         First row of the segment, and its columns, shape (columns, rows).
@@ -88,7 +88,7 @@ def filtered_columns(source: ColumnSource, run: ObservedRun, band: Band) -> Iter
 def _rows_between(run: ObservedRun, band: Band) -> int:
     """Number of rows of the output grid for each row that the band needs.
 
-    With periodic edges it is a divisor of the period.
+    If the edges are periodic, it is a divisor of the number of rows of a period.
     """
     factor = max(1, coarsest_step(run.rate, band.cutoff) // run.step)
     if band.edges == "periodic":
@@ -102,7 +102,7 @@ def _rows_between(run: ObservedRun, band: Band) -> int:
 def _rows(x: Array, lead: int, late: int, factor: int, begin: int, end: int, *, periodic: bool) -> Array:
     """Rows `begin` to `end - 1` of the output grid from the filtered decimated columns.
 
-    Row 0 is column `lead`.
+    Column `lead` of `x` belongs to row 0.
     """
     if factor == 1:
         start = lead + begin * late

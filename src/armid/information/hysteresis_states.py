@@ -67,8 +67,8 @@ def require_consecutive(model: DynamicsModel, given: Observations, rows: NDArray
         widest = max(n.memory.width for n in model.nodes if any(j in lost for j, _ in n.coordinate))
         raise ArmidError(
             f"No row of {names} remains: the state of {model.nodes[0].term!r} is known only after a motion of more "
-            "than "
-            f"{2.0 * widest:g} rad or m and the settling time of the filter, and these joints reach this in no run.",
+            f"than {2.0 * widest:g} rad or m and the settling time of the filter, but no run contains such a motion "
+            "of these joints.",
             remedy="choose smaller widths, restrict the term to joints that move further, or record for longer.",
         )
 
@@ -85,8 +85,7 @@ def memory_findings(model: DynamicsModel, observations: Observations) -> tuple[F
                 "warning" if known[j] == 0 else "info",
                 model.robot.joint_names[j],
                 f"In {rows[j] - known[j]} of {rows[j]} rows of a run of recording {run.recording + 1}, the motion "
-                "has not yet "
-                f"determined the state of {model.nodes[0].term!r}.",
+                f"has not yet determined the state of {model.nodes[0].term!r}.",
                 "These rows are not used for this joint.",
             )
             for j in np.flatnonzero(rows - known > NOTABLE * rows)

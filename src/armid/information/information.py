@@ -101,7 +101,7 @@ class Information(Displayed):
             value.setflags(write=False)
             object.__setattr__(self, name, value)
         if any(len(joint.R) != blocks for joint in self.joints):
-            raise ArmidError("Every joint must have a factor for every block.")
+            raise ArmidError("In Information, every joint must have one factor for each block.")
 
     def summary(self) -> Summary:
         """Table of the numbers of rows and parameters of each joint."""

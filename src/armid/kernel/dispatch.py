@@ -45,7 +45,7 @@ def in_use() -> str:
         raise ArmidError(
             f"The environment variable ARMID_KERNEL asks for {wanted!r}, which this machine does not support.",
             possible=", ".join(possible),
-            remedy="unset ARMID_KERNEL, which chooses the fastest of these.",
+            remedy="unset ARMID_KERNEL; the fastest of these builds is then used.",
         )
     return wanted
 
@@ -65,7 +65,7 @@ def states_of(tree: Tree, *arrays: ArrayLike) -> list[Array]:
     result = [np.ascontiguousarray(x, dtype=np.float64) for x in arrays]
     shapes = [x.shape for x in result]
     if len(shapes[0]) != 2 or shapes[0][1] != tree.n or shapes.count(shapes[0]) != len(shapes):
-        raise ArmidError(f"Expected arrays of one shape (N, {tree.n}); found {shapes}.")
+        raise ArmidError(f"The arrays q, dq, … must have the same shape (N, {tree.n}); found {shapes}.")
     return result
 
 
@@ -89,8 +89,8 @@ def regressor(
 ) -> Array:
     """Rigid-body regressor Y, shape (N, n, 10 n), with τ = Y θ for the inertial parameters θ, link by link.
 
-    If `out` is given, the result is written to it and it is returned. This saves time, because the allocation of a
-    large array takes longer than the computation.
+    If `out` is given, the result is written to `out`, and `out` is returned. This saves time, because the allocation
+    of a large array takes longer than the computation.
     """
     q, dq, ddq = states_of(tree, q, dq, ddq)
     chosen = chosen or in_use()

@@ -13,7 +13,7 @@ from armid.kernel.tree import Tree
 
 @dataclass(frozen=True, eq=False, slots=True)
 class ColumnLayout:
-    """Layout of the columns of each joint: of the links that it carries, of its torque terms, and its torque.
+    """Layout of the columns of each joint: columns of the links that it carries, of its torque terms, and torque.
 
     Joint j has columns `offset[j]` to `offset[j + 1] - 1`. The last of these columns is the torque; the others are
     the regressor columns of `parameters[j]`, in ascending order.

@@ -12,7 +12,7 @@ def play(x: Array, column: NDArray[np.int32], width: Array) -> tuple[Array, NDAr
     """States z, shape (N, m), by z ← min(max(z, q - r), q + r), and the first sample with a known z, shape (m,).
 
     The unknown initial state lies between q - r and q + r. The states are computed from both ends of this range; z is
-    known from the sample on at which the two results are equal.
+    known from the first sample at which the two results are equal.
     """
     states = np.empty((len(x), len(column)))
     known = np.full(len(column), len(x), dtype=np.int64)

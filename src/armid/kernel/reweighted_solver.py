@@ -30,18 +30,18 @@ def reweighted_least_squares(
 ) -> tuple[Array, Array]:
     """Iteratively reweighted least squares of all joints with common parameters, from products of columns.
 
-    In each pass, the weight of a joint is one over the square of its RMS residual in the pass before; in the first
-    pass, of the RMS of its torque. The normal equations of columns of unit length are solved, so the relative error
-    of the parameters is ε times the square of the condition number of these columns.
+    In each pass, the weight of a joint is one divided by the square of its RMS residual in the pass before; in the
+    first pass, one divided by the square of the RMS of its torque. The normal equations of columns of unit length are
+    solved, so the relative error of the parameters is ε times the square of the condition number of these columns.
 
     Args:
         products: For each joint, products of its k columns and its torque, which is last, shape (k + 1, k + 1).
-        parameters: For each joint, the parameters of its columns, rising, shape (k,).
+        parameters: For each joint, the indices of the parameters of its columns, in ascending order, shape (k,).
         count: Number b of parameters.
         rows: Number of rows of each joint, shape (n,).
         sign: Factor on the torque of each joint, shape (n,); 1 if not given.
         passes: Largest number of passes.
-        settled: Relative change of all residuals in a pass below which the passes end.
+        settled: The passes end if the relative change of every residual in a pass is below this number.
         floor: Smallest ratio of the RMS residual of a joint to the RMS of its torque.
         ridge: Number that is added to the diagonal of the products of unit columns. Parameters that the torque does
             not depend on are then zero.
@@ -51,8 +51,8 @@ def reweighted_least_squares(
         Parameters (b,) and RMS residual of each joint (n,).
 
     Raises:
-        ArmidError: A shape does not fit, the parameters of a joint do not rise, a joint has no rows, or there is no
-            pass or no ridge.
+        ArmidError: A shape is wrong, the parameters of a joint are not in ascending order, a joint has no rows,
+            `passes` is less than one, or `ridge` is not positive.
     """
     n = len(parameters)
     rows = np.ascontiguousarray(rows, dtype=np.float64)
@@ -63,7 +63,7 @@ def reweighted_least_squares(
         raise ArmidError(f"Expected products {shapes}, rows ({n},) and sign ({n},); found {found}.")
     if not (passes >= 1 and ridge > 0.0 and (rows > 0.0).all()):
         found = f"{passes} passes, a ridge of {ridge:g} and rows {rows.tolist()}"
-        raise ArmidError(f"Expected at least one pass, a positive ridge and rows of each joint; found {found}.")
+        raise ArmidError(f"`passes`, `ridge` and the rows of every joint must be positive; found {found}.")
     offset, flat = _flat(tuple(np.asarray(own, dtype=np.int32).tobytes() for own in parameters), count)
     chosen = chosen or in_use()
     if chosen == TWIN:
@@ -85,11 +85,13 @@ def _flat(parameters: tuple[bytes, ...], count: int) -> tuple[NDArray[np.int32],
         count: Number of parameters.
 
     Raises:
-        ArmidError: The parameters of a joint do not rise or are not there.
+        ArmidError: The parameters of a joint are not in ascending order, or do not exist.
     """
     each = [np.frombuffer(own, dtype=np.int32) for own in parameters]
     if any((np.diff(own) <= 0).any() or (len(own) and not 0 <= own[0] <= own[-1] < count) for own in each):
         found = [own.tolist() for own in each]
-        raise ArmidError(f"Expected parameters of each joint that rise from 0 to {count - 1}; found {found}.")
+        raise ArmidError(
+            f"The parameters of each joint must be indices from 0 to {count - 1} in ascending order; found {found}."
+        )
     offset = np.concatenate([[0], np.cumsum([len(own) for own in each])]).astype(np.int32)
     return offset, np.concatenate(each)

@@ -50,8 +50,8 @@ class Tree:
         set_(self, "gravity", array(self.gravity, (3,), "gravity"))
         if n == 0 or prismatic.shape != (n,):
             raise RobotError(
-                f"A kinematic tree needs at least one joint, and one kind for each; found {n} joints and "
-                f"{prismatic.size} kinds."
+                f"A kinematic tree needs at least one joint, and one entry of `prismatic` for each joint; found {n} "
+                f"joints and {prismatic.size} entries."
             )
         if any(not -1 <= p < i for i, p in enumerate(parent)):
             raise RobotError(f"Parents must come before their children; found parents {parent.tolist()}.")

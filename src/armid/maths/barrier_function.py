@@ -207,7 +207,8 @@ class Barriers:
             mu: Weight μ of the barriers.
             centred: Weight of the barriers in the Hessian: `mu`, or the larger weight for which x is the minimum.
                 With this larger weight, the step follows the central path, on which the distance from the boundary
-                decreases with the weight. With `mu` in the Hessian, this first step would hit the boundary.
+                decreases with the weight. With `mu` in the Hessian, the first step after a decrease of `mu` would
+                reach the boundary.
         """
         p = self.problem
         slack = self.rows @ x + self.offsets
@@ -273,10 +274,10 @@ def _newton(hessian: Array, gradient: Array, curvature: Callable[[Array], float]
 
 
 def _lowest(square: float, slope: float, rate: Array, scale: Array) -> float:
-    """Minimises the convex ½ square α² + slope α - Σ scale log(1 + rate α) over α > 0: Newton in a bracket.
+    """Minimises the convex ½ square α² + slope α - Σ scale log(1 + rate α), α > 0, by Newton's method in a bracket.
 
-    Without this line search, a step of a fixed share of the distance to the boundary could make eigenvalues very
-    small that are large at the minimum. They would then grow only by a factor of two in each step.
+    A step of a fixed share of the distance to the boundary, without line search, could make eigenvalues very small
+    although they are large at the minimum. These eigenvalues would then grow only by a factor of two in each step.
     """
     if np.abs(rate).max(initial=0.0) <= WHOLE:
         return 1.0

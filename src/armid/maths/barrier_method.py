@@ -79,10 +79,11 @@ def minimise(
     Args:
         problem: Objective and cones; a minimum must exist.
         start: Point strictly inside every cone and log-det term, shape (variables,).
-        aim: Target gap.
-        near: If true, the start is near the minimum, and the search begins with the weights of the log-det terms.
-        longest: Number of Newton steps after which no further weight is tried. If this is less than the default, the
-            search begins nearer to the weights of the log-det terms and is not repeated if it fails.
+        aim: Gap at which the search ends.
+        near: True if the start is near the minimum. The search then begins with μ equal to the smallest weight of a
+            log-det term.
+        longest: Number of Newton steps after which no smaller μ is tried. If this is less than the default, the
+            search begins with μ nearer to the weights of the log-det terms, and is not repeated if it fails.
 
     Raises:
         EstimationError: The start is not strictly feasible.
@@ -92,7 +93,7 @@ def minimise(
     x = np.array(start, dtype=np.float64)
     if not barriers.inside(x):
         raise EstimationError(
-            "The search must start from physically consistent bodies.", remedy="give a consistent start."
+            "The search must start from physically consistent bodies.", remedy="give consistent bodies as the start."
         )
     mu = max(1.0, _finite(barriers, x) / max(barriers.orders, 1))
     if len(barriers.weights) and (near or longest < LONGEST):

@@ -37,7 +37,7 @@ LARGEST = 1e100
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Cone:
-    """Condition that the rows A x + b lie in a cone.
+    """Condition that the rows A x + b are in a cone.
 
     Attributes:
         kind: `nonnegative`: no row is negative. `norm`: the first row is at least the Euclidean norm of the others.
@@ -76,8 +76,8 @@ class SparseColumns:
         data: Nonzero entries, column by column, shape (entries,).
         indices: Row of each entry, increasing within each column, shape (entries,).
         indptr: Index of the first entry of each column, and the number of entries, shape (columns + 1,).
-        has_sorted_indices: Whether rows increase in each column.
-        has_canonical_format: Whether there is at most one entry for each row and column.
+        has_sorted_indices: True if rows increase in each column.
+        has_canonical_format: True if there is at most one entry for each row and column.
     """
 
     shape: tuple[int, int]
@@ -120,7 +120,7 @@ class ConeSolution:
     violation: float
 
     def doubt(self, size: Array) -> float:
-        """Upper bound of objective minus minimum, if no variable exceeds `size`, shape (variables,)."""
+        """Upper bound of objective minus minimum, if no variable exceeds `size` (variables,) at the minimum."""
         return self.gap * max(1.0, abs(self.objective)) + float(np.abs(self.slope) @ size)
 
 
@@ -146,8 +146,8 @@ def solve_cones(cost: Array, cones: Sequence[Cone], squares: Array | None = None
     Args:
         cost: Linear cost c, shape (variables,).
         cones: Cones, at least one.
-        squares: Quadratic cost s, not negative, shape (variables,); zero if not given. Its purpose is the cost of a
-            norm that a `norm` cone bounds, not of single parameters.
+        squares: Quadratic cost s, not negative, shape (variables,); zero if not given. It is meant for the square of
+            a variable that bounds a norm (cone `norm`), not for single parameters.
 
     Raises:
         UnsolvedError: The solution fails its check. The message gives the status of the solver, gap and violation.

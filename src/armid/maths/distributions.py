@@ -44,7 +44,7 @@ def student_quantile(freedom: ArrayLike) -> Array:
     many different ν, the logarithm of the quantile is interpolated by a polynomial in 1/ν.
 
     Args:
-        freedom: Degrees of freedom ν, any shape; may be infinite.
+        freedom: Degrees of freedom ν, any shape; they may be infinite.
 
     Returns:
         Quantiles of the same shape.

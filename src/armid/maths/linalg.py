@@ -73,7 +73,7 @@ def orthonormal(A: Array) -> tuple[Array, Array, Array] | None:
 
 
 def inverse_of(matrix: Array) -> Array:
-    """Inverse of a positive definite matrix; it stays symmetric and positive definite in spite of rounding."""
+    """Inverse of a positive definite matrix; it is symmetric and positive definite in spite of rounding errors."""
     half = half_of(matrix)
     return half @ half.T
 

@@ -1,8 +1,8 @@
-"""Proof that two bodies which turn against each other keep a distance at all angles, by their profiles.
+"""Proof, by profiles, that two bodies keep a distance at all angles at which they rotate against each other.
 
 A point that turns about an axis keeps its radius r and its height z. The profile of a body is the set of all (r, z)
 of its surface; the distance of two profiles in this plane is a lower bound of the distance of the bodies at all
-angles. Each triangle is enclosed by a rectangle in this plane, which is exact for the faces of a flange.
+angles. Each triangle is enclosed by a rectangle in this plane; for the faces of a flange, this is exact.
 """
 
 from __future__ import annotations

@@ -81,7 +81,7 @@ def column_sums(base: BaseParameters, names: tuple[str, ...] | list[str], style:
 def base_record(base: BaseParameters) -> BaseRecord:
     """Base parameters as one JSON object.
 
-    The entry of a zero column in `dependencies` is empty.
+    If the column of a parameter is zero, its entry in `dependencies` is empty.
     """
     names = base.standard_names
     kept = [names[k] for k in base.kept]

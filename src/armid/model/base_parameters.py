@@ -137,8 +137,8 @@ _recent: deque[tuple[Robot, tuple[Term, ...], BaseParameters]] = deque(maxlen=8)
 def find_base_parameters(model: DynamicsModel) -> BaseParameters:
     """Finds the base parameters of a model with the gravity of its robot.
 
-    Of dependent columns, those of links nearest to the base of the arm are kept. The results for the last few models
-    are stored, by arm and terms.
+    If columns depend on each other, the columns of the links nearest to the base of the arm are kept. Results are
+    cached for the last few pairs of arm and terms.
 
     Raises:
         ModelError: The geometry and the torques at random states give different results.
@@ -182,8 +182,8 @@ def _find(model: DynamicsModel) -> BaseParameters:
 def _columns(model: DynamicsModel, count: int, seed: int) -> Array:
     """Columns (rows, p) of the regressor at enough random states to find the rank of `count` columns.
 
-    If a law needs the load and the model has no load parameters yet, random ones are used: their values have no
-    effect on the dependence of the columns.
+    If a law needs the load and the model has no load parameters yet, random load parameters are used, because their
+    values do not affect the dependence of the columns.
     """
     rng = np.random.default_rng(seed)
     shape = (10 + 3 * count // model.n, model.n)
@@ -246,6 +246,6 @@ def _rank(columns: Array) -> int:
 
 
 def _norms(columns: Array) -> Array:
-    """Length of each column, or 1 if the column is zero to rounding."""
+    """Length of each column, or 1 if the column is zero except for rounding."""
     norms = np.linalg.norm(columns, axis=0)
     return np.where(norms > ZERO_COLUMN * norms.max(initial=0.0), norms, 1.0)

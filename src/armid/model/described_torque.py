@@ -1,4 +1,4 @@
-"""Torque model of a robot description: its links, with the rotor inertia and friction that it contains."""
+"""Torque model of a robot description: links, rotor inertia and friction, as far as the description gives them."""
 
 from __future__ import annotations
 

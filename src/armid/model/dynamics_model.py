@@ -184,8 +184,9 @@ class DynamicsModel(Displayed):
     def remembered(self, motion: Motion) -> tuple[Motion, NDArray[np.int64]]:
         """Motion with its hysteresis states, and the first sample at which each node's state is known, shape (m,).
 
-        A state is known from the sample on at which it no longer depends on its unknown initial value; N if it always
-        depends on it. Before that sample, the state is the middle of its possible range.
+        A state is known from the first sample at which it no longer depends on its unknown initial value. The index
+        of this sample is N if the state always depends on it. Before this sample, the middle of the possible range of
+        the state is returned.
         """
         self._check(motion)
         states, known = kernel.play(*self._driven(motion.q), np.array([node.memory.width for node in self.nodes]))
@@ -201,7 +202,7 @@ class DynamicsModel(Displayed):
         return np.column_stack([q, *more]) if more else q, follows
 
     def term_columns(self, motion: Motion, kept: NDArray[np.integer] | None = None) -> TermColumns:
-        """Columns of all torque terms except rigid bodies along a motion; only those with indices `kept` if given.
+        """Columns of all torque terms except rigid bodies along a motion; if given, only columns with indices `kept`.
 
         Raises:
             ModelError: A law has hysteresis, but the motion has no hysteresis states; or a law depends on an unknown
@@ -232,7 +233,8 @@ class DynamicsModel(Displayed):
         if self.load_parameters is None:
             term = next(name for name, law in self.laws if "load" in symbols(law.expression))
             raise ModelError(
-                f"The term {term!r} depends on the load of the joints, but the model has no estimate of it.",
+                f"The term {term!r} depends on the load of the joints, but the model has no inertial parameters for "
+                "it.",
                 remedy=f"first identify without {term!r}, then pass the inertial parameters of that estimate as "
                 "load_parameters.",
             )
@@ -243,7 +245,8 @@ class DynamicsModel(Displayed):
         if motion.memory is None or motion.memory.shape[1] != len(self.nodes):
             found = "none" if motion.memory is None else f"{motion.memory.shape[1]}"
             raise ModelError(
-                f"The term {self.nodes[0].term!r} needs a motion with {len(self.nodes)} hysteresis states; the "
+                f"The term {self.nodes[0].term!r} needs a motion with {len(self.nodes)} hysteresis states; the given "
+                f""
                 f"motion has {found}.",
                 remedy="first add the states with `DynamicsModel.remember` to the whole contiguous run.",
             )
@@ -336,7 +339,7 @@ class DynamicsModel(Displayed):
     def nominal_parameters(self) -> Array | None:
         """Standard parameters (p,) with the inertial parameters of the description; all others are zero.
 
-        `None` if the description has no inertial parameters, or lacks those of a link with geometry. The torque of
+        `None` if the description has no inertial parameters, or none for a link with geometry, because the torque of
         the other links alone would be wrong.
         """
         inertial = self.robot.inertial_vector

@@ -66,5 +66,5 @@ class ParameterName(str):
 
 
 def parameter_names(names: Iterable[str]) -> tuple[ParameterName, ...]:
-    """Reads names from texts; objects that are names already are kept."""
+    """Reads names from texts; a `ParameterName` is returned unchanged."""
     return tuple(ParameterName.read(name) for name in names)

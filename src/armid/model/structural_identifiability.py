@@ -123,7 +123,7 @@ def echelon(matrix: Array, tolerance: float) -> tuple[NDArray[np.intp], Array]:
 
 
 def clean(matrix: Array, floor: float = COEFFICIENT_FLOOR) -> Array:
-    """Sets entries below `floor` to zero; in rows with entries above 100, `floor` is increased in proportion."""
+    """Sets entries below `floor` to zero; `floor` is increased in proportion in rows with entries above 100."""
     largest = np.abs(matrix).max(axis=1, keepdims=True, initial=100.0)
     return np.where(np.abs(matrix) < floor * largest / 100.0, 0.0, matrix)
 

@@ -1,8 +1,8 @@
 """Expressions of torque laws.
 
-From one expression follow the values of a regressor column (`evaluate`), its derivative by any symbol (`derivative`)
-and its printed forms (`text`, `latex`). An expression is a number, a symbol or a function of expressions; `FUNCTIONS`
-lists the functions.
+An expression gives the values of a regressor column (`evaluate`), the derivative by any symbol (`derivative`) and the
+printed forms of the law (`text`, `latex`). An expression is a number, a symbol or a function of expressions;
+`FUNCTIONS` lists the functions.
 """
 
 from __future__ import annotations
@@ -157,7 +157,8 @@ class Function:
 
     Attributes:
         value: Function that computes the values for arrays.
-        partials: For each argument, a function that returns the partial derivative by it for the tuple of arguments.
+        partials: For each argument, a function that returns the partial derivative with respect to this argument, for
+            the tuple of all arguments.
         text: Pattern of the form in plain text.
         latex: Pattern of the LaTeX form.
     """

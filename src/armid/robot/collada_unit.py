@@ -1,7 +1,8 @@
 """Unit of length of a Collada file.
 
-Assimp puts the unit into the transformation of the root node of a scene, which Coal leaves out, together with the
-rotation for the axis that points up. RViz and Gazebo leave out the rotation, too, but apply the unit; so does armid.
+Assimp, the library with which Coal reads meshes, puts the unit and the rotation for the upward axis into the
+transformation of the root node of a scene. Coal ignores this transformation. RViz and Gazebo ignore only the rotation
+and apply the unit; armid does the same.
 """
 
 from __future__ import annotations

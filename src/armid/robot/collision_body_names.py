@@ -4,7 +4,7 @@ from __future__ import annotations
 
 
 class BodyName(str):
-    """Name of a body: the name of its link, with a number for its further bodies, for instance `elbow shape 2`.
+    """Name of a body: the name of the link, with a number from the second body on, for instance `elbow shape 2`.
 
     Attributes:
         link: Name of the link to which the body belongs.
@@ -23,7 +23,7 @@ class BodyName(str):
         return name
 
     def __getnewargs__(self) -> tuple[str, int]:  # pyright: ignore[reportIncompatibleMethodOverride]
-        """Link and number, from which a copy is made."""
+        """Link and number, as arguments for a copy."""
         return self.link, self.number
 
 
@@ -47,7 +47,7 @@ class BodyPair(str):
         return pair
 
     def __getnewargs__(self) -> tuple[str, str]:  # pyright: ignore[reportIncompatibleMethodOverride]
-        """The two names, from which a copy is made."""
+        """The two names, as arguments for a copy."""
         return self.first, self.second
 
     @property

@@ -1,7 +1,7 @@
 """Use of visual geometry for links without collision geometry.
 
-Each link of the description is examined separately, even if it is fixed to another one: the visual geometry of a
-gripper is used although the wrist that carries it has collision geometry, and that of a base beside a table, too.
+Each link of the description is examined separately, even if it is fixed to another link. For instance, the visual
+geometry of a gripper is used although the wrist that carries it has collision geometry.
 """
 
 from __future__ import annotations
@@ -34,9 +34,10 @@ def with_bodies(
 
     Args:
         robot: The robot, with its collision and visual geometry.
-        described: Names of the links that the description gives any geometry.
-        markers: Visual geometry that does not stand for a body, such as targets in a scene.
-        world: Name of the group of bodies that belong to no link. Each body of this group is decided on its own.
+        described: Names of the links that have some geometry in the description.
+        markers: Visual geometry that does not represent a body, such as targets in a scene.
+        world: Name of the group of bodies that do not belong to a link. Each body of this group is examined
+            separately.
     """
     known = {link_of(shape.name) for shape in robot.shapes} - {world}
     apart = {id(shape) for shape in (*markers, *robot.shapes)}
@@ -71,7 +72,7 @@ def with_bodies(
 
 
 def _unknown(robot: Robot, shapes: Sequence[Shape], lost: Sequence[str]) -> tuple[Finding, ...]:
-    """Finding about links without geometry that can be checked; no finding for a robot without any shapes.
+    """Finding about links that have no usable geometry; there is no finding for a robot without any shapes.
 
     Args:
         robot: The robot.

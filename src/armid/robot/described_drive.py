@@ -27,14 +27,14 @@ class DescribedDrive:
 def drive_of(element: ET.Element, keys: Mapping[str, str], source: str, where: str) -> DescribedDrive:
     """Rotor inertia and friction in the attributes of an element.
 
-    A negative value, which is physically impossible, counts as zero. Of several values, which MuJoCo accepts for
-    nonlinear damping, the first counts.
+    Negative values are physically impossible and are replaced by zero. If an attribute has several values, as MuJoCo
+    allows for nonlinear damping, the first one is used.
 
     Args:
         element: The element.
-        keys: Attributes by the values of `DescribedDrive`.
+        keys: Name of the attribute for each field of `DescribedDrive`.
         source: Path of the description, for messages.
-        where: The element in messages.
+        where: Name of the element, for messages.
 
     Raises:
         RobotError: An attribute is not a finite number.

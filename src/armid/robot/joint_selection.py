@@ -34,7 +34,7 @@ class SelectedJoint:
     Attributes:
         name: Name of the joint.
         parent: Index of the joint whose link carries it; -1 for the base.
-        is_simple: Whether it has one degree of freedom.
+        is_simple: True if the joint has one degree of freedom.
         lower: Lowest position [rad or m].
         upper: Highest position [rad or m].
         follows: Law of a mimic joint; `None` if the joint is independent.
@@ -115,7 +115,7 @@ def held_joints(
         tip: Name of a frame: the joints between the base and this frame move. If `None`, all joints move.
 
     Raises:
-        RobotError: A name or pattern fits no joint, the frame does not exist, or no joint remains movable.
+        RobotError: No joint matches a name or pattern, the frame does not exist, or no joint remains movable.
     """
     if tip is not None and tip not in outline.frames:
         raise RobotError(
@@ -163,7 +163,7 @@ def held_joints(
 
 
 def _outside(joint: SelectedJoint, value: float) -> Finding | None:
-    """Finding about a position [rad or m] outside of a joint's limits; `None` inside."""
+    """Finding about a locked position [rad or m] outside the limits of the joint; `None` if it is inside."""
     if not joint.is_simple or joint.lower > joint.upper or joint.lower <= value <= joint.upper:
         return None
     what = f"locked at {value:.4g}, outside of its limits {joint.lower:.4g} to {joint.upper:.4g}"
@@ -177,7 +177,7 @@ def _fitting(outline: JointOutline, pattern: str, source: str, purpose: str) -> 
         return [joint for joint in outline.joints if joint.name in found]
     is_pattern = any(sign in pattern for sign in "*?[")
     raise RobotError(
-        f"{source} has no joint {'that fits ' if is_pattern else ''}{pattern!r} {purpose}.",
+        f"{source} has no joint {'that matches ' if is_pattern else ''}{pattern!r} {purpose}.",
         possible=", ".join(outline.names),
         remedy=did_you_mean(pattern, outline.names) or "use names of the description; * stands for any text.",
     )

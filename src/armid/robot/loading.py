@@ -44,19 +44,19 @@ def load_robot(
 
     Args:
         description: Name of a built-in arm, or path to a URDF, xacro, MJCF or DH table in TOML.
-        gravity: Acceleration of gravity in the base frame, shape (3,) [m/s²]; `None` for that of the description.
+        gravity: Acceleration of gravity in the base frame, shape (3,) [m/s²]; `None` for the gravity of the
+            description.
         lock: Joints to be locked: names, `"name=position"` [rad or m], or positions by name. Without a position, a
             joint is locked at the position within its limits that is nearest to zero. Names may be patterns such as
             `leg_*`. Mimic joints, whose position depends on another joint, are always locked, with a finding.
         only: Names or patterns of the joints that move; all others are locked.
         tip: Name of the frame of the tool flange. The joints between the base and this frame move, and all others are
-            locked, unless `only` selects joints. If `None`, the frame is searched, and no joint is locked because of
-            it.
+            locked, unless `only` selects joints. If `None`, armid searches the frame, and `tip` locks no joint.
         locked: Former name of the argument `lock`.
         packages: Folders of ROS packages by name, in addition to those that `armid.robot.packages` finds.
 
     Raises:
-        RobotError: The arm or the file does not exist or cannot be read, or a pattern fits no joint. The message
+        RobotError: The arm or the file does not exist or cannot be read, or no joint matches a pattern. The message
             lists the possible names.
         MissingExtraError: The Python package that this format needs is not installed.
     """

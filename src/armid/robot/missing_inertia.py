@@ -33,8 +33,8 @@ def massless_joints(robot: Robot) -> tuple[str, ...]:
 def links_without_inertia(robot: Robot) -> tuple[int, ...]:
     """Indices of links with geometry but without mass, in a description that gives other links a mass.
 
-    Such links have a mass that the description does not know, for instance because it follows from meshes. A link
-    without geometry and mass is a frame.
+    The real mass of such links is not known from the description, for instance because a simulator computes it from
+    meshes. A link without geometry and mass is only a frame.
     """
     if robot.inertial_vector is None:
         return ()

@@ -87,10 +87,10 @@ def file_of(name: str, inside: Path, source: str) -> str:
 
 
 def option_for(references: Iterable[str], source: str) -> str:
-    """Option `--package NAME=DIR` with which missing files are found; empty if they do not lie near the description.
+    """Option `--package NAME=DIR` with which missing files are found; empty if none is near the description.
 
-    Searched are the folder of the description, the two above it, and the folders in these, for the ends of the paths
-    inside the packages: a copy of meshes rarely has all folders of the package.
+    The folder of the description, the two folders above it, and the folders in these are searched. A copy of meshes
+    rarely has all folders of the package, so the search uses only the ends of the paths inside the package.
 
     Args:
         references: Names of missing files as in the description, such as `package://NAME/meshes/a.stl`.

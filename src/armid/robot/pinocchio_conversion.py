@@ -46,7 +46,7 @@ class DescribedLimits:
         upper: Highest position [rad or m].
         velocity: Largest speed [rad/s or m/s].
         effort: Largest effort [N·m or N].
-        soft: Lowest and highest position, at which the robot's controller stops the joint [rad or m].
+        soft: Lowest and highest position [rad or m] that the controller of the robot allows.
     """
 
     lower: float = -math.inf
@@ -70,7 +70,7 @@ def limits_of(
         position: Lower and upper limit [rad or m]; `None` if not given.
         velocity: Velocity limit [rad/s or m/s]; 0 if not given.
         effort: Effort limit [N·m or N]; 0 if not given.
-        turns: Whether the joint rotates.
+        turns: True if the joint rotates.
 
     Raises:
         RobotError: The lower limit is larger than the upper limit.
@@ -79,7 +79,7 @@ def limits_of(
     finding = None
     if lower > upper:
         raise RobotError(
-            f"Joint {joint!r} has its lower position limit {lower:g} above the upper one {upper:g}.",
+            f"The lower position limit {lower:g} of joint {joint!r} is above the upper limit {upper:g}.",
             remedy="exchange the two limits.",
         )
     if lower == upper or (turns and position is not None and min(-lower, upper) > NO_STOP):
@@ -113,10 +113,11 @@ def pinocchio() -> Any:
 
 
 def build(make: Callable[[], Any], source: str) -> Any:
-    """Result of `make` for a description; messages that the parser prints are put into the error.
+    """Result of `make` for a description; messages that the parser prints become part of the error.
 
     Raises:
-        RobotError: The parser refused the description, or printed an error and ignored a part of the description.
+        RobotError: The parser does not accept the description, or it prints an error and ignores a part of the
+            description.
     """
     result, reason = None, ""
     # urdfdom prints errors to the C++ standard error only, and continues without an inertia that it cannot read.
@@ -167,8 +168,8 @@ def robot_from_model(
         drives: Rotor inertia and friction by joint.
 
     Raises:
-        RobotError: There is no movable joint, a joint has another number of degrees of freedom than one, or there is
-            no such tip frame.
+        RobotError: There is no movable joint, a joint does not have exactly one degree of freedom, or the tip frame
+            does not exist.
     """
     if model.njoints < 2:
         raise RobotError(
@@ -197,8 +198,8 @@ def find_tip(model: Any, locked: Collection[str]) -> Any:
     The search begins at the last movable joint of the longest chain. Locked joints are not counted; if several chains
     are equally long, the last one is taken. If a frame fixed to the link of this joint is called tool0 or flange, it
     is the tip. Otherwise the search follows the bodies that are fixed to the link outwards, as long as there is only
-    one. If there are several, a single body on a fixed joint is preferred to those on locked joints; otherwise the
-    search stops.
+    one. If there are several such bodies, but only one of them is on a fixed joint and the others are on locked
+    joints, the search continues with this one; otherwise it stops.
     """
     frames = list(model.frames)
     last = _last_joint(model, locked)
@@ -306,6 +307,7 @@ def _placement(pose: Any, where: str, source: str) -> Array:
     rotation = np.array(pose.rotation)
     if not np.abs(rotation.T @ rotation - np.eye(3)).max() < ORTHONORMAL_TOLERANCE:
         raise RobotError(
-            f"{source}: the orientation of {where} is not a rotation.", remedy="correct the angles or axes there."
+            f"{source}: the orientation of {where} is not a rotation.",
+            remedy=f"correct the angles or axes of {where} in the description.",
         )
     return homogeneous(rotation, np.array(pose.translation))

@@ -85,7 +85,7 @@ class InertialParameters:
         return bool(eigenvalues[0] >= -tolerance * max(abs(eigenvalues[-1]), np.finfo(float).tiny))
 
     def seen_from(self, rotation: Array, translation: Array) -> InertialParameters:
-        """Same body in a frame A, given the rotation R_AB (3, 3) and origin p_AB (3,) [m] of this frame B in A."""
+        """Same body in a frame A; R_AB (3, 3) and p_AB (3,) [m] are rotation and origin of this frame B in A."""
         return self.from_vector(inertia_maths.transform(self.vector, rotation, translation))
 
     def __add__(self, other: InertialParameters) -> InertialParameters:
@@ -106,8 +106,8 @@ class Joint:
         position_limits: Lower and upper limit, shape (2,) [rad or m]; infinite if unknown.
         velocity_limit: Largest speed [rad/s or m/s]; infinite if unknown.
         effort_limit: Largest effort [N·m or N]; infinite if unknown.
-        soft_limits: Lowest and highest position, at which the robot's controller stops the joint, shape (2,) [rad or
-            m]; infinite if unknown.
+        soft_limits: Lowest and highest position that the controller of the robot allows, shape (2,) [rad or m];
+            infinite if unknown.
         drive: Rotor inertia and friction of the description.
     """
 
@@ -131,7 +131,7 @@ class Joint:
             )
         if self.kind not in ("revolute", "continuous", "prismatic"):
             raise RobotError(
-                f"Joint {self.name!r} is of kind {self.kind!r}.",
+                f"Joint {self.name!r} is of kind {self.kind!r}, which armid cannot model.",
                 possible="revolute, continuous, prismatic",
                 remedy="lock it at a position, or replace it by joints of these kinds.",
             )
@@ -258,7 +258,9 @@ class Robot(Displayed):
             )
         names = self.joint_names
         if len(set(names)) != len(names):
-            raise RobotError(f"Joint names must differ; found {', '.join(names)}.", remedy="rename joints.")
+            raise RobotError(
+                f"The names of the joints must differ; found {', '.join(names)}.", remedy="rename the joints."
+            )
         self.tree  # noqa: B018  (raises where the joints do not form a tree)
 
     def __repr__(self) -> str:
@@ -336,7 +338,7 @@ class Robot(Displayed):
         """Arm with some joints locked; the link of each locked joint is merged into the link that carries it.
 
         Args:
-            values: Names of the joints, or positions [rad or m] by name; without a position, a joint is locked at 0.
+            values: Names of the joints, or positions [rad or m] by name. A joint without a position is locked at 0.
 
         Raises:
             RobotError: A joint is unknown, or no movable joint remains.

@@ -27,7 +27,7 @@ class Shape:
         name: Name for messages, for instance the name of the link.
         link: Index of the link that carries it; -1 for the base and the surroundings.
         kind: Kind of shape; `capsule` and `cylinder` lie along z, a `half-space` is solid below z = 0.
-        size: Dimensions [m], shape (3,), filled up with zeros. Capsule: radius, and distance of the centres of its
+        size: Dimensions [m], shape (3,); unused entries are zero. Capsule: radius, and distance of the centres of its
             two end spheres. Cylinder: radius, length. Sphere: radius. Box: lengths of its edges. Mesh: scale factors
             along x, y and z; a negative factor mirrors the mesh.
         placement: Pose in the frame of the link, shape (4, 4).
@@ -66,7 +66,7 @@ class Shape:
             )
 
     def on(self, link: int, placement: Array) -> Shape:
-        """Same shape in another frame, that of `link`, in which the present frame has the pose `placement` (4, 4)."""
+        """Same shape in the frame of `link`; `placement` (4, 4) is the pose of the present frame in that frame."""
         return replace(self, link=link, placement=placement @ self.placement)
 
 
@@ -79,7 +79,7 @@ def capsule_between(name: str, link: int, begin: ArrayLike, end: ArrayLike, radi
 
 
 def meshes_missing(files: Mapping[str, str], option: str = "") -> tuple[Finding, ...]:
-    """Finding about all collision meshes whose files are missing; none if all exist.
+    """Finding about all collision meshes whose files are missing; there is none if all files exist.
 
     Args:
         files: Paths of the missing files, by the names of their bodies.
@@ -95,7 +95,7 @@ def meshes_missing(files: Mapping[str, str], option: str = "") -> tuple[Finding,
 
 
 def looks_missing(files: Mapping[str, str], option: str = "") -> tuple[Finding, ...]:
-    """Finding about all visual meshes whose files are missing; none if all exist.
+    """Finding about all visual meshes whose files are missing; there is none if all files exist.
 
     Args:
         files: Paths of the missing files, by the names of their bodies.
@@ -110,19 +110,19 @@ def looks_missing(files: Mapping[str, str], option: str = "") -> tuple[Finding, 
 
 
 def _nearby(option: str) -> str:
-    """Clause that a missing file was seen near the description; empty if it was not."""
+    """Clause that a missing file was found near the description; empty if it was not found."""
     return f"; {option} would find it near the description" if option else ""
 
 
 def _naming(option: str) -> str:
-    """Action against missing meshes."""
+    """Remedy for missing meshes."""
     if option:
         return f"give {option}"
     return "name the folder of the package with --package NAME=DIR, or put the meshes beside the description"
 
 
 def _listed(bodies: Sequence[str]) -> str:
-    """The first names of bodies, with the number of the others."""
+    """Text with the first names of some bodies and the number of the other bodies."""
     return ", ".join(bodies[:NAMED]) + (f" and {len(bodies) - NAMED} more" if len(bodies) > NAMED else "")
 
 

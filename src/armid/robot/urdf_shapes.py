@@ -59,7 +59,13 @@ def shapes_of_urdf(
                     raise
                 # Only pictures depend on it.
                 findings.append(
-                    Finding("visual-left-out", "info", label, error.problem, "correct it if pictures need this body.")
+                    Finding(
+                        "visual-left-out",
+                        "info",
+                        label,
+                        error.problem,
+                        "correct the tag <visual> if this body is needed in pictures.",
+                    )
                 )
     option = option_for(missing.values(), source)
     return tuple(shapes), (*findings, *(meshes_missing if kind == "collision" else looks_missing)(missing, option))

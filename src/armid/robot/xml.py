@@ -1,4 +1,4 @@
-"""Parser of XML for robot descriptions; it refuses entities, and its errors name the line."""
+"""Parser of XML for robot descriptions; it does not accept entities, and errors state the line."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from armid.errors import RobotError
 def parse_xml(text: str, source: str) -> ET.Element:
     """Root element of an XML text.
 
-    A document with a document type (DOCTYPE) is refused before it is read: a document type could include other files
-    or expand without bound, and no robot description needs one.
+    A document with a document type (DOCTYPE) is not accepted, because a document type could include other files or
+    expand without bound. Robot descriptions do not need one.
 
     Args:
         text: The document.
@@ -27,7 +27,8 @@ def parse_xml(text: str, source: str) -> ET.Element:
 
     def refuse(*_: object) -> NoReturn:
         raise RobotError(
-            f"{source}:{parser.CurrentLineNumber}: a document type or entities are declared, which armid refuses.",
+            f"{source}:{parser.CurrentLineNumber}: armid does not accept declarations of a document type or of "
+            "entities.",
             remedy="remove the declaration <!DOCTYPE …>, and replace entities by their text.",
         )
 
@@ -106,8 +107,8 @@ def identity_only(name: str, kind: str, value: float) -> None:
     """
     if value != 0.0:
         raise RobotError(
-            f"Joint {name!r} is of kind {kind}; it can be locked only at its zero pose, not at {value}.",
-            remedy=f"lock {name!r} without a value, or replace it by a fixed joint with the pose that you need.",
+            f"Joint {name!r} is of kind {kind}, so it can be locked only at its zero pose; found the value {value}.",
+            remedy=f"lock {name!r} without a value, or replace it by a fixed joint with the desired pose.",
         )
 
 

@@ -1,9 +1,9 @@
 """Detection of a wrong sign of gravity or torque from the identified parameters.
 
 A regrouped first moment such as MYR_2 = MY_2 + 0.2045 M_3 + 0.42 (M_4 + …) contains the masses of all links that a
-joint carries, multiplied by lengths of the arm. Masses are positive and centres of mass lie within their links, so
-the sign of the moment is the sign of the lengths. If gravity has the wrong sign, these moments are identified with
-the wrong sign, but friction and inertias keep the correct sign.
+joint carries, multiplied by lengths of the arm. Masses are positive, and centres of mass lie within the links, so
+these lengths determine the sign of the moment. If gravity has the wrong sign, these moments are identified with the
+wrong sign, but friction and inertias keep the correct sign.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ def gravity_sign_finding(base: BaseParameters, values: ArrayLike) -> Finding | N
 
 
 def _forced(base: BaseParameters, symbols: NDArray[np.str_]) -> NDArray[np.float64]:
-    """Sign that positive masses give to each base parameter, +1 or -1; 0 if it is not determined, shape (b,)."""
+    """Sign, shape (b,), that each base parameter has because masses are positive: +1, -1, or 0 if undetermined."""
     masses = base.regrouping[:, symbols == "M"]
     moment = np.isin(symbols[base.kept], MOMENTS)
     up, down = (masses > 0.0).any(axis=1), (masses < 0.0).any(axis=1)

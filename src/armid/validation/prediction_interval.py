@@ -1,8 +1,8 @@
 """Prediction interval (95 %) of a torque, from the uncertainty of the parameters and the noise.
 
 If x is a row of the regressor, Σ the covariance of the parameters and σ the noise of the joint, the variance is xᵀ Σ
-x + σ². The degrees of freedom of the first part are those of the parameters. The noise has many, so they are taken as
-infinite; the two are combined as in [Satterthwaite1946].
+x + σ². The degrees of freedom of the first part are those of the parameters. The noise has many degrees of freedom,
+so their number is taken as infinite. The degrees of freedom of the sum are computed as in [Satterthwaite1946].
 """
 
 from __future__ import annotations
@@ -71,7 +71,7 @@ def _covariance_of_means(base: BaseParameters, fit: Fit) -> Array:
     """Covariance (b, b) of the base parameters for the prediction of a recording.
 
     If a parameter has one value for each recording, its covariance is that of the mean of these values. The variance
-    between recordings is added, because a new recording has a value of its own.
+    between recordings is added, because the value of a new recording differs from the mean.
     """
     copies = [name.of_all for name in fit.names]
     mean = np.array([[name == copy for copy in copies] for name in base.names], dtype=np.float64)
@@ -86,7 +86,7 @@ def _covariance_of_means(base: BaseParameters, fit: Fit) -> Array:
 def _parameter_variance(
     model: DynamicsModel, base: BaseParameters, covariance: Array, observations: Observations, every: int
 ) -> Array:
-    """Variance of the predicted torque due to the covariance of the parameters, on every k-th row, shape (M, n)."""
+    """Variance of the predicted torque from the covariance of the parameters, on every k-th row, shape (M, n)."""
     source = column_source(model, base)
     sparse = [
         replace(run, step=run.step * every, mask=run.mask[::every], block=run.block[::every], repetition=None)

@@ -5,8 +5,8 @@ The equations of motion with the mass matrix M and the bias torque of the model 
     (M + h/2 D) a = τ - bias(q, v̂) - rest(v̂) - dry,   v(k+1/2) = v(k-1/2) + h a,   q(k+1) = q(k) + h v(k+1/2)
 
 for many windows of a recording at once. `rest` is friction without dry friction; the matrix D is its derivative by
-the velocity. With dry friction, a joint sticks or slides (`armid.maths.stiction`). For the estimation, the sign
-function is smoothed over a width; here this width is set to zero.
+the velocity. `dry` is the torque of dry friction, with which a joint sticks or slides (`armid.maths.stiction`). For
+the estimation, the sign function of dry friction may be smoothed over a width; here this width is set to zero.
 """
 
 from __future__ import annotations
@@ -109,7 +109,7 @@ class RolledOut:
     """Simulated motion of windows.
 
     Attributes:
-        q: Positions, shape (W, S, n) [rad or m]; NaN from the sample on at which the simulation of a window ended
+        q: Positions, shape (W, S, n) [rad or m]; NaN after the sample at which the simulation of a window ended
             early.
         ran_away: Mask of windows that diverged: a joint reached the speed `RUNAWAY`, shape (W,).
         indefinite: Mask of windows that ended early because the mass matrix was not positive definite, shape (W,).

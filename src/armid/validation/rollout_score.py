@@ -21,12 +21,13 @@ MOST_WINDOWS = 200
 
 @dataclass(frozen=True, slots=True)
 class Losses:
-    """Numbers of lost windows (whose simulation ended early), by cause.
+    """Numbers of lost windows, by cause; a window is lost if its simulation ended early.
 
     Attributes:
         ran_away: Number of windows that diverged.
         indefinite: Number of windows in which the mass matrix was not positive definite.
-        nominal: Number of windows that are lost with the inertial parameters of the description without friction.
+        nominal: Number of windows that are lost in the simulation with the inertial parameters of the description,
+            without friction.
     """
 
     ran_away: int = 0
@@ -43,11 +44,11 @@ class MotionScore:
         rms: RMS error over all windows that are not lost [rad or m]; NaN if all are lost.
         peak: Largest absolute error in these windows [rad or m].
         held: Median over the windows of the time until the error exceeds `tolerance` [s]; the length of the window if
-            it never does.
+            the error never exceeds it.
         travelled: RMS distance of the recorded position from the start of its window [rad or m], which is the error
             of a model that predicts no motion.
-        prior_rms: RMS error, as `rms`, of the inertial parameters of the description without friction; NaN if a
-            window is lost with them; `None` if the description has no inertial parameters.
+        prior_rms: RMS error over all windows with the inertial parameters of the description, without friction; NaN
+            if a window is lost with these parameters; `None` if the description has no inertial parameters.
         windows: Number of windows.
         losses: Number of lost windows, by cause.
         seconds: Length of a window [s].

@@ -1,4 +1,4 @@
-"""Torque error of an estimate on validation recordings, for each joint, compared with that of the description."""
+"""Torque error of an estimate on validation recordings, for each joint, and comparison with the description."""
 
 from __future__ import annotations
 
@@ -62,8 +62,8 @@ class Score:
         spread: Standard deviation of the measured torque in the band [N·m or N].
         peak: Largest absolute error in the band [N·m or N].
         coverage95: Share of rows inside the 95 % prediction interval.
-        prior_rms: RMS error, as `rms`, of the inertial parameters of the description without friction; `None` if the
-            description has no inertial parameters.
+        prior_rms: RMS error of the torque in the band with the inertial parameters of the description and without
+            friction; `None` if the description has no inertial parameters.
     """
 
     path: str
@@ -95,7 +95,8 @@ class Validation(Displayed):
     Attributes:
         joints: Names of the joints.
         recordings: Torque error on each recording.
-        verdict: `pass` if every check holds, `fail` if one does not, `not judged` without validation recordings.
+        verdict: `pass` if every check holds, `fail` if a check does not hold, `not judged` without validation
+            recordings.
         checks: Conditions of the verdict.
     """
 
@@ -128,7 +129,7 @@ class PredictedRecording:
 
     Attributes:
         runs: Measured and predicted torque of each contiguous run.
-        every: Intervals are computed for every k-th row of a run; this is k.
+        every: Number k: intervals are computed for every k-th row of a run.
         half_widths: Half width of the 95 % prediction interval on these M rows of all runs, shape (M, n) [N·m or N].
     """
 

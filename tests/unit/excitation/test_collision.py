@@ -329,7 +329,10 @@ def test_environment(tmp_path):
         ("[[box]]\nsize = [1, 1, 1]\nplace = [0, 0, 0]", "unknown key 'place'"),
         ("[[sphere]]\nxyz = [0, 0, 0]", "radius"),
         ("[[", "is not an environment file"),
-        ('[[sphere]]\nradius = 0.1\nxyz = [0, 0, 0]\nlink = "hand"', "panda has no link 'hand' to carry it"),
+        (
+            '[[sphere]]\nradius = 0.1\nxyz = [0, 0, 0]\nlink = "hand"',
+            "panda has no link 'hand', so no link can carry this body",
+        ),
     ):
         path.write_text(text)
         with pytest.raises(ArmidError, match=problem):

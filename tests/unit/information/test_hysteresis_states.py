@@ -73,7 +73,9 @@ def model_motion(arm, recorded) -> Motion:
 
 def test_columns_without_memory_are_refused(arm, recorded):
     model, motion = arm[0], recorded[0]
-    with pytest.raises(ModelError, match=r"'hysteresis' needs .* with 2 hysteresis states; the motion has none"):
+    with pytest.raises(
+        ModelError, match=r"'hysteresis' needs .* with 2 hysteresis states; the given motion has none"
+    ):
         model.term_columns(motion)
     with pytest.raises(ModelError, match="has 1"):
         model.regressor(motion.with_memory(motion.q[:, :1]))

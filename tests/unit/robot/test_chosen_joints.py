@@ -246,8 +246,8 @@ def test_a_tendon_couples_only_joints_that_move(tmp_path):
 @pytest.mark.parametrize(
     ("chosen", "message"),
     [
-        ({"only": ["leg_*"]}, r"no joint that fits 'leg_\*' to move(.|\n)*left_1, left_2"),
-        ({"lock": ["root", "lefty_*"]}, r"no joint that fits 'lefty_\*' to lock(.|\n)*Possible: root"),
+        ({"only": ["leg_*"]}, r"no joint that matches 'leg_\*' to move(.|\n)*left_1, left_2"),
+        ({"lock": ["root", "lefty_*"]}, r"no joint that matches 'lefty_\*' to lock(.|\n)*Possible: root"),
         ({"lock": ["root", "tosro"]}, r"no joint 'tosro' to lock(.|\n)*did you mean 'torso'"),
         ({"tip": "left_for"}, r"no frame 'left_for' for the tip(.|\n)*did you mean 'left_fore'"),
         ({"tip": "base"}, r"all of its .* joints are locked"),

@@ -12,9 +12,9 @@ from armid.maths.signals.fourier_transform import frequencies, inverse, spectrum
 def central_difference(x: Array, rate: float, order: int = 1, *, periodic: bool = False) -> Array:
     """First or second derivative by the three-point formula, in the shape of `x`.
 
-    For the second derivative, the three-point formula is used, not the first derivative twice. The first derivative
-    twice would use only every second sample. Its error would be four times as large as the error (ω/rate)²/12 of the
-    three-point formula, and it would be insensitive to the upper half of the band.
+    The relative error of the three-point formula for the second derivative is (ω/rate)²/12. If the formula for the
+    first derivative were applied twice, only every second sample would be used. The error would then be four times as
+    large, and frequencies in the upper half of the band would have little effect.
 
     Args:
         x: Signals, shape (N, ...).

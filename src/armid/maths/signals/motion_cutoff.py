@@ -29,8 +29,8 @@ def automatic_cutoff(q: Array, rate: float) -> float:
 
     The band of the motion of a joint contains the share `MOTION_ENERGY` of the energy of its velocity. Only
     frequencies below the first one at which the power of the position is less than `NOISE_RATIO` times the noise are
-    considered. The noise is the mean of the upper half of the spectrum, where no arm moves. The cut-off is
-    `MOTION_FACTOR` times the widest band of all joints, limited to `CUTOFF_RANGE`.
+    considered. The noise is the mean of the upper half of the spectrum, which contains no motion of an arm. The
+    cut-off is `MOTION_FACTOR` times the widest band of all joints, limited to `CUTOFF_RANGE`.
 
     Args:
         q: Positions at a constant sample rate, shape (N, n) [rad or m].

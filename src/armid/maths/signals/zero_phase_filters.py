@@ -73,9 +73,9 @@ def butterworth(order: int, cutoff: float, rate: float) -> Array:
 
 
 def fir(periods: float, cutoff: float, rate: float) -> Array:
-    """FIR low-pass filter, a windowed sinc over a number of periods of the cut-off; taps of shape (2h+1,).
+    """FIR low-pass filter, a windowed sinc with a length of some periods of the cut-off; taps of shape (2h+1,).
 
-    The gain is -6 dB at the cut-off, as for both passes of `butterworth`, and exactly one at zero frequency.
+    The gain is -6 dB at the cut-off, like that of both passes of `butterworth`, and exactly one at zero frequency.
     """
     _check_cutoff(periods, cutoff, rate)
     half = max(1, round(0.5 * periods * rate / cutoff))
@@ -122,7 +122,7 @@ def settling_samples(filter: Array, decay: float = SETTLED) -> int:
 
 
 def edge_samples(filter: Array, share: float = EDGE) -> int:
-    """Number of samples at the end of a run whose impulse response lies beyond the end by more than `share`."""
+    """Number of samples at an end of a run for which more than `share` of the impulse response is beyond the end."""
     length = fast_length(2 * settling_samples(filter) + 1)
     kernel = np.abs(inverse(_grid_gain(filter, length).astype(np.complex128), length))[: length // 2]
     tail = kernel[::-1].cumsum()[::-1]
@@ -147,8 +147,8 @@ def zero_phase(
             to half of the time.
 
     Returns:
-        Filtered signals in the shape of `x`, or with a step of `x[first::step]` along the time axis. Straight lines
-        are not changed, and the first and last samples are kept.
+        Filtered signals in the shape of `x`, or in the shape of `x[first::step]` along the time axis if a step is
+        given. Straight lines are not changed, and the first and last samples are kept.
     """
     x = _along(x, axis)
     if x.ndim != 2:

@@ -29,7 +29,7 @@ def require_positive(what: str, value: float, least: float = 0.0) -> None:
 
 
 def require_rising(what: str, values: object) -> tuple[float, ...]:
-    """Checks that values are one or more positive numbers in ascending order.
+    """Raises an error unless the values are one or more positive numbers in ascending order.
 
     Raises:
         ModelError: There are no values, or they are not positive, or not ascending.

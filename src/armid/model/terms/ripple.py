@@ -59,13 +59,13 @@ class Ripple:
         if self.motor_harmonics and self.gear_ratio is None:
             raise ModelError(
                 "The option `motor_harmonics` of ripple needs the gear ratio, which is not given.",
-                remedy="give gear_ratio.",
+                remedy="give the option `gear_ratio`, the angle of the motor divided by the angle of the joint.",
             )
         if self.gear_ratio is not None:
             require_positive("The gear ratio of ripple", self.gear_ratio)
 
     def laws(self, robot: Robot) -> tuple[Law, ...]:
-        """Laws of RS2, RC2, … for harmonics of the joint, and RSM1, RCM1, … for those of the motor, of each joint."""
+        """Laws of each joint: RS2, RC2, … for harmonics of the joint, RSM1, RCM1, … for harmonics of the motor."""
         angle = symbol("q")
         waves = [(f"{k:g}", angle * float(k)) for k in self.harmonics]
         waves += [(f"M{k:g}", angle * (float(k) * float(self.gear_ratio or 1.0))) for k in self.motor_harmonics]

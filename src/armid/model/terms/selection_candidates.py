@@ -53,7 +53,7 @@ class CandidateFamily:
             other poses, too.
         rounds: Largest number of options that a joint may get one after another.
         margin: Number of standard errors by which a gain must exceed zero.
-        min_gain: Smallest gain (reduction of the squared held-out error, as a share) with which a term is
+        min_gain: Smallest gain (decrease of the squared held-out error divided by this error) with which a term is
             accepted.
         reselect: True if the family is selected again after all others: near standstill most friction laws are
             similar.
@@ -85,17 +85,17 @@ class AutomaticChoice:
         make: Function that makes the term from its shapes, the width of the model's Coulomb friction, and the names
             of the joints; `None` for all joints.
         options: Options that a joint may get, each with its family; they may contain candidates of other terms.
-        saturation: Ratio of joint speed to shape above which a law of the velocity is saturated. The law is no
-            candidate for a joint that was never so fast: below saturation it resembles viscous friction, and its
-            extrapolation would be wrong.
+        saturation: Ratio of joint speed to shape above which a law of the velocity is saturated. The law is not a
+            candidate for a joint that was never so fast, because below saturation it cannot be distinguished from
+            viscous friction and its extrapolation would be wrong.
         one_shape: True if a joint can have the term only once, with one shape.
         resolution: Quantity that must remain after the low-pass filter, for a term that acts for a short time after a
             reversal: the `height` of a law of the velocity, or the `transition` of a hysteresis element.
         log_slope: Function that gives the derivative of the law with respect to the logarithm of its shape, from
             expression and shape. It is used to refine the shape by least squares after the selection.
         revolute_only: True if only revolute joints may have the term.
-        is_sum: True if the term is a sum over several shapes, of which single ones, but not the largest, may be
-            removed.
+        is_sum: True if the term is a sum over several shapes. The selection may then remove single shapes, but not
+            the largest one.
     """
 
     make: Callable[[tuple[float, ...], float, tuple[str, ...] | None], Term]

@@ -1,4 +1,4 @@
-"""Inertia of a body from its geoms, as MuJoCo computes it for a body without an inertial."""
+"""Inertia of a body from its geoms, as MuJoCo computes it for a body without the element <inertial>."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def is_solid(geom: ET.Element) -> bool:
 
 
 def stated_mass(geoms: Sequence[ET.Element], settings: Settings) -> float | None:
-    """Sum of the masses that geoms state [kg]; `None` if one of them states none."""
+    """Sum of the masses that are stated for geoms [kg]; `None` if no mass is stated for one of them."""
     masses = [_number(geom, "mass", settings) for geom in geoms]
     return None if None in masses else sum(mass for mass in masses if mass is not None)
 
@@ -62,7 +62,7 @@ def inertia_of_geoms(geoms: Sequence[ET.Element], meshes: MeshAssets, settings: 
     """Ten inertial parameters of a body in its own frame, shape (10,).
 
     Args:
-        geoms: Its geoms that have a mass, with the attributes of their default classes.
+        geoms: Geoms of the body that have a mass, with the attributes of their default classes.
         meshes: Meshes of the document.
         settings: Settings of the document.
         where: Name of the geoms, for messages.

@@ -118,7 +118,8 @@ def check_equalities(root: ET.Element, source: str, locked: Collection[str]) -> 
             raise RobotError(
                 f"{source} has an equality of kind {tie.tag!r}, which {what} {', '.join(moving)}.",
                 possible="open chains and trees",
-                remedy="lock these joints (--lock), or choose an arm without them (--tip LINK, --only PATTERN).",
+                remedy="lock these joints (--lock), or select an arm that does not contain them (--tip LINK, --only "
+                "PATTERN).",
             )
         if tie.tag == "joint" and follower not in locked:
             raise RobotError(

@@ -72,8 +72,8 @@ class MeshAssets:
     def existing(self) -> dict[str, tuple[str, Array, Array]]:
         """Path, scale (3,) and pose (4, 4) in the geom of each mesh whose file exists, by name.
 
-        A mesh is not among them if `refquat` turns it by other than right angles and its scale differs by axis: no
-        scale along the axes of the file gives such a mesh.
+        A mesh is left out if its attribute `refquat` is not a rotation by right angles and its scale factors differ,
+        because such a mesh cannot be represented by scale factors along the axes of the file.
         """
         found: dict[str, tuple[str, Array, Array]] = {}
         for name, mesh in self.elements.items():
@@ -95,7 +95,7 @@ class MeshAssets:
         return np.array(numbers(mesh, "scale", 3, self.source, _named(mesh)) or [1.0, 1.0, 1.0])
 
     def _reference(self, mesh: ET.Element) -> tuple[Array, Array]:
-        """Position (3,) [m] and rotation (3, 3), in the file of a mesh, of the frame to which its vertices refer."""
+        """Position (3,) [m] and rotation (3, 3) of the frame of a mesh's vertices, in the coordinates of its file."""
         where = _named(mesh)
         position = numbers(mesh, "refpos", 3, self.source, where) or [0.0, 0.0, 0.0]
         turned = numbers(mesh, "refquat", 4, self.source, where) or [1.0, 0.0, 0.0, 0.0]
@@ -115,7 +115,7 @@ class MeshAssets:
         return inertia_of_triangles(vertices[faces], mode)
 
     def _triangles(self, mesh: ET.Element) -> tuple[Array, Faces]:
-        """Vertices (V, 3) [m], moved, turned and scaled as the mesh says, and triangles (F, 3)."""
+        """Vertices (V, 3) [m], moved, rotated and scaled as stated in the mesh, and triangles (F, 3)."""
         path = self.path(mesh)
         if path is not None:
             kind = mesh.get("content_type", "")
@@ -197,7 +197,7 @@ def _hull(vertices: Array) -> Faces:
     try:
         hull = ConvexHull(vertices)
     except (QhullError, ValueError) as error:
-        raise UncomputableError("the vertices of a mesh have no convex hull of a volume") from error
+        raise UncomputableError("the convex hull of the vertices of a mesh has no volume") from error
     faces = hull.simplices.astype(np.intp)
     corners = vertices[faces]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])

@@ -18,7 +18,7 @@ FORMATS = (".stl", ".obj", ".msh")
 
 
 class UncomputableError(RobotError):
-    """Inertia that does not follow from the geometry that a description gives; the text says why."""
+    """Inertia that cannot be computed from the geometry in a description; the text states the reason."""
 
 
 def read_mesh(path: Path, suffix: str) -> tuple[Array, Faces]:
@@ -39,7 +39,7 @@ def read_mesh(path: Path, suffix: str) -> tuple[Array, Faces]:
     try:
         reader = {".stl": _stl, ".obj": _obj, ".msh": _msh}[suffix.lower()]
     except KeyError:
-        raise UncomputableError(f"the mesh file {path} is none of {', '.join(FORMATS)}") from None
+        raise UncomputableError(f"the format of the mesh file {path} is none of {', '.join(FORMATS)}") from None
     try:
         vertices, faces = reader(data)
     except (ValueError, IndexError, UnicodeDecodeError) as error:
@@ -52,17 +52,17 @@ def read_mesh(path: Path, suffix: str) -> tuple[Array, Faces]:
 
 
 def _stl(data: bytes) -> tuple[Array, Faces]:
-    """Binary STL: 80 bytes of header, a number of triangles, 50 bytes each."""
+    """Reads a binary STL: 80 bytes of header, the number of triangles, and 50 bytes for each triangle."""
     count = int.from_bytes(data[80:84], "little")
     if len(data) != 84 + 50 * count or not count:
-        raise ValueError("its length is not that of a binary STL, the only kind that MuJoCo reads")
+        raise ValueError("the length of the file is not that of a binary STL; MuJoCo reads no other kind of STL")
     triangle = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
     corners = np.frombuffer(data, triangle, count, 84)["corners"].reshape(-1, 3)
     return corners.astype(np.float64), np.arange(len(corners)).reshape(-1, 3)
 
 
 def _obj(data: bytes) -> tuple[Array, Faces]:
-    """All vertices of an OBJ, and the faces of its first group, cut into triangles from their first corner."""
+    """Reads an OBJ file: all vertices, and the faces of the first group, cut into triangles from the first corner."""
     vertices: list[list[float]] = []
     faces: list[tuple[int, int, int]] = []
     grouped = False
@@ -82,10 +82,10 @@ def _obj(data: bytes) -> tuple[Array, Faces]:
 
 
 def _msh(data: bytes) -> tuple[Array, Faces]:
-    """Format of MuJoCo: four numbers, then vertices, normals and texture coordinates, then faces."""
+    """Reads the format of MuJoCo: four numbers, then vertices, normals and texture coordinates, then faces."""
     vertices, normals, textures, faces = (int(x) for x in np.frombuffer(data, "<i4", 4))
     behind = 16 + 12 * (vertices + normals) + 8 * textures
     if min(vertices, normals, textures, faces) < 0 or len(data) != behind + 12 * faces:
-        raise ValueError("its length does not agree with its header")
+        raise ValueError("the length of the file does not agree with the header")
     points = np.frombuffer(data, "<f4", 3 * vertices, 16).reshape(-1, 3).astype(np.float64)
     return points, np.frombuffer(data, "<i4", 3 * faces, behind).reshape(-1, 3).astype(np.intp)

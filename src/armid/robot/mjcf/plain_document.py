@@ -41,7 +41,7 @@ class Uncomputed:
     """Inertia of a body that could not be computed.
 
     Attributes:
-        mass: Sum of the masses that the geoms state [kg]; `None` if a mass follows from a volume.
+        mass: Sum of the masses that are stated for the geoms [kg]; `None` if a mass must be computed from a volume.
         reason: Reason, for messages.
     """
 
@@ -62,7 +62,8 @@ class Plain:
             the name of its body, which is empty for the world.
         sites: Named sites, in the same form as `geoms`. They are not in `text`, because Pinocchio misplaces sites of
             fixed bodies.
-        uncomputed: Bodies whose inertia follows from geoms and could not be computed, so that it is not in `text`.
+        uncomputed: Bodies whose inertia must be computed from geoms, but could not be computed; their inertia is not
+            in `text`.
         drives: Rotor inertia and friction by joint.
         meshes: Meshes of the document.
     """
@@ -121,7 +122,7 @@ def plain_mjcf(root: ET.Element, source: str, locked: Mapping[str, float], *, fo
     Args:
         root: The document.
         source: Path of the document.
-        locked: Joints to be locked; those with several degrees of freedom are not in the result.
+        locked: Joints to be locked; locked joints with several degrees of freedom are not in the result.
         folder: Folder in which meshes are searched; that of the document if not given.
 
     Raises:
@@ -163,7 +164,7 @@ def plain_mjcf(root: ET.Element, source: str, locked: Mapping[str, float], *, fo
 
 @dataclass(slots=True)
 class _Writer:
-    """Conversion of bodies to plain form; it also collects their limits."""
+    """Conversion of bodies to plain form; it also collects the limits of their joints."""
 
     root: ET.Element
     source: str
@@ -184,7 +185,8 @@ class _Writer:
                     "description-ignored",
                     "warning",
                     "",
-                    f"the compiler settings {', '.join(ignored)}, which change masses or inertias, are ignored",
+                    f"the compiler settings {', '.join(ignored)} are ignored, although they change masses or "
+                    "inertias",
                     "write the changed masses and inertias into the bodies, and remove these settings",
                 )
             )
@@ -257,7 +259,7 @@ class _Writer:
         return ET.Element("joint", {"name": name, "type": kind, **plain})
 
     def _mass(self, body: ET.Element, childclass: str, name: str) -> list[ET.Element]:
-        """The inertial element of a body, or the geoms from which Pinocchio computes the inertia."""
+        """Element <inertial> of a body, or the geoms from which Pinocchio computes the inertia."""
         source_of_mass = self.settings.compiler.get("inertiafromgeom", "auto")
         inertial = body.find("inertial")
         if inertial is not None and source_of_mass != "true":
@@ -284,7 +286,7 @@ class _Writer:
         return ET.Element("geom", {"type": geom.get("type", "sphere"), **kept, **self.settings.pose(geom, where)})
 
     def add_actuator_limits(self, root: ET.Element) -> None:
-        """Adds effort limits of actuators to the joints that have no effort limit themselves."""
+        """Adds the effort limits of actuators to the joints that have no effort limit in the description."""
         for element in (a for section in root.findall("actuator") for a in section if a.tag in ACTUATORS):
             actuator = self.settings.resolved(element, "main")
             name = actuator.get("joint", "")
@@ -302,7 +304,7 @@ class _Writer:
 
 
 def _inertial(vector: Array) -> ET.Element:
-    """Inertial element of ten parameters (10,) in the frame of the body, in full precision."""
+    """Element <inertial> for ten parameters (10,) in the frame of the body, in full precision."""
     mass, com, inertia = vector_to_com_inertia(vector)
     full = [inertia[i, j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
     texts = {"mass": [mass], "pos": com, "fullinertia": full}

@@ -1,4 +1,4 @@
-"""Compiler settings and default classes of an MJCF, and the poses that follow from them."""
+"""Compiler settings and default classes of an MJCF, and the poses that depend on them."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Settings:
     Attributes:
         source: Path of the document, for messages.
         compiler: Attributes of the compiler.
-        defaults: Attributes by tag of each default class, by its name.
+        defaults: Default classes by name; for each class, the attributes by tag.
     """
 
     source: str
@@ -37,10 +37,10 @@ class Settings:
 
         Args:
             element: The element.
-            childclass: Default class of elements that name none.
+            childclass: Default class of elements without the name of a class.
 
         Raises:
-            RobotError: There is no such class.
+            RobotError: The default class of the element does not exist.
         """
         name = element.get("class", childclass)
         if name not in self.defaults:
@@ -81,7 +81,7 @@ def settings_of(root: ET.Element, source: str) -> Settings:
     """Settings of a document whose includes are resolved.
 
     Raises:
-        RobotError: The sequence of Euler angles is not one.
+        RobotError: The setting of the sequence of Euler angles is invalid.
     """
     settings = Settings(source)
     for compiler in root.findall("compiler"):
@@ -89,7 +89,7 @@ def settings_of(root: ET.Element, source: str) -> Settings:
     sequence = settings.compiler.get("eulerseq", "xyz")
     if len(sequence) != 3 or set(sequence.lower()) - set("xyz"):
         raise RobotError(
-            f"{source}: the compiler setting eulerseq is {sequence!r}.",
+            f"{source}: the compiler setting eulerseq has the invalid value {sequence!r}.",
             possible="three letters, each x, y, z, X, Y or Z",
             remedy="correct the setting.",
         )
@@ -102,7 +102,7 @@ def settings_of(root: ET.Element, source: str) -> Settings:
 def _add_defaults(
     settings: Settings, section: ET.Element, inherited: dict[str, dict[str, str]], fallback: str
 ) -> None:
-    """Adds a default class and the classes inside it; unnamed ones have the name of the class around them."""
+    """Adds a default class and the classes inside it; unnamed classes get the name of the class around them."""
     own = {tag: dict(values) for tag, values in inherited.items()}
     for element in section:
         if element.tag != "default":

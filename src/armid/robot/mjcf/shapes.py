@@ -98,7 +98,7 @@ def shapes_of_mjcf(
 
 
 def _scenery(root: ET.Element) -> tuple[set[str], set[str]]:
-    """Bodies outside of robots that a simulation moves, and those that stand still; ``""`` is the world."""
+    """Bodies that do not belong to a robot: those that a simulation moves, and fixed ones; ``""`` is the world."""
     moved, standing = set[str](), {""}
     for tree in (body for worldbody in root.findall("worldbody") for body in worldbody.findall("body")):
         joints = [*tree.iter("joint"), *tree.iter("freejoint")]
@@ -110,7 +110,7 @@ def _scenery(root: ET.Element) -> tuple[set[str], set[str]]:
 
 
 def _see_through(root: ET.Element) -> dict[str, bool]:
-    """True for the materials that are see-through, by name of the material."""
+    """For each material, by name: true if it is see-through."""
     return {material.get("name", ""): _clear(material) for asset in root.findall("asset") for material in asset}
 
 

@@ -18,15 +18,15 @@ class DescriptionReader(Protocol):
 
     @staticmethod
     def recognises(text: str) -> bool:
-        """Tests whether a text looks like this format; it is used if several formats have the same suffix."""
+        """Tests whether a text looks like this format; this is used if several formats have the same suffix."""
         ...
 
     @staticmethod
     def read(text: str, *, source: str, locked: Mapping[str, float], tip: str | None) -> Robot:
         """Reads the robot that a text describes.
 
-        Joints named in `locked` that have one degree of freedom are still joints of the result; other ones are made
-        fixed.
+        The joints of `locked` with one degree of freedom are still joints of the result; joints with more degrees of
+        freedom are made fixed.
         """
         ...
 

@@ -100,7 +100,7 @@ def read(text: str, *, source: str, locked: Mapping[str, float], tip: str | None
         tip: Name of the tip frame: that of the table, or a link (`link_1`, …); `None` for that of the table.
 
     Raises:
-        RobotError: The text is not such a table; the message names the wrong key and lists the possible ones.
+        RobotError: The text is not a valid DH table; the message names the wrong key and lists the possible keys.
     """
     try:
         document = tomllib.loads(text)
@@ -276,7 +276,8 @@ def _tables(document: dict[str, Any], key: str, source: str) -> list[Any]:
     rows = document.get(key, [])
     if not isinstance(rows, list):
         raise RobotError(
-            f"{source}: {key} must be an array of tables.", remedy=f"write [[{key}]], with double brackets, for each."
+            f"{source}: {key} must be an array of tables.",
+            remedy=f"write [[{key}]], with double brackets, above the keys of each entry.",
         )
     return cast("list[Any]", rows)
 

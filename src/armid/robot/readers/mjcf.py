@@ -1,7 +1,7 @@
-"""Reader of MJCF: converts a file to a plain form for Pinocchio; meshes are opened where inertia follows from them.
+"""Reader of MJCF: converts a file to a plain form for Pinocchio; meshes are opened if inertia depends on them.
 
-Bodies with several hinges or slides become a chain of massless links. Effort limits are those of the joint, or of its
-actuator if the joint has none. Gravity is that of the file.
+Bodies with several hinges or slides become a chain of massless links. If a joint has no effort limit, the effort
+limit of its actuator is used. The acceleration of gravity is read from the file.
 """
 
 from __future__ import annotations

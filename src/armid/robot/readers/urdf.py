@@ -1,7 +1,8 @@
 """Reader of URDF with Pinocchio; meshes are not opened.
 
-Joint kinds, mimic tags, axes and limits are checked first, because urdfdom ignores some faults and reports others
-without the place. Fixed joints are merged into the link that carries them.
+Joint kinds, mimic tags, axes and limits are checked first, because urdfdom, the parser of Pinocchio, ignores some
+faults and reports others without the element that contains them. Fixed joints are merged into the link that carries
+them.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Reader of xacro, which the package xacrodoc expands to URDF.
 
-The digest is that of the expanded text, because included files also change the robot.
+The digest of the description is computed from the expanded text, because included files also change the robot.
 """
 
 from __future__ import annotations

@@ -19,7 +19,7 @@ from armid.robot.robot import Robot
 
 @dataclass(frozen=True, slots=True)
 class AsymmetricCoulomb:
-    """Difference of Coulomb friction in the positive direction from the mean of both directions.
+    """Difference between Coulomb friction in the positive direction and the mean of both directions.
 
     The torque is constant while the joint moves, so it can be distinguished from an offset only with data near
     standstill.

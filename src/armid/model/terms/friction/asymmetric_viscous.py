@@ -17,7 +17,7 @@ from armid.robot.robot import Robot
 
 @dataclass(frozen=True, slots=True)
 class AsymmetricViscous:
-    """Difference of viscous friction in the positive direction from the mean of both directions.
+    """Difference between viscous friction in the positive direction and the mean of both directions.
 
     Attributes:
         joints: Names of the joints with this term; `None` for all joints.

@@ -1,8 +1,8 @@
 """Coulomb friction: τ = FS · sgn(q̇), or FS · tanh(q̇ / width) if the width is not zero.
 
-If the arm rests, the sign of the velocity is that of the encoder noise, which doubles the torque error. If the true
-friction has an exact sign, a width causes an error of about a newton metre. So the width is a shape of the term, and
-width 0 gives the exact sign with sgn(0) = 0.
+If the arm rests, the sign of the velocity is the sign of the encoder noise, which doubles the torque error; a width
+prevents this. If the friction of the arm really follows the exact sign, a width causes an error of about a newton
+metre. The width can therefore be chosen; width 0 gives the exact sign with sgn(0) = 0.
 """
 
 from __future__ import annotations

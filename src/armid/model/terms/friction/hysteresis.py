@@ -1,8 +1,8 @@
 """Hysteresis at reversals by the Maxwell-slip model: τ = Σ FH_k · (q - z_k) / r_k.
 
-Each element is a spring between the joint and a point z_k. If its deflection reaches r_k, the point z_k slips, so it
-is the state of a play operator in q. After a reversal, the torque of the element changes from one limit to the other
-over a motion of 2 r_k, independent of the velocity [AlBender2005].
+Each element is a spring between the joint and a point z_k. If the deflection of the spring reaches r_k, the point z_k
+slips. So z_k is the state of a play operator in q. After a reversal, the torque of the element changes from one limit
+to the other over a motion of 2 r_k, independent of the velocity [AlBender2005].
 """
 
 from __future__ import annotations

@@ -18,7 +18,7 @@ from armid.robot.robot import Robot
 
 @dataclass(frozen=True, slots=True)
 class PowerViscous:
-    """Friction that grows with a power of the velocity: below 1 for cold grease, above 1 for oil that is stirred.
+    """Friction that grows with a power of the velocity: exponent below 1 for cold grease, above 1 for churned oil.
 
     It is physically possible if the sum with FV · q̇ opposes the motion at every velocity; FW and FV may have either
     sign.
