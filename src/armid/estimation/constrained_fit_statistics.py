@@ -257,7 +257,7 @@ def _findings(estimate: PhysicalEstimate, eigenvalues: Array, price: float, held
     for own, smallest in zip(standard.inertial, eigenvalues, strict=True):
         if smallest < PHYSICAL:
             message = (
-                "No real body can have the values of this link: its pseudo-inertia has the eigenvalue "
+                "No real body can have the values of this link: its pseudo-inertia has the negative eigenvalue "
                 f"{smallest:.2g}."
             )
             findings.append(Finding("not-physical", "warning", standard.names[own[0]], message, REMEDY))

@@ -107,8 +107,8 @@ def restrained_motion(
     shares = ", ".join(f"{names[j]} {100.0 * used[j]:.0f} %" for j in held[np.argsort(used[held])])
     evidence = (
         f"{' and '.join(each.text for each in restraints)} {'keep' if len(restraints) > 1 else 'keeps'} joints well "
-        f"below their own limits (largest share of any limit: {shares}); if these joints came up to their limits, "
-        f"standard deviations would be smaller by a factor of {cost:.1f}"
+        f"below their own limits (largest share of any limit: {shares}); if these joints reached their limits, the "
+        f"standard deviations of the parameters would be smaller by a factor of {cost:.1f}"
     )
     return Finding("motion-restrained", "warning", ", ".join(names[j] for j in held), evidence, _remedy(restraints))
 

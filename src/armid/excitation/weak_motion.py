@@ -81,7 +81,7 @@ def weak_motion(
     evidence = (
         "The motion is too small or slow to identify the arm. In free motion up to the speed limits, the torque "
         "predicted by its model would have these standard deviations, divided by the noise of one sample: "
-        f"{torques}; at most {UNUSABLE:g} is usable. Slowest joints: {speeds} of their speed limits"
+        f"{torques}; a model is usable only up to {UNUSABLE:g}. Slowest joints: {speeds} of their speed limits"
     )
     reasons, kinds, is_held = _reasons(problem, x, collision)
     remedies = [REMEDIES[kind] for kind in kinds if kind in REMEDIES]

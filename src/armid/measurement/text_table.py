@@ -271,7 +271,7 @@ def _cut_end(rows: Sequence[str], number: int, width: int, delimiter: str, *, en
         f"The last row, line {number + 1}, {what}: the recorder was probably stopped while it wrote. This row is "
         f"left out; the {len(rows) - 1} rows before it are used."
     )
-    remedy = "check that the recording was not stopped too early; to be rid of this warning, remove the line."
+    remedy = "check that the recording was not stopped too early; to avoid this warning, remove the line."
     return (Finding("row-incomplete", "warning", "", evidence, remedy),)
 
 

@@ -62,7 +62,7 @@ def with_bodies(
         findings.append(Finding("bodies-from-visuals", "info", "", evidence))
     if markers:
         listed = ", ".join(dict.fromkeys(each.name for each in markers))
-        evidence = f"shapes without contacts are taken for markers that an arm may pass through: {listed}"
+        evidence = f"shapes without contacts are treated as markers, through which the arm may move: {listed}"
         remedy = "if any of them stands for a real body, describe this body in a file and give it with --environment."
         findings.append(Finding("markers-unchecked", "info", "", evidence, remedy))
     shapes = (*robot.shapes, *taken)

@@ -1,10 +1,8 @@
 """Search for the folders of ROS packages.
 
-The folders searched are those given by the user, those above the description, and those in ROS_PACKAGE_PATH and
-AMENT_PREFIX_PATH.
-
-A description names meshes as package://NAME/… and xacro files as $(find NAME)/…, but not the folder of package NAME.
-ROS need not be installed.
+A description refers to meshes as package://NAME/… and to xacro files as $(find NAME)/…, but it does not contain the
+folder of the package NAME. This folder is searched in the folders that the user gives, in those above the
+description, and in those of ROS_PACKAGE_PATH and AMENT_PREFIX_PATH. ROS need not be installed.
 """
 
 from __future__ import annotations

@@ -89,7 +89,7 @@ def test_every_account_says_what_a_weak_plan_is(held):
         f"every limit holds (torque without friction and rotor inertia); {unchecked}; but the motion is too weak"
     )
     text, page, record = report_text(held), render_preflight(held), report_record(held)
-    assert text.startswith(f"! {sentence}") and "at most 3 is usable" in text
-    assert f'<p class="verdict fail"><b>! {sentence}' in page and "at most 3 is usable" in page
+    assert text.startswith(f"! {sentence}") and "usable only up to 3" in text
+    assert f'<p class="verdict fail"><b>! {sentence}' in page and "usable only up to 3" in page
     assert record["verdict"] == "weak" and record["said"].startswith(sentence)
     assert [each["code"] for each in record["findings"]].count("motion-weak") == 1

@@ -422,7 +422,7 @@ def test_no_clock_and_no_rate_is_refused_and_the_implied_rate_told():
 def test_stamps_that_scatter_around_an_even_clock_are_replaced_by_it_and_not_sorted():
     """Rows are in order; their stamps scatter by 0.4 of a step, so that some are earlier than the one before."""
     scatter = 0.4 * (TIME[1] - TIME[0]) * np.random.default_rng(2).standard_normal(len(TIME))
-    remedy = refused("around an even clock of", recorded(time=TIME + scatter)).remedy
+    remedy = refused("around a uniform clock of", recorded(time=TIME + scatter)).remedy
     assert Remedy.read(remedy).keys == {
         "columns": {"time": ""},
         "rate": pytest.approx(1.0 / (TIME[1] - TIME[0]), rel=1e-9),

@@ -72,7 +72,8 @@ def nearest(feasible: Feasible, A: Array, y: Array, cost: Array, precision: Arra
         None,
         UnsolvedError(
             "The solver found no physically consistent parameters.",
-            remedy="relax the options heaviest, masses, com, known, fixed or equal, or identify with another method.",
+            remedy="relax the options `heaviest`, `masses`, `com`, `known`, `fixed` or `equal`, or identify with "
+            "another method.",
         ),
     )
     for near, units in _starts(A, y, precision):

@@ -118,7 +118,8 @@ class PhysicallyConsistent:
         """
         trouble = UnsolvedError(
             "The solver found no physically consistent parameters.",
-            remedy="relax the options heaviest, masses, com, known, fixed or equal, or identify with another method.",
+            remedy="relax the options `heaviest`, `masses`, `com`, `known`, `fixed` or `equal`, or identify with "
+            "another method.",
         )
         first = whiten(problem.information, resolution=RESOLUTIONS[0])
         for resolution in RESOLUTIONS:
@@ -190,7 +191,10 @@ class PhysicallyConsistent:
                 values = program.solve(rows, side, float(weight), aim=TRIED).values
                 errors[k, f] = _error(part.held_out, program.standard.regrouping @ values, weighted.weights)
         chosen = one_standard_error(errors)
-        how = f"the strongest of {len(weights)} within a standard error of the best on {len(parts)} held-out folds"
+        how = (
+            f"the largest of {len(weights)} weights whose error on {len(parts)} held-out folds is within one "
+            "standard error of the smallest"
+        )
         trials = tuple(PriorTrial(float(w), float(e)) for w, e in zip(weights, errors.mean(axis=1), strict=True))
         return PriorUse(kind, float(weights[chosen]), how, correlation, trials)
 

@@ -248,8 +248,11 @@ def adjacent_ranges(robot: Robot, adjacent: AdjacentLinks, limits: Limits, narro
         parts.append(f"{joint.name} {low:.4g} to {high:.4g} {joint.unit}, because of {' and '.join(close)}")
     if not parts:
         return ()
-    evidence = f"adjacent links keep apart within narrower position limits (required distance): {'; '.join(parts)}"
-    remedy = "if they may touch, leave the pair out of the collision check with --ignore-pair A,B."
+    evidence = (
+        "the plan uses narrower position limits, within which adjacent links keep apart (required distance): "
+        f"{'; '.join(parts)}"
+    )
+    remedy = "if two such links may touch, leave the pair out of the collision check with --ignore-pair A,B."
     return (Finding("adjacent-range", "info", "", evidence, remedy),)
 
 

@@ -145,7 +145,7 @@ def _slabs(whole: Points, faces: NDArray[np.intp], direction: Array, slabs: int)
 
 
 def around(name: str, part: Points, outer: Array) -> Shape:
-    """Smallest capsule found around points, fixed to the frame of the points.
+    """Smallest capsule that is found around points, in the frame of the points.
 
     Args:
         name: Name of the capsule.

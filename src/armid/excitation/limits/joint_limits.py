@@ -153,8 +153,10 @@ def limits_wider_than_described(robot: Robot, limits: Limits) -> Finding | None:
             texts.append(f"{joint.name}: {', '.join(wider)}")
     if not joints:
         return None
-    evidence = f"the plan may go beyond the limits of the description, as asked; {'; '.join(texts)}"
-    remedy = "check that the arm and its controller allow it; or give limits within the description's with --limit."
+    evidence = f"as requested, the plan may go beyond the limits of the description; {'; '.join(texts)}"
+    remedy = (
+        "check that the arm and its controller allow this, or give limits within the described ones with --limit."
+    )
     return Finding("limit-beyond-description", "warning", ", ".join(joints), evidence, remedy)
 
 

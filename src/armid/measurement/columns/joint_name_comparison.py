@@ -125,7 +125,7 @@ def missing_joints(names: Sequence[str], robot: Robot, labels: Sequence[str], pa
     if len(missing) <= min(len(recorded), LISTED):
         still = f"{', '.join(missing)} stood still, lock {'it' if len(missing) == 1 else 'them'}"
         locks = " ".join(f"--lock {joint}" for joint in missing)
-        locked = f"if {still}: {locks} (with =VALUE behind the name if not at 0); or "
+        locked = f"if {still}: {locks} (with =VALUE after the name if the position is not 0); or "
     return RecordingError(
         f"{path}: No column holds the position of {_listed(missing)}; the log has positions of {len(recorded)} of "
         f"the {robot.n} joints of {robot.name}: {_listed(recorded)}.",

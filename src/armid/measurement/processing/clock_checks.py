@@ -82,8 +82,8 @@ def _backwards(recording: Recording, time: Array, log_format: LogFormat) -> Reco
     return recording_error(
         "clock-jitter",
         recording,
-        f"{evidence}. The stamps scatter around an even clock of {rate:g} Hz by {steps:.2g} steps (standard "
-        "deviation); sorting the rows would exchange samples.",
+        f"{evidence}. The time stamps scatter around a uniform clock of {rate:g} Hz by {steps:.2g} steps (standard "
+        "deviation), so sorting the rows by time would exchange samples.",
         Remedy(
             *naming(log_format, {"time": ""}).parts,
             *lines(rate=rate).parts,

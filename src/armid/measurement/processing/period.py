@@ -143,16 +143,16 @@ def find_period(pieces: Sequence[Stretch], source: str, findings: list[Finding])
     outside = f" {ends} are not used." if before + after > OUTSIDE else ""
     evidence = f"The positions repeat every {found.period:.6g} s, {found.count} times.{outside}"
     use = (
-        "Confidence intervals can be computed from the differences between repetitions; the result names what they "
-        "were computed from, and why."
+        "Confidence intervals can be computed from the differences between repetitions; the result states the "
+        "method that was used, and the reason."
         if found.count >= FEWEST_COMPARED
         else f"Confidence intervals are computed from the differences between repetitions only if there are "
-        f"{FEWEST_COMPARED} or more; the result names what they were computed from."
+        f"{FEWEST_COMPARED} or more; the result states the method that was used."
     )
     remedy = Remedy(
-        f"{use} If nothing repeats, give ",
+        f"{use} If the motion does not repeat, give ",
         setting("period", "none"),
-        "; if the period is another, give it in s.",
+        "; if this period is wrong, give the right one in s.",
     )
     findings.append(Finding("period-found", "info", source, evidence, remedy))
     return found.period, found.start

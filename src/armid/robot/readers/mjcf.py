@@ -120,7 +120,7 @@ def _unknown_inertia(bodies: Mapping[str, Uncomputed]) -> tuple[Finding, ...]:
         "the inertia of these bodies follows from their geoms, but cannot be computed: "
         + "; ".join(told[:LISTED])
         + more
-        + (f"; the masses alone, which the geoms state ({stated}), do not determine a torque" if stated else "")
+        + (f"; the stated masses of geoms ({stated}) do not determine a torque without inertias" if stated else "")
     )  # fmt: skip
     remedy = (
         "put missing files in place, or give these bodies an <inertial>: MuJoCo computes their mass, ipos, iquat and "

@@ -133,10 +133,12 @@ def _too_short(evidence: LogEvidence) -> list[Finding]:
     if left_out > MUCH * recording.samples:
         text = (
             f"{left_out} of {length} are left out for one joint or more, because they are excluded, repeated, stuck "
-            "or saturated. A filter needs undisturbed stretches, and what remains is too little to fit a model; "
-            f"{unchecked}"
+            "or saturated. A filter needs long stretches without gaps, and the remaining rows are too few to fit a "
+            f"model; {unchecked}"
         )
-        remedy = "record again without what made you exclude these samples, or correct the key `exclude`"
+        remedy = (
+            "record again without the disturbances for which these samples are excluded, or correct the key `exclude`"
+        )
     return [Finding("excitation-weak", "warning", "", text, remedy)]
 
 

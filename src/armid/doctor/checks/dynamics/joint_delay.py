@@ -135,8 +135,8 @@ def explain(state: LogState) -> Explanation | None:
         best.gain,  # on the rows on which the delay of all torques is judged, too
         "error",
         name,
-        f"The torques of the other joints say that the positions of {name} are {word} by {1e3 * abs(delay):.0f} ± "
-        f"{1e3 * best.deviation:.1f} ms; with this removed, the residual away from reversals is "
+        f"The torques of the other joints show that the positions of {name} are {word} by {1e3 * abs(delay):.0f} ± "
+        f"{1e3 * best.deviation:.1f} ms; with this delay removed, the residual away from reversals is "
         f"{1 - np.exp(-best.gain):.0%} smaller.",
         lambda evidence: _remedy(evidence, best.joint, delay),
         _moved(state, best.joint, delay),

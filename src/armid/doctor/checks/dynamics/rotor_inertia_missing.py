@@ -28,7 +28,7 @@ MISSES = float(np.log(2.0))
 """The same for an error in a recording that is compared with a run: half of what the model of the run misses is rotor
 inertia, which then counts as friction, load or links."""
 
-ADDED = "armid identify adds rotor inertia where the study names no terms."
+ADDED = "armid identify adds rotor inertia if the study names no terms."
 
 
 def check(evidence: LogEvidence) -> list[Finding]:

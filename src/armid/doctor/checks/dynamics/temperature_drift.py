@@ -55,8 +55,8 @@ def check(evidence: LogEvidence) -> list[Finding]:
             "temperature-drift",
             "warning",
             ", ".join(names[j] for j in np.flatnonzero(together)),
-            f"Friction changes over {np.ptp(time):.0f} s: {listed}; with this change the residual is "
-            f"{1 - np.exp(-gain):.0%} smaller.",
+            f"Friction changes over {np.ptp(time):.0f} s: {listed}; if the model contains this change, the residual "
+            f"is {1 - np.exp(-gain):.0%} smaller.",
             "record again with warm gears, or record one log for each temperature and set `friction_per_recording = "
             "true`",
         )

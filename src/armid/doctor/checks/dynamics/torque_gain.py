@@ -95,9 +95,9 @@ def explain(state: LogState) -> Explanation | None:
         float(gains[best]),
         "error" if max(factor, 1.0 / factor) > WRONG_UNIT else "warning",
         names[best],
-        f"The torque of {names[best]} is about {1.0 / factor:.2g} times what the torques of the other joints imply; "
-        f"with its scale corrected, the residual of one model for all joints is {1 - np.exp(-gains[best]):.0%} "
-        f"smaller.{doubt}",
+        f"The torque of {names[best]} is about {1.0 / factor:.2g} times the value that the torques of the other "
+        "joints imply; with its scale corrected, the residual of one model for all joints is "
+        f"{1 - np.exp(-gains[best]):.0%} smaller.{doubt}",
         lambda evidence: _gain(evidence, correction),
         after,
         by_error_alone=True,

@@ -90,8 +90,8 @@ def check(evidence: LogEvidence) -> list[Finding]:
     if falling.sum() < MOST * recording.n:
         return []
     text = (
-        f"The torque of {falling.sum()} joints has no noise floor: its spectrum keeps falling, and from "
-        f"{median(ends[falling]):.3g} Hz on it is a thousandth of its value just above the motion."
+        f"The torque of {falling.sum()} joints has no noise floor: its spectrum falls further and further, and from "
+        f"{median(ends[falling]):.3g} Hz on it is below a thousandth of its value just above the band of the motion."
     )
     return [Finding("filtered-before-logging", "info", "effort", text, AGAIN)]
 

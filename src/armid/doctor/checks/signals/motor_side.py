@@ -106,7 +106,7 @@ def _covers(evidence: LogEvidence, finding: Finding) -> bool:
 def _declared(finding: Finding) -> Finding:
     """The finding as a warning, because a user who states so large a deviation has not forgotten the gains."""
     evidence = (
-        f"{finding.evidence} The stated deviation of the drive gains allows for it, so this is no error; the "
+        f"{finding.evidence} This is within the stated deviation of the drive gains, so it is not an error; the "
         "intervals are as wide as the deviation."
     )
     return replace(finding, severity="warning", evidence=evidence)

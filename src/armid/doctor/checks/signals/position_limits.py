@@ -29,8 +29,9 @@ NAMED = 3
 """Largest number of joints that a message describes."""
 
 REMEDY = (
-    "check that the log is of this arm and not of another one of a pair; else its zeros (joint_offset), directions "
-    "of counting (position_sign), units and order of channels (joints); or correct the limits of the description"
+    "check whether the log belongs to this arm, and not to the other arm of a pair. If it does, check the zeros "
+    "(joint_offset), signs (position_sign), units and order of the channels (joints), and the limits of the "
+    "description"
 )
 
 
@@ -50,11 +51,11 @@ def check(evidence: LogEvidence) -> list[Finding]:
     more = f"; {len(joints) - NAMED} more" if len(joints) > NAMED else ""
     mirrored = not always_outside(robot, -q)[outside].any()
     why = (
-        " Counted in the other direction they would be inside, as those of the other arm of a pair."
+        " With the opposite sign the positions would be inside, as for the other arm of a mirrored pair."
         if mirrored
         else ""
     )
-    evident = f"In all of the motion joints are outside their limits: {'; '.join(told)}{more}.{why}"
+    evident = f"In the whole motion, joints are outside their limits: {'; '.join(told)}{more}.{why}"
     if turns_too_far(evidence):
         return [of_motors(f"{evident} Most joints move over several times the range of their limits")]
     return [Finding(CODE, "error", ", ".join(robot.joint_names[j] for j in joints), evident, REMEDY)]
@@ -99,7 +100,7 @@ CHECK = LogCheck(
     look=check,
     scope="recording",
     effects={
-        CODE: "The log is not of this arm, or read at wrong angles; an estimate may fit and still be of another arm."
+        CODE: "The log belongs to another arm, or its angles are misread; the estimate may fit and still be wrong."
     },
     follows=("degrees", "motor-side"),
     needs_torque=False,
