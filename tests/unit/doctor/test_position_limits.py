@@ -60,7 +60,7 @@ def test_a_log_of_the_other_arm_is_an_error_and_told_once(tmp_path: Path):
     assert [(f.code, f.severity, f.channel) for f in told] == [("position-limits", "error", "turn")]
     q = case.recording.q[:, 0]
     assert f"turn goes from {q.min():.4g} to {q.max():.4g} rad" in told[0].evidence
-    assert "[-2.5, -0.1]" in told[0].evidence and "other arm of a pair" in told[0].evidence
+    assert "[-2.5, -0.1]" in told[0].evidence and "other arm of a mirrored pair" in told[0].evidence
     assert all(word in told[0].remedy for word in ("joint_offset", "position_sign", "joints", "another"))
 
 
