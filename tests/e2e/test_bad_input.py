@@ -137,7 +137,11 @@ def with_one_joint_still(table: Table) -> None:
         (in_milliseconds, ["run.csv", "seconds"]),
         (
             in_degrees,
-            ["far outside its limits", "if the angles were in degrees, all joints would be inside the limits", 'units = "deg"'],
+            [
+                "far outside its limits",
+                "if the angles were in degrees, all joints would be inside the limits",
+                'units = "deg"',
+            ],
         ),
         (without_a_joint, ["2 channels; small has 3 joints: joint_1, joint_2, joint_3"]),
         (with_a_joint_too_many, ["4 channels; small has 3 joints", "empty name for each channel"]),
