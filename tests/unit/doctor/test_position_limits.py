@@ -61,7 +61,7 @@ def test_a_log_of_the_other_arm_is_an_error_and_told_once(tmp_path: Path):
     q = case.recording.q[:, 0]
     assert f"turn goes from {q.min():.4g} to {q.max():.4g} rad" in told[0].evidence
     assert "[-2.5, -0.1]" in told[0].evidence and "other arm of a mirrored pair" in told[0].evidence
-    assert all(word in told[0].remedy for word in ("joint_offset", "position_sign", "joints", "another"))
+    assert all(word in told[0].remedy for word in ("joint_offset", "position_sign", "joints", "other arm"))
 
 
 def test_an_identification_from_the_log_of_the_other_arm_fails(tmp_path: Path):
