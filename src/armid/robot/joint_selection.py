@@ -235,8 +235,8 @@ def _said(
     held = len(free) + len(locked) + led
     total = len(outline.joints)
     following = f", {led} of them because {'it mimics' if led == 1 else 'they mimic'} others" if led else ""
-    what = f"{total - held} of {total} joints move, so the other {held} are locked{following}; "
-    what += "the position is 0 unless another one is given after the name: "
+    what = f"{total - held} of {total} joints move; the other {held} are locked{following}, at position 0 unless "
+    what += "the list shows another: "
     by_name = locked if len(locked) <= MANY else sorted(locked, key=lambda name: " at " not in name)[:MANY]
     others = f" and {len(locked) - len(by_name)} more" if len(by_name) < len(locked) else ""
     as_asked = f"{', '.join(by_name)}{others} (by name), " if locked else ""

@@ -102,7 +102,8 @@ def test_what_was_held_is_said(two):
     found = {finding.code: finding for finding in load_robot(two, only=["left_[12]"]).findings}
     assert found["joints-held"].severity == "info"
     assert "torso at 0.1" in found["joints-held"].evidence and "right_2 at 0.5" in found["joints-held"].evidence
-    assert "are locked, 2 of them because they mimic others; the position is 0" in found["joints-held"].evidence
+    locked = "are locked, 2 of them because they mimic others, at position 0 unless the list shows another: "
+    assert locked in found["joints-held"].evidence
     assert not found["joints-held"].remedy
     assert "left_other at 0.02" in found["joint-follows"].evidence
     by_tip = {finding.code: finding for finding in load_robot(two, tip="left_fore").findings}
@@ -115,7 +116,7 @@ def test_joints_that_were_locked_by_name_count_among_those_that_are_held(two):
     (said,) = (finding.evidence for finding in robot.findings if finding.code == "joints-held")
     every = load_robot(two, lock=["root"])
     joints = len({*every.described_joints, "root"} | {held.name for held in every.held})
-    assert said.startswith(f"2 of {joints} joints move, so the other {joints - 2} are locked"), said
+    assert said.startswith(f"2 of {joints} joints move; the other {joints - 2} are locked"), said
     assert "root, right_2 at 0.4 (by name), " in said and said.count("right_2") == 1
 
 

@@ -62,8 +62,11 @@ def test_torque_that_nothing_limits_is_said_not_to_be_judged(weightless, tmp_pat
     )
     judged = planned(tmp_path, effort="90", inertial=INERTIAL)
     assert not evidence(judged, "torque-unjudged")
-    assert "so the plan may use only 90 % of each torque limit, which is the bound below" in report_text(judged)
-    assert "so the plan may use only 90 % of each torque limit" in render_preflight(judged)
+    assert (
+        "only 90 % of each torque limit, because predicted torques are uncertain; the torque bounds"
+        in report_text(judged)
+    )
+    assert "only 90 % of each torque limit" in render_preflight(judged)
     assert report_record(judged)["torque_share"] == pytest.approx(0.9)
 
 

@@ -225,8 +225,8 @@ def margins_text(designed: Checked) -> str:
     if share == 1.0:
         return "the plan may use 100 % of each velocity limit and of each torque limit"
     return (
-        f"predicted torques are uncertain, so the plan may use only {100.0 * share:.0f} % of each torque "
-        "limit, which is the bound below; it may use 100 % of each velocity limit"
+        f"the plan may use 100 % of each velocity limit, but only {100.0 * share:.0f} % of each torque limit, "
+        "because predicted torques are uncertain; the torque bounds in the table are these reduced limits"
     )
 
 

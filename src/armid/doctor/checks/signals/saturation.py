@@ -95,7 +95,7 @@ CHECK = LogCheck(
         "inertial parameters that other joints share are a compromise.",
     },
     untested={
-        "saturation": "the rows that it leaves out contain no measurement",
+        "saturation": "it removes rows without a measurement, so there is nothing to compare with the prediction",
     },
     hides=(
         "contact",
