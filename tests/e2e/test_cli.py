@@ -552,6 +552,8 @@ def test_demo(armid: Armid):
     assert found["truth"]["relative_error"] < 0.01
     shown = armid("demo", "--seed", 3, "--out", "there")
     assert shown.code == 0 and "error against the true values: base parameters" in shown.out
+    told = {each["code"] for each in found["warnings"] if each["severity"] == "warning"}
+    assert told == set(re.findall(r"^warning (\S+)", shown.err, re.MULTILINE))
     assert {path.name for path in Path("there").iterdir()} == RUN_FILES | {"demo.json"}
 
 

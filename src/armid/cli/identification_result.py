@@ -13,12 +13,13 @@ from rich.markup import escape
 
 from armid.cli.commands.doctor import doctor
 from armid.cli.commands.report import PAGE
-from armid.cli.console import output_console, print_verdict, validation_table
+from armid.cli.console import SHAPE_FINDINGS, output_console, print_verdict, validation_table
 from armid.cli.parameter_tables import estimate_table, folded_line, friction_selection_table, print_links, status_line
 from armid.estimation.link_properties import link_table
 
 if TYPE_CHECKING:
     from armid.checked_array import Array
+    from armid.errors import Finding
     from armid.estimation.fit_result import Fit
     from armid.study.identify import Result
 
@@ -54,9 +55,9 @@ def print_result(result: Result, *, verbose: bool = False) -> None:
     fit = estimate.fit
     console.print(f"[bold]{escape(estimate.robot)}[/]: ", end="")
     print_verdict(console, result.validation)
-    warnings = dict.fromkeys(each.code for each in estimate.findings if each.severity == "warning")
-    if warnings and result.validation.verdict == "pass":
-        console.print(f" [yellow]with warnings[/], which are explained below: {', '.join(warnings)}")
+    if result.validation.verdict == "pass":
+        for line in _warning_lines(estimate.findings, verbose=verbose):
+            console.print(line)
     units = [joint.effort_unit for joint in result.robot.joints]
     console.print(validation_table(result.validation, result.training, units))
     if result.friction_selection is not None:
@@ -83,6 +84,20 @@ def _assumption(result: Result) -> str:
     """Line with what the intervals assume."""
     other = "" if result.friction_selection is not None else "; --terms auto selects other forms"
     return f"intervals assume that the model is right, including its form of friction{other}"
+
+
+def _warning_lines(findings: Sequence[Finding], *, verbose: bool) -> list[str]:
+    """Lines with the codes of warnings: those that are printed below, and those that only the page explains."""
+    codes = list(dict.fromkeys(each.code for each in findings if each.severity == "warning"))
+    printed = [code for code in codes if verbose or code not in SHAPE_FINDINGS]
+    others = [code for code in codes if code not in printed]
+    lines = [f" [yellow]with warnings[/], which are explained below: {', '.join(printed)}"] if printed else []
+    if others:
+        lines.append(
+            f" with warnings about shapes, which do not affect the result; --verbose and {PAGE} explain them: "
+            f"{', '.join(others)}"
+        )
+    return lines
 
 
 def _method_line(result: Result) -> str:

@@ -35,7 +35,7 @@ def demo(
     Example:
         armid demo --preset thesis
     """
-    from armid.cli.console import output_console, progress
+    from armid.cli.console import output_console, print_findings, progress
     from armid.cli.identification_result import print_next, print_result
     from armid.estimation.link_properties import link_record, link_table
     from armid.measurement.processing.options import ProcessingOptions
@@ -67,6 +67,7 @@ def demo(
             f"error against the true values: base parameters {100 * done.relative_error:.3f} %, torque on "
             f"Table A.2 {done.torque_error:.4f} N·m RMS"
         )
+    print_findings(done.result.estimate.findings, shapes=verbose, whole=verbose)
     page = not no_report and write_page(run, done.result, done.recordings)
     if not json:
         print_next(done.result, folder, page=page)

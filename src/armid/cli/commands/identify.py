@@ -217,7 +217,7 @@ def _print(result: Result, table: MethodTable | None, folder: Path, *, verbose: 
         print_result(result, verbose=verbose)
         if table is not None:
             print_methods(table, [joint.effort_unit for joint in result.robot.joints])
-    print_findings(result.estimate.findings, whole=verbose)
+    print_findings(result.estimate.findings, shapes=verbose, whole=verbose)
 
 
 def _study(
