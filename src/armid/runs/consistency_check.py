@@ -27,13 +27,14 @@ from armid.runs.run import Run
 from armid.validation.distance_to_consistency import Certificate, certify_values
 from armid.validation.gravity_sign import gravity_sign_finding
 from armid.validation.smallest_mass_matrix import Pose, worst_along, worst_pose
-from armid.validation.thesis_constraints import Constraint, thesis_constraints
+from armid.validation.thesis_constraints import ROUNDING, Constraint, thesis_constraints
 
 HEAVIEST = 10.0
-"""Default upper bound of the mass of a link in the nearest consistent parameters [kg]."""
+"""Default upper bound of the mass of a link in the nearest consistent parameters, for descriptions without masses
+[kg]."""
 
-HEAVIER = 2.0
-"""Ratio of this upper bound to the mass of the heaviest link, for descriptions with heavy links."""
+HEAVIER = 2.5
+"""Ratio of this upper bound to the mass of the heaviest link of a description with masses."""
 
 TERM_OF_SYMBOL: Mapping[str, type[Term]] = {"FV": Viscous, "FS": Coulomb, "FO": Offset, "IA": RotorInertia}
 PHYSICAL = ("m", "rx", "ry", "rz", "Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz")
@@ -98,9 +99,9 @@ def described_values(robot: Robot) -> dict[str, float]:
 
 
 def usual_heaviest(robot: Robot) -> float:
-    """Default largest mass of a link [kg]; twice the heaviest link of a description with heavy links."""
+    """Default largest mass of a link [kg]: 2.5 times the heaviest link of the description, 10 kg without masses."""
     heaviest = max((link.inertial.mass for link in robot.links if link.inertial is not None), default=0.0)
-    return HEAVIEST if heaviest <= HEAVIEST else HEAVIER * heaviest
+    return HEAVIER * heaviest if heaviest > 0.0 else HEAVIEST
 
 
 def read_values(path: Path | str) -> dict[str, float]:
@@ -307,6 +308,12 @@ def _physical(robot: Robot, values: Mapping[str, float], motion: Motion | None, 
     return _verdict("physical", model, names, theta, np.eye(len(theta)), theta, motion, heaviest, (masses, tensors))
 
 
+def _rounding(masses: Array, tensors: Array) -> float:
+    """Largest rounding error of masses and inertias: that of three decimals if none has more, otherwise zero."""
+    thousandths = np.concatenate([masses.ravel(), tensors.ravel()]) / (2.0 * ROUNDING)
+    return ROUNDING if np.allclose(thousandths, np.round(thousandths), rtol=0.0, atol=1e-6) else 0.0
+
+
 def _verdict(
     kind: str,
     model: DynamicsModel,
@@ -326,7 +333,7 @@ def _verdict(
     if kind == "standard" and (theta[model.inertial_columns[::10]] > 0.0).all():
         split = [vector_to_com_inertia(theta[own]) for own in model.inertial_columns.reshape(-1, 10)]
         about_com = np.array([part[0] for part in split]), np.array([part[2] for part in split])
-    constraints = () if about_com is None else thesis_constraints(*about_com)
+    constraints = () if about_com is None else thesis_constraints(*about_com, _rounding(*about_com))
     return Verdict(
         kind,
         certificate,

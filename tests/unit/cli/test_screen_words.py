@@ -27,7 +27,10 @@ def test_a_certificate_speaks_of_physical_consistency(ixx, code, word, tmp_path,
     assert f"standard parameters: {word}physically consistent" in out and "smallest eigenvalue" in out
     assert "positive definite" in out and "feasible" not in out and "against" not in out and "worst pose" not in out
     if ixx == 0.05:
-        assert "link 1: triangle inequality of the moments of inertia (3.53a): 0.02, bound 0.05" in out
+        assert (
+            "link 1: sum of the two smaller moments of inertia is 0.02 kg·m², less than its bound of 0.05 kg·m², the "
+            "largest moment (3.53a)"
+        ) in out and "rounded" not in out
 
 
 def test_every_rule_and_every_prior_has_its_words():

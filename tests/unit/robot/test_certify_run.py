@@ -11,7 +11,15 @@ from armid.cli.commands.certify_parameters import _report
 from armid.errors import EstimationError, ModelError
 from armid.robot import load_robot
 from armid.robot.readers.urdf import read
-from armid.runs.consistency_check import Verdict, certify_named, certify_run, described_values, verdict_record
+from armid.runs.consistency_check import (
+    HEAVIER,
+    PHYSICAL,
+    Verdict,
+    certify_named,
+    certify_run,
+    described_values,
+    verdict_record,
+)
 from armid.runs.run import Run
 from labs import URDF
 from reports import make_run
@@ -116,16 +124,33 @@ def test_a_heavy_gantry_has_its_own_units_and_masses(tmp_path: Path, kind: str, 
     path.write_text(GANTRY.replace("KIND", kind))
     robot = load_robot(path)
     verdict = certify_named(robot, described_values(robot))
-    assert verdict.heaviest == 80.0 and verdict.limited.distance < 1e-6
+    assert verdict.heaviest == 100.0 and verdict.limited.distance < 1e-6
     assert verdict.pose.unit == unit and verdict_record(verdict)["mass_matrix"]["unit"] == unit
     _report(verdict, None)
     out = " ".join(capsys.readouterr().out.split())
-    assert "with no link above 80 kg (10 kg, or twice the heaviest link of the description" in out
+    assert "with no link above 100 kg (--heaviest; default: 2.5 times the heaviest link of the description" in out
     assert f"{verdict.pose.min_eigenvalue:.5g} {unit} at q" in out
     if kind == "prismatic":
         assert verdict.pose.min_eigenvalue == pytest.approx(8.0)
     assert certify_named(robot, described_values(robot), heaviest=10.0).limited.distance > 1.0
 
 
-def test_arms_of_usual_size_keep_the_usual_limit(run: Run):
-    assert certify_run(run).heaviest == 10.0 and certify_run(run).pose.unit == "kg·m²"
+def test_the_limit_follows_the_heaviest_link_of_the_description(run: Run):
+    """An arm of 3 kg has no link of 10 kg; the limit scales with the described masses."""
+    described = max(link.inertial.mass for link in run.robot.links if link.inertial is not None)
+    assert certify_run(run).heaviest == HEAVIER * described and certify_run(run).pose.unit == "kg·m²"
+
+
+def test_rounding_to_three_decimals_explains_only_values_with_three_decimals():
+    """A mass of four decimals shows that the others are exact, so a product above its bound is above it."""
+    robot = read(URDF, source="small", locked={}, tip=None)
+    values = {f"{symbol}_{k}": 0.0 for k in range(1, robot.n + 1) for symbol in PHYSICAL}
+    values |= {name: 0.009 for name in values if name.split("_")[0] in ("m", "Ixx", "Iyy", "Izz")}
+
+    def product(**changed: float) -> tuple[bool, bool]:
+        found = certify_named(robot, values | changed).constraints
+        return next((each.ok, each.rounding) for each in found if (each.constraint, each.link) == ("(3.53c)", 1))
+
+    assert product(Ixy_1=0.001) == (False, True)
+    assert product(Ixy_1=0.001, m_1=0.0101) == (False, False)
+    assert product() == (True, True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -13,18 +14,20 @@ from armid.cli.options import Gravity, Json, Lock, Only, Package, TipLink, robot
 if TYPE_CHECKING:
     from armid.checked_array import Array
     from armid.runs.consistency_check import Verdict
+    from armid.validation.distance_to_consistency import Certificate
+    from armid.validation.thesis_constraints import Constraint
 
 RULES = {
-    "(3.52c)": "mass above zero",
-    "(3.52d)": "smallest principal moment of inertia above zero",
-    "(3.53a)": "triangle inequality of the moments of inertia",
-    "(3.53b)": "smallest moment of inertia at least a hundredth of the largest",
-    "(3.53c)": "products of inertia at most a tenth of the smallest moment of inertia",
-    "(3.53d)": "smallest moment of inertia at least 1e-4 kg·m²",
-    "(3.53e)": "moments about x and y at least three times the moment about z, as for a link that is long along z",
-    "(3.53f)": "moments about x and z at least three times the moment about y, as for a link that is long along y",
+    "(3.52c)": ("mass", "kg", "which must be positive"),
+    "(3.52d)": ("smallest principal moment of inertia", "kg·m²", "which must be positive"),
+    "(3.53a)": ("sum of the two smaller moments of inertia", "kg·m²", "the largest moment"),
+    "(3.53b)": ("100 times the smallest moment of inertia", "kg·m²", "the largest moment"),
+    "(3.53c)": ("a tenth of the smallest moment of inertia", "kg·m²", "the largest product of inertia"),
+    "(3.53d)": ("smallest moment of inertia", "kg·m²", "the usual minimum"),
+    "(3.53e)": ("smaller moment of inertia about x or y", "kg·m²", "three times the one about the long axis z"),
+    "(3.53f)": ("smaller moment of inertia about x or z", "kg·m²", "three times the one about the long axis y"),
 }
-"""Requirement of each constraint of the thesis [Halper2024], by the number of its equation."""
+"""Quantity, unit and lower bound of each constraint of the thesis [Halper2024], by the number of its equation."""
 
 
 def certify(
@@ -46,7 +49,8 @@ def certify(
     heaviest: Annotated[
         float | None,
         typer.Option(
-            min=0.0, help="Largest mass of a link, kg; 10 by default, or twice a heaviest link above 10 kg."
+            min=0.0,
+            help="Largest mass of a link, kg; by default 2.5 times the heaviest link of the description, or 10.",
         ),
     ] = None,
     gravity: Gravity = None,
@@ -95,14 +99,13 @@ def _report(verdict: Verdict, motion: str | None) -> None:
     yes = "[bold green]physically consistent[/]: links with positive density can have them"
     no = "[bold red]not physically consistent[/]: no links with positive density can have them"
     console.print(f"{verdict.kind} parameters: {yes if certificate.feasible else no}")
+    if not certificate.feasible:
+        console.print(f"  {_change(certificate)}")
+    several = "link masses (one of many sets with the same torques)" if verdict.kind == "base" else "link masses"
+    console.print(f"  {several}, kg: {_list(certificate.masses)}")
     console.print(
-        f"  nearest consistent parameters: Euclidean distance {certificate.distance:.4g} "
-        f"({100 * certificate.relative_distance:.3g} % of all, {100 * certificate.inertial_distance:.3g} % of the "
-        f"inertial parameters); one choice of link masses for them, kg: {_list(certificate.masses)}"
-    )
-    console.print(
-        f"  with no link above {verdict.heaviest:.3g} kg (10 kg, or twice the heaviest link of the "
-        f"description; option --heaviest): distance {verdict.limited.distance:.4g}; masses, kg: "
+        f"  with no link above {verdict.heaviest:.3g} kg (--heaviest; default: 2.5 times the heaviest link of the "
+        f"description, or 10 kg if it has no masses): {_change(verdict.limited)}; link masses, kg: "
         f"{_list(verdict.limited.masses)}"
     )
     definite = "positive definite" if verdict.pose.min_eigenvalue > 0.0 else "not positive definite everywhere"
@@ -112,17 +115,38 @@ def _report(verdict: Verdict, motion: str | None) -> None:
     )
     if verdict.along is not None:
         console.print(f"  along {motion}: {verdict.along.min_eigenvalue:.5g} {verdict.along.unit}")
-    broken = [each for each in verdict.constraints if not each.ok]
+    _report_rules([each for each in verdict.constraints if not each.ok])
+    print_findings(verdict.findings)
+
+
+def _change(certificate: Certificate) -> str:
+    """Distance to the nearest consistent parameters, in words."""
+    if certificate.feasible:
+        return "physically consistent without a change"
+    return (
+        f"the smallest change that makes them consistent is {certificate.distance:.4g}, the root of the sum of "
+        f"squares of all changes in SI units ({100 * certificate.relative_distance:.3g} % of all parameters, "
+        f"{100 * certificate.inertial_distance:.3g} % of the inertial ones)"
+    )
+
+
+def _report_rules(broken: Sequence[Constraint]) -> None:
+    """Print the constraints of the thesis that are not met, with value and bound."""
+    from armid.cli.console import output_console
+
+    console = output_console()
     if broken:
         console.print(
-            "rules of thumb that are not met; they do not affect the verdict, because some real bodies do "
-            "not meet them:"
+            "rules of thumb that are not met (they do not affect the verdict, because some real bodies do not meet "
+            "them):"
         )
     for each in broken:
-        note = " (met within rounding)" if each.rounding else ""
-        rule = f"{RULES[each.constraint]} {each.constraint}"
-        console.print(f"  link {each.link}: {rule}: {each.value:.4g}, bound {each.bound:.4g}{note}")
-    print_findings(verdict.findings)
+        value, unit, bound = RULES[each.constraint]
+        note = "; met if the given values were rounded to three decimals" if each.rounding else ""
+        console.print(
+            f"  link {each.link}: {value} is {each.value:.4g} {unit}, less than its bound of {each.bound:.4g} "
+            f"{unit}, {bound} {each.constraint}{note}"
+        )
 
 
 def _list(numbers: Array) -> str:
