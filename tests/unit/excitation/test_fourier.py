@@ -85,7 +85,7 @@ def test_plans_that_cannot_be_read(excitation, tmp_path):
     plan = json.loads(path.read_text())
     for key in ("a", "base_frequency", "robot"):
         path.write_text(json.dumps({k: v for k, v in plan.items() if k != key}))
-        with pytest.raises(ArmidError, match=f"lacks {key}"):
+        with pytest.raises(ArmidError, match=f"lacks the keys {key}"):
             load_plan(path)
     path.write_text("{")
     with pytest.raises(ArmidError, match="is not a plan"):
