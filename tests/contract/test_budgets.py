@@ -22,7 +22,7 @@ MORE_ATTRIBUTES = {
     "Fit": 18,  # what an estimate is judged by, each number of a kind of its own
     "ProcessingOptions": 13,  # each field is a key of `[processing]` in a study
     "DesignConstraints": 13,  # each field is a limit that a design may have
-    "LogFormat": 18,  # each field is a key of `[[recording]]` in a study
+    "LogFormat": 19,  # each field is a key of `[[recording]]` in a study
     "Recording": 16,  # what a log may hold: five quantities, how far they can be trusted, what its reader noticed
     "Robot": 11,  # what a description says of an arm
 }

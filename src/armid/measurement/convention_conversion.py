@@ -17,6 +17,7 @@ from armid.measurement.log_format import LogFormat
 from armid.measurement.position_range_check import check_limits
 from armid.measurement.processing.delay import compensate_delay
 from armid.measurement.processing.row_checks import clean
+from armid.measurement.processing.spikes import without_spikes
 from armid.measurement.readers import load_recording
 from armid.measurement.recording import Recording, recording_error
 from armid.measurement.remedy_builders import naming
@@ -64,10 +65,11 @@ def to_robot_convention(recording: Recording, log_format: LogFormat, robot: Robo
     recording, findings = clean(recording, log_format)
     standing = _check_channels(recording, log_format)
     _check_gains(recording, log_format)
+    recording, spiked = without_spikes(recording, log_format, robot)
     recording, wrapped = _on_joint_side(recording, log_format, robot)
     recording = compensate_delay(recording, log_format)
     offset = check_limits(recording, log_format, robot)
-    return ConvertedRecording(recording, (*seen, *others, *findings, *standing, *wrapped, *offset))
+    return ConvertedRecording(recording, (*seen, *others, *findings, *standing, *spiked, *wrapped, *offset))
 
 
 def read_recording(path: Path | str, robot: Robot, log_format: LogFormat | None = None) -> Recording:

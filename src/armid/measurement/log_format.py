@@ -99,6 +99,8 @@ class LogFormat:
         period: Period of the motion [s], or `none` if the motion does not repeat; detected from the positions if not
             given.
         start: Time of the first period on the recording's clock [s].
+        spikes: `keep` uses isolated samples of positions, velocities and torques that no arm can have, such as zeros
+            of a lost packet; they are left out if it is not given.
     """
 
     rate: float | None = None
@@ -119,6 +121,7 @@ class LogFormat:
     exclude: Sequence[Sequence[float]] = ()
     period: float | Literal["none"] | None = None
     start: float | None = None
+    spikes: Literal["keep"] | None = None
 
     def __post_init__(self) -> None:
         for name in ("rate", "time_unit"):
@@ -130,6 +133,8 @@ class LogFormat:
         if self.consecutive not in (None, True, False):
             raise _wrong("consecutive", self.consecutive, "true, false, or nothing for detection")
         _set(self, "units", _units(self.units))
+        if self.spikes not in (None, "keep"):
+            raise _wrong("spikes", self.spikes, "keep, or nothing to leave them out")
         if self.preset is not None and self.preset not in PRESETS:
             raise _wrong("preset", self.preset, ", ".join(PRESETS))
         if self.start is not None and self.stated_period is None:

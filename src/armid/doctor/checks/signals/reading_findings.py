@@ -31,6 +31,8 @@ EFFECTS = {
     "used.",
     "sticking": "At rest, static friction can have any value up to its bound, so no function of the velocity "
     "describes it.",
+    "spikes": "A filter would spread each of them over the rows around it; single zeros among positions can make the "
+    "error of an estimate forty times as large. They are left out.",
     "standstill": "At standstill, static friction can have any value up to its bound, which can bias the estimate.",
 }
 """Effects on an estimate, by code, of the faults that only readers find."""
@@ -65,6 +67,7 @@ CHECK = LogCheck(
         "row-incomplete": "the row is left out already",
         "rows-not-consecutive": "no motion can be left out if rows are not consecutive",
         "value-missing": "without the remedy, the log cannot be read",
+        "spikes": "the samples are left out already",
         "standstill": "rows at rest contribute little to the error",
     },
 )

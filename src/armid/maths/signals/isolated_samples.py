@@ -1,0 +1,115 @@
+"""Isolated samples: short runs of a signal that lie beyond the samples on both sides.
+
+The height of a run is its distance from the interval between the medians of three samples before it and three samples
+after it. A step and a steady motion have no height, because their samples lie between those on both sides.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armid.checked_array import Array
+
+SIDE = 3
+"""Number of samples on each side whose median a run is compared with; one of them may be an outlier itself."""
+
+FEWEST = 20
+"""Smallest number of samples in which isolated ones are searched."""
+
+WINDOW = 20
+"""Number of steps on each side of a run from which the local noise is estimated."""
+
+LOCAL = 30.0
+"""Smallest height of an isolated run, divided by the median step near it: about 30 standard deviations of white
+noise. The torque of a recorded UR10e has a height of 160 once, in the middle of a jerk."""
+
+USUAL, QUANTILE = 15.0, 0.99
+"""Smallest height of an isolated run, divided by a quantile of the heights of the single samples of its channel.
+Jerks, impacts and sticking also have short peaks; on recorded arms the largest has a ratio of 12 for torques, and of
+19 for velocities, which do not return."""
+
+RETURNS = 3.0
+"""Smallest height of an isolated run, divided by the difference between both of its sides; recorded jerks, which end
+elsewhere, have 1 to 2."""
+
+LONGEST = 3
+"""Largest number of samples of an isolated run."""
+
+ROUGH = 10.0
+"""Largest second difference, divided by the mean one, up to which no sample can be isolated; that of white noise is
+6."""
+
+
+def heights(x: Array, length: int) -> tuple[Array, Array]:
+    """Heights of all runs of a given length, and the differences between both sides of each.
+
+    Args:
+        x: Samples, shape (N,). At the ends, the median of seven samples takes the place of missing ones.
+        length: Samples of a run.
+
+    Returns:
+        Heights and differences of the runs that begin at each sample, shape (N - length + 1,) each.
+    """
+    ends = [np.full(SIDE, np.sort(part)[len(part) // 2]) for part in (x[: 2 * SIDE + 1], x[-2 * SIDE - 1 :])]
+    padded = np.concatenate([ends[0], x, ends[1]])
+    a, b, c = padded[:-2], padded[1:-1], padded[2:]
+    middle = np.maximum(np.minimum(a, b), np.minimum(np.maximum(a, b), c))
+    runs = len(x) - length + 1
+    before, behind = middle[:runs], middle[length + SIDE : length + SIDE + runs]
+    low = high = x[:runs]
+    for k in range(1, length):
+        low, high = np.minimum(low, x[k : k + runs]), np.maximum(high, x[k : k + runs])
+    above, below = low - np.maximum(before, behind), np.minimum(before, behind) - high
+    return np.maximum(np.maximum(above, below), 0.0), np.abs(before - behind)
+
+
+def marked(starts: NDArray[np.bool_], length: int, into: NDArray[np.bool_]) -> None:
+    """Marks the samples of runs in a mask.
+
+    Args:
+        starts: Mask of the samples at which the runs begin, shape (N - length + 1,).
+        length: Samples of a run.
+        into: Mask of samples that is changed, shape (N,).
+    """
+    for k in range(length):
+        into[k : k + len(starts)] |= starts
+
+
+def smallest_step(steps: Array) -> float:
+    """Smallest step that is not zero, which is at least the resolution; 0 if all steps are zero."""
+    return float(np.min(steps, where=steps > 0.0, initial=np.inf)) if steps.any() else 0.0
+
+
+def isolated_samples(x: Array) -> NDArray[np.bool_]:
+    """Mask of the isolated samples of each channel, found by their heights alone.
+
+    Args:
+        x: Samples, shape (N, n).
+
+    Returns:
+        Shape (N, n).
+    """
+    found = np.zeros(x.shape, dtype=np.bool_)
+    if len(x) < FEWEST:
+        return found
+    bent = np.abs(x[2:] - 2.0 * x[1:-1] + x[:-2])
+    for j in np.flatnonzero(bent.max(axis=0) > ROUGH * bent.mean(axis=0)):
+        _mark_isolated(np.ascontiguousarray(x[:, j]), found[:, j])
+    return found
+
+
+def _mark_isolated(x: Array, found: NDArray[np.bool_]) -> None:
+    """Marks the isolated samples of one channel (N,)."""
+    steps = np.abs(np.diff(x))
+    resolution = smallest_step(steps)
+    usual = float(np.quantile(heights(x, 1)[0], QUANTILE))
+    for length in range(1, LONGEST + 1):
+        height, difference = heights(x, length)
+        candidates = np.flatnonzero(height > np.maximum(USUAL * usual, RETURNS * difference))
+        away = np.concatenate([np.arange(-WINDOW, 1 - SIDE), np.arange(SIDE - 1, WINDOW) + length])
+        near = np.sort(steps[np.clip(candidates[:, None] + away, 0, len(steps) - 1)], axis=1)
+        local = np.maximum(near[:, len(away) // 2], resolution / 2)
+        starts = np.zeros(len(height), dtype=np.bool_)
+        starts[candidates[height[candidates] > LOCAL * local]] = True
+        marked(starts, length, found)
