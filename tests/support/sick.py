@@ -403,6 +403,24 @@ def saturation(seed: int) -> Case:
     return replace(case.logged(effort=effort), truth={"joint": j})
 
 
+def spikes(seed: int) -> Case:
+    """A few lost packets, logged as zeros of positions, or bit errors of the torque or the velocity of a joint."""
+    case, rng = sound(seed), _rng(seed)
+    log = case.recording
+    kinds = ["q", "effort", *([] if log.dq is None else ["dq"])]
+    name = str(rng.choice(kinds))
+    values = np.array(getattr(log, name))
+    rows = rng.choice(log.samples, int(rng.integers(1, 12)), replace=False)
+    if name == "q":
+        values[rows] = 0.0
+    else:
+        j = int(rng.integers(case.robot.n))
+        joint = case.robot.joints[j]
+        limit = joint.effort_limit if name == "effort" else joint.velocity_limit
+        values[rows, j] = rng.choice([-1.0, 1.0], len(rows)) * rng.uniform(2.0, 20.0, len(rows)) * limit
+    return replace(case.logged(**{name: values}), truth={"quantity": name, "rows": np.sort(rows)})
+
+
 def channel_dead(seed: int) -> Case:
     """A channel that is constant throughout, or sticks from some time on."""
     case, rng = sound(seed), _rng(seed)
@@ -518,7 +536,7 @@ FAULTS: dict[str, Fault] = {
         torque_sign, position_sign, joint_order, degrees, position_offset, position_wrapped, gravity_direction,
         motor_side, rotor_inertia_missing, current_without_gain, clock_missing, clock_unit, time_scale, clock_jitter,
         clock_gap, rows_repeated, rows_not_consecutive, channel_delay, joint_delay, torque_gain, velocity_mismatch,
-        saturation, channel_dead,
+        saturation, spikes, channel_dead,
         value_missing, filtered_before_logging, period_misaligned, excitation_weak, temperature_drift, contact,
     )
 }  # fmt: skip

@@ -1,7 +1,8 @@
 """Isolated samples: short runs of a signal that lie beyond the samples on both sides.
 
 The height of a run is its distance from the interval between the medians of three samples before it and three samples
-after it. A step and a steady motion have no height, because their samples lie between those on both sides.
+after it. A step and a steady motion have no height, because their samples lie between those on both sides. A part of
+a longer run has none either, because the samples next to it lie with the run.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from armid.checked_array import Array
 SIDE = 3
 """Number of samples on each side whose median a run is compared with; one of them may be an outlier itself."""
 
-FEWEST = 20
+FEWEST = 30
 """Smallest number of samples in which isolated ones are searched."""
 
 WINDOW = 20
@@ -22,16 +23,19 @@ WINDOW = 20
 
 LOCAL = 30.0
 """Smallest height of an isolated run, divided by the median step near it: about 30 standard deviations of white
-noise. The torque of a recorded UR10e has a height of 160 once, in the middle of a jerk."""
+noise."""
 
 USUAL, QUANTILE = 15.0, 0.99
-"""Smallest height of an isolated run, divided by a quantile of the heights of the single samples of its channel.
-Jerks, impacts and sticking also have short peaks; on recorded arms the largest has a ratio of 12 for torques, and of
-19 for velocities, which do not return."""
+"""Smallest height of a brief isolated run, divided by a quantile of the heights of the single samples of its channel,
+since jerks, impacts and sticking have short peaks, too."""
+
+BRIEF = 2.5e-3
+"""Duration of a run from which it must be higher in proportion [s]. Where an arm stops abruptly, torque has a peak of
+10 ms: one sample at 100 Hz. On a recorded UR10e its height is 20 times the quantile; this requires 60 times."""
 
 RETURNS = 3.0
-"""Smallest height of an isolated run, divided by the difference between both of its sides; recorded jerks, which end
-elsewhere, have 1 to 2."""
+"""Smallest height of an isolated run, divided by the difference between both of its sides. The velocity of an arm
+that stops overshoots by 1 to 2 times that difference."""
 
 LONGEST = 3
 """Largest number of samples of an isolated run."""
@@ -61,7 +65,10 @@ def heights(x: Array, length: int) -> tuple[Array, Array]:
     for k in range(1, length):
         low, high = np.minimum(low, x[k : k + runs]), np.maximum(high, x[k : k + runs])
     above, below = low - np.maximum(before, behind), np.minimum(before, behind) - high
-    return np.maximum(np.maximum(above, below), 0.0), np.abs(before - behind)
+    height = np.maximum(np.maximum(above, below), 0.0)
+    last, following = padded[SIDE - 1 : SIDE - 1 + runs], padded[length + SIDE : length + SIDE + runs]
+    alone = np.maximum(np.abs(last - before), np.abs(following - behind)) <= height / 2
+    return np.where(alone, height, 0.0), np.abs(before - behind)
 
 
 def marked(starts: NDArray[np.bool_], length: int, into: NDArray[np.bool_]) -> None:
@@ -81,11 +88,12 @@ def smallest_step(steps: Array) -> float:
     return float(np.min(steps, where=steps > 0.0, initial=np.inf)) if steps.any() else 0.0
 
 
-def isolated_samples(x: Array) -> NDArray[np.bool_]:
+def isolated_samples(x: Array, seconds: float) -> NDArray[np.bool_]:
     """Mask of the isolated samples of each channel, found by their heights alone.
 
     Args:
         x: Samples, shape (N, n).
+        seconds: Time from sample to sample [s].
 
     Returns:
         Shape (N, n).
@@ -95,20 +103,22 @@ def isolated_samples(x: Array) -> NDArray[np.bool_]:
         return found
     bent = np.abs(x[2:] - 2.0 * x[1:-1] + x[:-2])
     for j in np.flatnonzero(bent.max(axis=0) > ROUGH * bent.mean(axis=0)):
-        _mark_isolated(np.ascontiguousarray(x[:, j]), found[:, j])
+        _mark_isolated(np.ascontiguousarray(x[:, j]), seconds, found[:, j])
     return found
 
 
-def _mark_isolated(x: Array, found: NDArray[np.bool_]) -> None:
+def _mark_isolated(x: Array, seconds: float, found: NDArray[np.bool_]) -> None:
     """Marks the isolated samples of one channel (N,)."""
     steps = np.abs(np.diff(x))
     resolution = smallest_step(steps)
     usual = float(np.quantile(heights(x, 1)[0], QUANTILE))
     for length in range(1, LONGEST + 1):
         height, difference = heights(x, length)
-        candidates = np.flatnonzero(height > np.maximum(USUAL * usual, RETURNS * difference))
+        least = USUAL * max(1.0, length * seconds / BRIEF) * usual
+        candidates = np.flatnonzero(height > np.maximum(least, RETURNS * difference))
         away = np.concatenate([np.arange(-WINDOW, 1 - SIDE), np.arange(SIDE - 1, WINDOW) + length])
-        near = np.sort(steps[np.clip(candidates[:, None] + away, 0, len(steps) - 1)], axis=1)
+        rows = np.abs(candidates[:, None] + away)  # mirrored at the ends
+        near = np.sort(steps[len(steps) - 1 - np.abs(len(steps) - 1 - rows)], axis=1)
         local = np.maximum(near[:, len(away) // 2], resolution / 2)
         starts = np.zeros(len(height), dtype=np.bool_)
         starts[candidates[height[candidates] > LOCAL * local]] = True

@@ -15,16 +15,19 @@ from numpy.typing import NDArray
 
 from armid.checked_array import Array
 from armid.errors import Finding
+from armid.maths.median import median
 from armid.maths.signals.isolated_samples import FEWEST, heights, isolated_samples, marked, smallest_step
 from armid.measurement.log_format import LogFormat
 from armid.measurement.recording import Recording
+from armid.remedy import Remedy, setting
 from armid.robot.robot import Robot
 
 FASTER = 3.0
 """Smallest speed of a spike, divided by the velocity limit of the joint."""
 
 PLAUSIBLE_ANGULAR, PLAUSIBLE_LINEAR = 10.0, 3.0
-"""Largest plausible speed of a joint whose description has no velocity limit [rad/s and m/s]."""
+"""Largest plausible speed of a joint, for descriptions without a velocity limit or with a placeholder [rad/s and
+m/s]."""
 
 STEPS, QUANTILE = 10.0, 0.9
 """Smallest height of a spike of a position, divided by a quantile of the steps from sample to sample, for
@@ -33,12 +36,22 @@ descriptions whose limits are too small. On recorded arms the largest ratio is 0
 LONGEST = 10
 """Largest number of samples of a spike of a position; longer ones are reported as stuck channels."""
 
+WRAP_TOLERANCE = 0.08
+"""Largest difference between a jump and whole turns, in turns, at which the jump is a wrap of the angle, half a
+radian. If the typical step is larger, angles of motors are logged, which do not wrap."""
+
 BROKEN = 0.005
 """Share of samples from which spikes are an error: they then have a permanent cause, and the ones that are too small
 to be found are many as well."""
 
+FEWEST_ZEROS = 3
+"""Smallest number of channels that are zero in the same row by a fault and not by chance."""
+
 LISTED = 3
 """Number of spikes whose times are listed."""
+
+TINY = 1e-300
+"""Smallest range of a channel, so that nothing is divided by zero."""
 
 NAMES = {"q": "position", "dq": "velocity", "effort": "torque"}
 """Quantities in which spikes are searched, with their names in messages."""
@@ -87,10 +100,13 @@ def without_spikes(
     channels = _channels(recording, log_format, robot)
     time = np.arange(recording.samples) / (recording.rate or 1.0) if recording.time is None else recording.time
     found = {"q": impossible_positions(recording.q, time, channels.speed, channels.turn)}
+    usual_step = float(median(np.abs(np.diff(time))))
     if recording.dq is not None:
-        found["dq"] = isolated_samples(recording.dq)
+        found["dq"] = isolated_samples(recording.dq, usual_step)
     if recording.effort is not None:
-        found["effort"] = _whole_rows(isolated_samples(recording.effort), recording.effort)
+        found["effort"] = isolated_samples(recording.effort, usual_step)
+    for name, flags in found.items():
+        _add_lost_packets(flags, getattr(recording, name))
     if not any(flags.any() for flags in found.values()):
         return recording, ()
     kept = log_format.spikes == "keep"
@@ -120,17 +136,28 @@ def impossible_positions(q: Array, time: Array, speed: Array, turn: Array) -> Fl
     steps, seconds = np.diff(q, axis=0), np.abs(np.diff(time))
     largest, fastest = np.maximum(steps.max(axis=0), -steps.min(axis=0)), FASTER * speed
     for j in np.flatnonzero(largest > fastest * seconds.min()):
-        x = np.ascontiguousarray(q[:, j]) if largest[j] <= turn[j] / 2 else np.unwrap(q[:, j], period=turn[j])
-        step = np.abs(np.diff(x))
-        if not (step > fastest[j] * seconds).any():
-            continue
-        usual = STEPS * max(float(np.quantile(step, QUANTILE)), smallest_step(step))
-        extended = np.concatenate([[time[0] - seconds[0]], time, [time[-1] + seconds[-1]]])
-        for length in range(1, LONGEST + 1):
-            span = np.abs(extended[length + 1 :] - extended[: -length - 1])
-            height, _ = heights(x, length)
-            marked(height > np.maximum(fastest[j] * span / 2, usual), length, found[:, j])
+        x = np.ascontiguousarray(q[:, j])
+        wraps = largest[j] > turn[j] / 2 and float(median(np.abs(steps[:, j]))) < WRAP_TOLERANCE * turn[j]
+        if wraps:
+            _mark_impossible(np.unwrap(x, period=turn[j]), time, fastest[j], np.inf, found[:, j])
+        _mark_impossible(x, time, fastest[j], turn[j] if wraps else np.inf, found[:, j])
     return found
+
+
+def _mark_impossible(x: Array, time: Array, fastest: float, turn: float, found: Flags) -> None:
+    """Marks the impossible positions of one channel (N,), but for jumps by whole turns, if turns are finite."""
+    step, seconds = np.abs(np.diff(x)), np.abs(np.diff(time))
+    if not (step > fastest * seconds).any():
+        return
+    usual = STEPS * max(float(np.quantile(step, QUANTILE)), smallest_step(step))
+    extended = np.concatenate([[time[0] - seconds[0]], time, [time[-1] + seconds[-1]]])
+    for length in range(1, LONGEST + 1):
+        span = np.abs(extended[length + 1 :] - extended[: -length - 1])
+        height, _ = heights(x, length)
+        starts = height > np.maximum(fastest * span / 2, usual)
+        if np.isfinite(turn):
+            starts &= np.abs(height - turn * np.round(height / turn)) > WRAP_TOLERANCE * turn
+        marked(starts, length, found)
 
 
 def _channels(recording: Recording, log_format: LogFormat, robot: Robot) -> Channels:
@@ -138,7 +165,7 @@ def _channels(recording: Recording, log_format: LogFormat, robot: Robot) -> Chan
     turns = np.array([not joint.is_prismatic for joint in robot.joints])
     plausible = np.where(turns, PLAUSIBLE_ANGULAR, PLAUSIBLE_LINEAR)
     limits = np.array([joint.velocity_limit for joint in robot.joints])
-    speed = np.where(np.isfinite(limits) & (limits > 0.0), limits, plausible)
+    speed = np.where(limits > 0.0, np.minimum(limits, plausible), plausible)
     if log_format.transmission is not None:
         speed = np.abs(np.asarray(log_format.transmission)) @ speed
     degrees = turns & log_format.degrees(robot.n)
@@ -149,11 +176,15 @@ def _channels(recording: Recording, log_format: LogFormat, robot: Robot) -> Chan
     return Channels(np.where(degrees, np.degrees(speed), speed), turn, units, efforts)
 
 
-def _whole_rows(flags: Flags, effort: Array) -> Flags:
-    """Flags of all torques of the rows in which all are zero and one of them spikes: the packet was lost."""
+def _add_lost_packets(flags: Flags, values: Array) -> None:
+    """Flags all brief rows of zeros if one of them spikes: packets are lost near zero, too."""
     rows = np.flatnonzero(flags.any(axis=1))
-    flags[rows[(effort[rows] == 0.0).all(axis=1)]] = True
-    return flags
+    if values.shape[1] < FEWEST_ZEROS or not (values[rows] == 0.0).all(axis=1).any():
+        return
+    zero = np.concatenate([[False], (values == 0.0).all(axis=1), [False]])
+    for first, behind in np.flatnonzero(np.diff(zero)).reshape(-1, 2):
+        if behind - first <= LONGEST:
+            flags[first:behind] = True
 
 
 def _repaired(recording: Recording, turn: Array, found: dict[str, Flags], time: Array) -> Recording:
@@ -186,10 +217,15 @@ def _interpolated(values: Array, flags: Flags, time: Array, turn: Array) -> Arra
     result = values.copy()
     for j in np.flatnonzero(flags.any(axis=0)):
         bad, good = np.flatnonzero(flags[:, j]), np.flatnonzero(~flags[:, j])
-        kept = values[good, j]
-        smooth = kept if np.isinf(turn[j]) else np.unwrap(kept, period=turn[j])
-        last = np.maximum(np.searchsorted(good, bad) - 1, 0)
-        result[bad, j] = np.interp(time[bad], time[good], smooth) + (kept - smooth)[last]
+        kept, place = values[good, j], np.searchsorted(good, bad)
+        last, following = np.maximum(place - 1, 0), np.minimum(place, len(good) - 1)
+        change = kept[following] - kept[last]
+        if np.isfinite(turn[j]):
+            whole = turn[j] * np.round(change / turn[j])
+            change -= np.where(np.abs(change - whole) < WRAP_TOLERANCE * turn[j], whole, 0.0)
+        seconds = time[good[following]] - time[good[last]]
+        share = (time[bad] - time[good[last]]) / np.where(seconds > 0.0, seconds, 1.0)
+        result[bad, j] = kept[last] + np.where(seconds > 0.0, share, 0.0) * change
     return result
 
 
@@ -197,39 +233,45 @@ def _finding(
     recording: Recording, quantity: str, flags: Flags, time: Array, channels: Channels, *, kept: bool
 ) -> Finding:
     """Finding about the spikes of a quantity."""
-    joints, rows = np.flatnonzero(flags.any(axis=0)), np.flatnonzero(flags.any(axis=1))
-    values = getattr(recording, quantity)
-    good = np.flatnonzero(~flags.any(axis=1))
-    worst, size = (0, 0), -1.0
-    for j in joints:
-        bad = np.flatnonzero(flags[:, j])
-        off = np.abs(values[bad, j] - np.interp(time[bad], time[good], values[good, j])) / np.ptp(values[good, j])
-        if off.max() > size:
-            worst, size = (int(bad[np.argmax(off)]), int(j)), float(off.max())
-    row, j = worst
-    place = int(np.searchsorted(good, row))
-    sides = [f"{values[good[k], j]:.4g}" for k in (place - 1, place) if 0 <= k < len(good)]
+    rows = np.flatnonzero(flags.any(axis=1))
     times = ", ".join(f"{t:.3f}" for t in time[rows[:LISTED]]) + " s"
     more = f" and {len(rows) - LISTED} more" if len(rows) > LISTED else ""
-    name, unit = NAMES[quantity], channels.unit(quantity, j)
     evidence = (
-        f"In {len(rows)} of {recording.samples} rows the {name} jumps out and back, at t = {times}{more}. The largest "
-        f"jump is that of {recording.channels[j]} at t = {time[row]:.3f} s: {values[row, j]:.4g} {unit} next to "
-        f"{' and '.join(sides)} {unit}."
+        f"In {len(rows)} of {recording.samples} rows the {NAMES[quantity]} jumps out and back, at t = {times}{more}. "
+        f"{_largest(recording, quantity, flags, time, channels)}"
     )
-    if quantity == "q":
-        evidence += f" That is faster than {FASTER:g} times its speed limit, {channels.speed[j]:.3g} {unit}/s."
-    names = ", ".join(recording.channels[k] for k in joints)
+    names = ", ".join(recording.channels[j] for j in np.flatnonzero(flags.any(axis=0)))
     broken = len(rows) >= BROKEN * recording.samples
     if kept:
-        remedy = 'leave the key `spikes` out; these samples are used because of spikes = "keep".'
+        remedy = Remedy("rewrite the study without ", setting("spikes", "keep"), ", which uses these samples")
         return Finding("spikes", "error" if broken else "warning", names, evidence, remedy)
-    used = "Rows near them are left out for their joint." if quantity == "effort" else "They are left out for all joints."
-    if broken:
-        remedy = "check the sensor, the cable and the driver or logger of these channels, and record again."
-        return Finding("spikes", "error", names, f"{evidence} {used}", remedy)
+    left_out = "Rows near them are left out for their joint." if quantity == "effort" else "These rows are left out."
     remedy = (
-        "nothing to do for this log; look for the cause in the cable, the driver or the logger. If the values are "
-        'real, spikes = "keep" in [[recording]] uses them.'
+        "find out the cause, in the cable, the driver or the logger; for this log nothing has to be done. If the "
+        'values are real, spikes = "keep" in [[recording]] uses them.'
     )
-    return Finding("spikes", "warning", names, f"{evidence} {used}", remedy)
+    if broken:
+        remedy = "record again; before that, check sensor, cable, driver and logger of these channels."
+    return Finding("spikes", "error" if broken else "warning", names, f"{evidence} {left_out}", remedy)
+
+
+def _largest(recording: Recording, quantity: str, flags: Flags, time: Array, channels: Channels) -> str:
+    """Sentences about the spike that is largest in proportion to the range of its channel."""
+    values = getattr(recording, quantity)
+    good = np.flatnonzero(~flags.any(axis=1))
+    size, row, j = -1.0, 0, 0
+    for joint in np.flatnonzero(flags.any(axis=0)):
+        bad, kept = np.flatnonzero(flags[:, joint]), values[good, joint]
+        off = np.abs(values[bad, joint] - np.interp(time[bad], time[good], kept)) / max(float(np.ptp(kept)), TINY)
+        if off.max() > size:
+            size, row, j = float(off.max()), int(bad[np.argmax(off)]), int(joint)
+    place = int(np.searchsorted(good, row))
+    sides = " and ".join(f"{values[good[k], j]:.4g}" for k in (place - 1, place) if 0 <= k < len(good))
+    unit = channels.unit(quantity, j)
+    text = (
+        f"The largest jump is that of {recording.channels[j]} at t = {time[row]:.3f} s: {values[row, j]:.4g} {unit} "
+        f"next to {sides} {unit}."
+    )
+    if quantity == "q":
+        text += f" That is faster than {FASTER:g} times its largest speed, {channels.speed[j]:.3g} {unit}/s."
+    return text

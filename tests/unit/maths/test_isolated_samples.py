@@ -1,0 +1,69 @@
+"""Isolated samples lie beyond both of their sides; steps, motion and noise have none."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from armid.checked_array import Array
+from armid.maths.signals.isolated_samples import heights, isolated_samples
+
+SAMPLES, STEP = 4000, 1e-3
+
+
+def noise(seed: int = 0, joints: int = 2) -> Array:
+    return np.random.default_rng(seed).standard_normal((SAMPLES, joints))
+
+
+@pytest.mark.parametrize("length", [1, 2, 3])
+@pytest.mark.parametrize("row", [0, 1, 2, 700, SAMPLES - 3])
+def test_a_short_run_is_found_and_nothing_else(length: int, row: int):
+    x = noise()
+    x[row : row + length, 1] += 60.0
+    expected = np.zeros(x.shape, dtype=np.bool_)
+    expected[row : row + length, 1] = True
+    np.testing.assert_array_equal(isolated_samples(x, STEP), expected)
+
+
+@pytest.mark.parametrize("length", [4, 30])
+def test_a_longer_run_is_no_spike(length: int):
+    x = noise()
+    x[700 : 700 + length] += 60.0
+    assert not isolated_samples(x, STEP).any()
+
+
+def test_white_noise_and_steps_have_none():
+    """The torque of dry friction steps at each reversal, and an impact decays over many samples."""
+    t = 0.1 + STEP * np.arange(SAMPLES)
+    torque = 30.0 * np.sign(np.sin(6.0 * t)) + np.where(t > 2.0, 80.0 * np.exp(-(t - 2.0) / 0.02), 0.0)
+    x = np.column_stack([torque, np.round(torque)]) + np.array([0.1, 0.0]) * noise(1)
+    assert not isolated_samples(x, STEP).any()
+    assert not any(isolated_samples(noise(seed), STEP).any() for seed in range(20))
+
+
+def test_few_and_constant_samples_have_none():
+    assert not isolated_samples(np.zeros((SAMPLES, 2)), STEP).any()
+    assert not isolated_samples(np.array([[0.0], [9.0], [0.0]]), STEP).any()
+
+
+def test_a_run_of_steady_motion_has_no_height():
+    for length in (1, 2, 3):
+        height, _ = heights(np.arange(50.0), length)
+        # At the ends a median of seven samples takes the place of the missing ones.
+        assert not height[3:-3].any()
+
+
+def test_heights_are_those_of_the_definition():
+    x = np.array([0.0, 1.0, 0.0, 1.0, 9.0, 7.0, 2.0, 3.0, 2.0, 3.0])
+    height, difference = heights(x, 2)
+    assert height[4] == 7.0 - 2.0  # the smaller of 9 and 7 above the larger of the medians 1 and 2
+    assert difference[4] == 1.0
+
+
+def test_a_peak_must_be_higher_where_samples_are_long():
+    """Torque that stops an arm can be one sample long at 100 Hz, but not at 1 kHz."""
+    x = noise()
+    x[700, 1] += 60.0
+    assert isolated_samples(x, 1e-3)[700, 1] and not isolated_samples(x, 1e-2).any()
+    x[700, 1] += 300.0
+    assert isolated_samples(x, 1e-2)[700, 1]
