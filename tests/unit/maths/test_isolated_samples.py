@@ -16,7 +16,7 @@ def noise(seed: int = 0, joints: int = 2) -> Array:
 
 
 @pytest.mark.parametrize("length", [1, 2, 3])
-@pytest.mark.parametrize("row", [0, 1, 2, 700, SAMPLES - 3])
+@pytest.mark.parametrize("row", [2, 3, 700, SAMPLES - 6])
 def test_a_short_run_is_found_and_nothing_else(length: int, row: int):
     x = noise()
     x[row : row + length, 1] += 60.0
@@ -49,8 +49,7 @@ def test_few_and_constant_samples_have_none():
 def test_a_run_of_steady_motion_has_no_height():
     for length in (1, 2, 3):
         height, _ = heights(np.arange(50.0), length)
-        # At the ends a median of seven samples takes the place of the missing ones.
-        assert not height[3:-3].any()
+        assert not height.any()
 
 
 def test_heights_are_those_of_the_definition():
@@ -67,3 +66,12 @@ def test_a_peak_must_be_higher_where_samples_are_long():
     assert isolated_samples(x, 1e-3)[700, 1] and not isolated_samples(x, 1e-2).any()
     x[700, 1] += 300.0
     assert isolated_samples(x, 1e-2)[700, 1]
+
+
+def test_a_step_next_to_an_end_is_no_spike():
+    """Friction may reverse in the last sample; only positions, which cannot step, are examined there."""
+    x = noise()
+    x[-2:, 1] += 60.0
+    x[0, 0] += 60.0
+    assert not isolated_samples(x, STEP).any()
+    assert heights(x[:, 1], 2, ends=True)[0][-1] > 50.0

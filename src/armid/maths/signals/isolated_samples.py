@@ -45,18 +45,21 @@ ROUGH = 10.0
 6."""
 
 
-def heights(x: Array, length: int) -> tuple[Array, Array]:
+def heights(x: Array, length: int, *, ends: bool = False) -> tuple[Array, Array]:
     """Heights of all runs of a given length, and the differences between both sides of each.
 
     Args:
-        x: Samples, shape (N,). At the ends, the median of seven samples takes the place of missing ones.
+        x: Samples, shape (N,).
         length: Samples of a run.
+        ends: True if runs at the ends have a height, too: the median of seven samples there takes the place of the
+            missing ones. A step near an end is then not told from a run. Otherwise the last sample is repeated.
 
     Returns:
         Heights and differences of the runs that begin at each sample, shape (N - length + 1,) each.
     """
-    ends = [np.full(SIDE, np.sort(part)[len(part) // 2]) for part in (x[: 2 * SIDE + 1], x[-2 * SIDE - 1 :])]
-    padded = np.concatenate([ends[0], x, ends[1]])
+    parts = (x[: 2 * SIDE + 1], x[-2 * SIDE - 1 :]) if ends else (x[:1], x[-1:])
+    first, end = (np.full(SIDE, np.sort(part)[len(part) // 2]) for part in parts)
+    padded = np.concatenate([first, x, end])
     a, b, c = padded[:-2], padded[1:-1], padded[2:]
     middle = np.maximum(np.minimum(a, b), np.minimum(np.maximum(a, b), c))
     runs = len(x) - length + 1

@@ -153,7 +153,7 @@ def _mark_impossible(x: Array, time: Array, fastest: float, turn: float, found: 
     extended = np.concatenate([[time[0] - seconds[0]], time, [time[-1] + seconds[-1]]])
     for length in range(1, LONGEST + 1):
         span = np.abs(extended[length + 1 :] - extended[: -length - 1])
-        height, _ = heights(x, length)
+        height, _ = heights(x, length, ends=True)
         starts = height > np.maximum(fastest * span / 2, usual)
         if np.isfinite(turn):
             starts &= np.abs(height - turn * np.round(height / turn)) > WRAP_TOLERANCE * turn
