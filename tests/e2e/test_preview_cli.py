@@ -11,7 +11,7 @@ import pytest
 
 from armid.excitation.fourier import save_plan
 from command_line import exit_code as armid
-from labs import small_plan, write_arm
+from labs import URDF, small_plan, write_arm, write_recordings, write_study
 from reports import Page, make_run
 
 pytest.importorskip("jinja2")
@@ -93,3 +93,24 @@ def test_missing_meshes_are_said_on_the_terminal(folder: Path, tmp_path: Path, c
     assert finding["code"] == "visual-missing"
     assert armid("preview", folder / "small.urdf", "--out", out) == 0
     assert capsys.readouterr() == (f"page written to {out}\n", "")
+
+
+def test_meshes_of_a_run_are_found_in_a_package_that_is_given_later(tmp_path: Path, capsys):
+    """Also where identify was called without the package, because meshes have no effect on the dynamics."""
+    meshes = tmp_path / "elsewhere" / "arm_description" / "meshes"
+    meshes.mkdir(parents=True)
+    (meshes / "a.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 2 4\nf 1 3 4\nf 2 3 4\n")
+    (tmp_path / "arm").mkdir()
+    write_recordings(tmp_path / "arm")
+    study = write_study(tmp_path / "arm")
+    visual = '<visual><geometry><mesh filename="package://arm_description/meshes/a.obj"/></geometry></visual>'
+    (tmp_path / "arm" / "small.urdf").write_text(
+        URDF.replace('<link name="link_2">', f'<link name="link_2">{visual}')
+    )
+    run, page = tmp_path / "run", tmp_path / "page.html"
+    assert armid("identify", study, "--out", run, "--no-report") == 0
+    assert armid("preview", run, "--out", page) == 0
+    assert "--package NAME=DIR" in capsys.readouterr().err
+    package = f"arm_description={meshes.parent}"
+    assert armid("preview", run, "--package", package, "--out", page) == 0
+    assert "--package" not in capsys.readouterr().err and len(shown(page)["meshes"]) == 1

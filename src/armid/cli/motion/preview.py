@@ -77,7 +77,8 @@ def preview(
 
     require_extra("jinja2")
     run, motion_run = _run(robot), _run(motion)
-    arm = load_choice(robot_choice(robot, gravity, lock, only, tip, package)) if run is None else run.robot
+    choice = robot_choice(robot, gravity, lock, only, tip, package)
+    arm = load_choice(choice) if run is None else _with_meshes(run) if package else run.robot
     known_run, default_folder = motion_run or run, Path(robot) if run and motion is None else Path()
     with print_missing_meshes(quiet=json):
         made = preview_of(
@@ -108,6 +109,18 @@ def _run(name: str | None) -> Run | None:
     from armid.runs.run import MARKER, load_run
 
     return load_run(name) if name is not None and (Path(name) / MARKER).is_file() else None
+
+
+def _with_meshes(run: Run) -> Robot:
+    """Arm of a run with the shapes that its description has with the packages that are given now."""
+    from dataclasses import replace
+
+    from armid.export.input_digest_check import find_source
+    from armid.robot.loading import load_robot
+
+    source = find_source(run)
+    arm = load_robot(source.path, gravity=run.robot.gravity, lock=source.locked)
+    return replace(run.robot, shapes=arm.shapes, visuals=arm.visuals, findings=arm.findings)
 
 
 def _reading(run: Run | None, arguments: dict[str, Any]) -> LogFormat:
