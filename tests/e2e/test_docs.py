@@ -83,7 +83,8 @@ def test_recalibration_finds_the_friction_that_changed(
     out = capsys.readouterr().out
     assert out.count("verdict on held-out motion: fail") == 1 and out.count("verdict on held-out motion: pass") == 1
     table = out.split("changed beyond their 95 % intervals")[1].split("not changed")[0]
-    listed = {name: float(by) for name, by in re.findall(r"│ (\w+) +│.*│ +([\d.]+) │", table)}
+    rows = re.findall(r"│ (\w+) +│.*│ +(-?[\d.]+) │ +([\d.]+) │", table)
+    listed = {name: abs(float(change)) / float(half) for name, change, half in rows}
     friction = {f"{name}_{j}" for name in ("FV", "FS") for j in (1, 2, 3)}
     assert min(listed[name] for name in friction) > CLEARLY
     assert max((by for name, by in listed.items() if name not in friction), default=0.0) < BY_CHANCE

@@ -84,6 +84,7 @@ def _report(recalibration: Recalibration, recordings: int) -> None:
     from armid.cli.identification_result import intervals_text
     from armid.estimation.update.parameter_change import changed
     from armid.notebook_display import plural
+    from armid.report.data.number_format import decimals_of
 
     console, result = output_console(), recalibration.result
     base = result.estimate.base
@@ -92,12 +93,12 @@ def _report(recalibration: Recalibration, recordings: int) -> None:
     table = Table(
         title=f"{escape(result.robot.name)}: changed beyond their 95 % intervals since {recalibration.earlier}"
     )
-    for name in ("parameter", "before", "after", "unit", "change / σ"):
+    for name in ("parameter", "before", "after", "unit", "change", "± 95 %"):
         table.add_column(name, justify="left" if name in ("parameter", "unit") else "right")
     for each in beyond:
-        table.add_row(
-            escape(each.name), f"{each.before:.4f}", f"{each.after:.4f}", units[each.name], f"{each.ratio:.1f}"
-        )
+        digits = decimals_of(each.half or abs(each.change))
+        values = [f"{value:.{digits}f}" for value in (each.before, each.after, each.change, each.half)]
+        table.add_row(escape(each.name), *values[:2], units[each.name], *values[2:])
     total = plural(len(recalibration.changes), "parameter")
     if beyond:
         console.print(table)
