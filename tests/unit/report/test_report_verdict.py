@@ -49,6 +49,16 @@ def test_a_run_without_validation_asks_for_it(material: PageData):
     assert not any("validation" in each for each in words.trusted)
 
 
+def test_a_large_error_on_a_joint_comes_with_advice(material: PageData):
+    """A doubt about the torque is not followed by "Nothing." as the next step."""
+    score = material.validation.recordings[0]
+    changed = replace(score, rms=score.spread * [0.4, 0.02, 0.02])
+    words = judge_trust(scored(material, (changed,)))
+    assert any("Relative RMS above" in each and "joint_1" in each for each in words.doubted)
+    (advice,) = [each for each in words.wanted if "torque error of" in each]
+    assert "joint_1" in advice and "joint_2" not in advice and "armid doctor" in advice
+
+
 def test_bands_that_do_not_hold_are_doubted(material: PageData):
     changed = replace(material.validation.recordings[0], coverage95=np.array([0.5, 0.96, np.nan]))
     words = judge_trust(scored(material, (changed,)))

@@ -71,6 +71,13 @@ def judge_trust(page_data: PageData) -> TrustJudgement:
     return TrustJudgement(tuple(trusted), tuple(doubted), tuple(dict.fromkeys(wanted)))
 
 
+CHECK_ERROR = (
+    "Look for the cause of the torque error of {joints}: compare measured and predicted torque and the residuals in "
+    "this report, check that the load and the torque sensors were the same in training and validation, and run "
+    "`armid doctor` on the recordings."
+)
+"""Advice if the torque error in validation is large."""
+
 Sentences = tuple[list[str], list[str], list[str]]
 
 
@@ -101,6 +108,8 @@ def _torque(page_data: PageData) -> Sentences:
     if poor:
         joints = _listed(f"{label_of(page_data.joints, j)} ({share(float(relative[j]))})" for j in poor)
         bad.append(f"Relative RMS above {share(GOOD_SHARE)} on {joints}.")
+    if poor or failed:
+        next_.append(CHECK_ERROR.format(joints=_joints(page_data, poor) if poor else "every joint"))
     if total > MAX_ERROR_RATIO * training:
         moving, stands = _moving(page_data)
         if moving <= MAX_ERROR_RATIO * training:
