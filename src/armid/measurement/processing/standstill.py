@@ -178,17 +178,17 @@ def standstill_findings(
             "sticking",
             "warning",
             recording.channels[j],
-            f"{recording.source}: The joint mostly stands still; this affects {share[j]:.0%} of its rows. "
-            "These rows are used, because too few other rows are left, but static friction can bias the "
-            "estimate by up to its bound.",
+            f"{recording.source}: Standstill of the joint affects {share[j]:.0%} of its rows, including those into "
+            "which the filter mixes samples at standstill. These rows are used, because too few other rows are "
+            "left, but static friction can bias the estimate by up to its bound.",
             "record motion without rests, or with faster reversals of this joint.",
         )
         for j in np.flatnonzero(spared)
     ]
     if (gone := _shares(recording, np.where(spared, 0.0, sticks))) != "":
         evidence = (
-            "Joints stand still while others move, for instance because they stick at a reversal; share of rows "
-            f"that are not used: {gone}."
+            "Joints stand still while others move, for instance because they stick at a reversal. Share of rows that "
+            f"are not used, at standstill or because the filter mixes samples at standstill into them: {gone}."
         )
         findings.append(Finding("sticking", "info", recording.source, evidence))
     if (gone := _shares(recording, np.where(spared, 0.0, rests))) != "":
