@@ -18,6 +18,7 @@ from armid.excitation.formats import FORMATS
 from armid.excitation.fourier import load_plan
 from armid.robot import load_robot
 from armid.robot.kinematics import forward_kinematics
+from armid.runs.run import load_run
 from armid.study.plans.plan_reading import read_whole_plan
 from labs import write_recordings, write_study
 from paged import blocks, pages
@@ -166,6 +167,16 @@ def test_a_plan_after_a_run(identified, tmp_path, capsys):
         for each in (tmp_path / "first", tmp_path / "second")
     )
     assert np.sqrt(np.mean(after**2)) < np.sqrt(np.mean(alone**2))
+
+
+def test_a_plan_after_a_run_has_its_terms_and_its_noise(identified, tmp_path, capsys):
+    """So the predicted deviations are smaller than those of the run alone."""
+    fit = load_run(identified / "run").estimate.fit
+    run([identified / "small.urdf", *QUICK, "--after", identified / "run", "--out", tmp_path / "plan"], capsys)
+    assert json.loads((tmp_path / "plan" / "plan.json").read_text())["noise"] == fit.noise.tolist()
+    expected = json.loads((tmp_path / "plan" / "preflight.json").read_text())["base_parameters"]
+    assert [each["name"] for each in expected] == list(fit.names)
+    assert (np.array([each["deviation"] for each in expected]) < fit.deviation).all()
 
 
 def test_a_plan_after_a_run_has_the_torque_that_the_run_predicts(identified, tmp_path, capsys):

@@ -10,6 +10,7 @@ from armid.estimation.estimate_record import torque_parameters
 from armid.excitation.limits.torque_limits import EstimatedTorque, TorqueModel
 from armid.kernel import Tree
 from armid.model.base_parameters import BaseParameters, find_base_parameters
+from armid.model.dynamics_model import DynamicsModel
 from armid.model.memoryless_model import slipping
 from armid.robot.robot import Robot
 from armid.runs.run import Run
@@ -42,6 +43,18 @@ def estimated_torque(run: Run, robot: Robot) -> EstimatedTorque | None:
     values = base.values_of(torque_parameters(known, run.estimate.fit))
     terms = tuple(dict.fromkeys(term.name for term in model.terms))
     return EstimatedTorque(TorqueModel(slipping(model), base), values, f"the run {run.folder}", terms)
+
+
+def model_with_terms_of(run: Run, robot: Robot) -> DynamicsModel | None:
+    """Model of an arm with the terms of a run; `None` if the arm of the run has another geometry.
+
+    Hysteresis elements always slip in the model, as in `estimated_torque`.
+
+    Args:
+        run: The run.
+        robot: The arm, whose gravity may differ from that of the run.
+    """
+    return slipping(replace(run.model, robot=robot)) if _same_geometry(run.robot.tree, robot.tree) else None
 
 
 def _same_geometry(one: Tree, other: Tree) -> bool:

@@ -15,7 +15,6 @@ import typer
 from armid.cli.commands.report import try_page
 from armid.cli.motion.preview import PAGE as PREVIEW
 from armid.cli.options import (
-    BASE_TERMS,
     Gravity,
     Json,
     Lock,
@@ -25,7 +24,6 @@ from armid.cli.options import (
     RobotName,
     Terms,
     TipLink,
-    model_choice,
     robot_choice,
     run_folder,
 )
@@ -124,10 +122,12 @@ OPTIONS: dict[str, tuple[Any, Any]] = {
         "--envelope-of-arm"
     ),
     "noise": _option(str | None, None,
-        "Standard deviation of the torque noise, N·m or N: one number, or one for each joint.", metavar="S…"),
+        "Standard deviation of the torque noise, N·m or N: one number, or one for each joint; by "
+        "default that of the run given with --after, otherwise 1.", metavar="S…"),
     "rate": _option(float, 100.0, "Rate at which samples count as independent, Hz."),
     "repetitions": _option(int, 1, "Number of periods that will be recorded."),
-    "after": _option(SEVERAL, None, "Run or plan.json that already gives information; repeatable."),
+    "after": _option(SEVERAL, None, "Run or plan.json that already gives information; repeatable. The "
+        "design has the terms of the last run, unless --terms is given."),
     "predict": _option(SEVERAL, None, "Plan whose torque the model shall predict well; repeatable."),
     "budget": _option(float, 30.0, "Wall time of the search, s."),
     "seed": _option(int, 1, "Seed of the random starts; the same seed gives the same search."),
@@ -210,8 +210,9 @@ def excite(robot: str, **options: Any) -> None:
         armid excite panda --after runs/monday --duration 10
     """
     from armid.cli.console import output_console, print_findings
+    from armid.cli.motion.excite_goal import design_model
     from armid.cli.motion.excite_request import run_experiment, run_request
-    from armid.study.config import build_model, load_choice
+    from armid.study.config import load_choice
     from armid.study.plans.design_writing import choose_formats, plan_record, refuse_plan_folder, save_design
     from armid.study.plans.preflight_text import report_text
     from armid.study.storage.records import to_json
@@ -221,7 +222,7 @@ def excite(robot: str, **options: Any) -> None:
     run_default = run_folder(None, arm.name)
     folder = options["out"] or run_default.with_name(f"{run_default.name}-plan")
     refuse_plan_folder(folder)
-    model = build_model(arm, model_choice(options["terms"], default=BASE_TERMS))
+    model = design_model(arm, options)
     rate, rehearsal = options["format_rate"], options["rehearsal"]
     with _search_context(options) as (pool, tell, stage):
         if options["experiment"] in STEPS:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,6 +12,7 @@ import numpy as np
 from armid.checked_array import Array
 from armid.cli.motion.motion_of_file import motion_of_file, series_of_file
 from armid.cli.motion.number_options import numbers
+from armid.cli.options import BASE_TERMS, model_choice
 from armid.dataclass_files import load
 from armid.errors import ArmidError
 from armid.excitation.design.objective import CriterionGoal, information_along, known_sizes
@@ -20,8 +21,35 @@ from armid.information.information import Information
 from armid.model.base_parameters import BaseParameters, find_base_parameters
 from armid.model.dynamics_model import DynamicsModel
 from armid.robot.robot import Robot
-from armid.runs.design_torque_model import estimated_torque
-from armid.runs.run import MARKER, load_run
+from armid.runs.design_torque_model import estimated_torque, model_with_terms_of
+from armid.runs.run import MARKER, Run, load_run
+from armid.study.config import build_model
+
+
+def design_model(robot: Robot, options: Mapping[str, Any]) -> DynamicsModel:
+    """Model with the given terms, otherwise with those of the last run of this arm, otherwise with the default."""
+    if options["terms"] is None:
+        for run in _last_runs(options["after"] or ()):
+            if (found := model_with_terms_of(run, robot)) is not None:
+                return found
+    return build_model(robot, model_choice(options["terms"], default=BASE_TERMS))
+
+
+def _last_runs(paths: Sequence[str]) -> Iterator[Run]:
+    """Runs among the given paths, the last one first."""
+    return (load_run(path) for path in reversed(paths) if (Path(path) / MARKER).is_file())
+
+
+def _noise(options: Mapping[str, Any], n: int) -> Array:
+    """Standard deviation of the torque, shape (n,): as given, otherwise that of the last run, otherwise 1."""
+    text = options["noise"]
+    if text is None:
+        spreads = (run.estimate.fit.noise for run in _last_runs(options["after"] or ()))
+        return next((spread for spread in spreads if spread.shape == (n,) and (spread > 0.0).all()), np.ones(n))
+    single = len(text.replace(",", " ").split()) == 1
+    noise = numbers(text, "--noise", 1 if single else n)
+    assert noise is not None
+    return np.resize(noise, n)
 
 
 def goal_of(model: DynamicsModel, options: Mapping[str, Any]) -> CriterionGoal:
@@ -30,11 +58,7 @@ def goal_of(model: DynamicsModel, options: Mapping[str, Any]) -> CriterionGoal:
     After a run the default criterion is the largest relative deviation, which a further recording should reduce.
     """
     base, n = find_base_parameters(model), model.n
-    text = options["noise"]
-    single = text is not None and len(text.replace(",", " ").split()) == 1
-    noise = np.ones(n) if text is None else numbers(text, "--noise", 1 if single else n)
-    assert noise is not None
-    plain = CriterionGoal(model, base, "d-optimal", np.resize(noise, n), options["rate"], options["repetitions"])
+    plain = CriterionGoal(model, base, "d-optimal", _noise(options, n), options["rate"], options["repetitions"])
     prior: Array | None = None
     scale: Array | None = None
     for path in options["after"] or ():
@@ -66,8 +90,7 @@ def _estimates(path: str, base: BaseParameters) -> tuple[Array, Array]:
 
 def torque_of_runs(paths: Sequence[str], robot: Robot) -> EstimatedTorque | None:
     """Torque for the limits, from the last run that gives it; `None` if no run does."""
-    runs = (load_run(path) for path in reversed(paths) if (Path(path) / MARKER).is_file())
-    return next(filter(None, (estimated_torque(run, robot) for run in runs)), None)
+    return next(filter(None, (estimated_torque(run, robot) for run in _last_runs(paths))), None)
 
 
 def _of_motion(path: str, goal: CriterionGoal) -> Array:

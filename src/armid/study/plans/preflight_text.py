@@ -192,7 +192,7 @@ def _expected_lines(designed: Designed) -> list[str]:
     """Lines with the predicted standard deviations of the parameters after the recording."""
     goal, expected = designed.problem.goal, designed.expected
     units = [joint.effort_unit for joint in goal.model.robot.joints]
-    noises = [f"{x:g} {unit}" for x, unit in zip(goal.noise, units, strict=True)]
+    noises = [f"{x:.3g} {unit}" for x, unit in zip(goal.noise, units, strict=True)]
     noise = ", ".join(noises if len(set(noises)) > 1 else noises[:1])
     lines = ["", f"predicted standard deviations, for uncorrelated torque noise of {noise} at {goal.rate:g} Hz"]
     order = np.argsort(-expected.deviation)
