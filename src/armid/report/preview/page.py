@@ -21,7 +21,7 @@ from armid.report.plots.encoding import compressed, embedded, packed
 from armid.report.preview.animation_frames import Clip
 from armid.report.preview.inertia_ellipsoids import MassLayer
 from armid.report.preview.nearest_bodies import NearestBodies, closest
-from armid.report.preview.scene import bodies_of, joint_records, reach_of, surroundings_of
+from armid.report.preview.scene import bodies_of, joint_records, open_side, reach_of, surroundings_of
 from armid.report.rendering import environment, require_extra, text_of
 from armid.robot.kinematics import forward_kinematics, frame_pose
 from armid.robot.robot import Robot
@@ -114,6 +114,7 @@ def _scene(preview: Preview, approach: NearestBodies | None) -> tuple[dict[str, 
         "tip": {"link": robot.tip.parent, "placement": robot.tip.placement.T.ravel().tolist()},
         "down": _down(robot.gravity),
         "reach": reach_of(path, origins),
+        "side": open_side(robot, origins),
         "bodies": bodies,
         "meshes": meshes,
         "surroundings": surroundings_of(robot, preview.surroundings),

@@ -23,6 +23,10 @@ NOT_DRAWN = ("mesh-missing", "visual-left-out", "visual-missing")
 MIN_TRIANGLES = 300
 """Number of triangles that every mesh may have, regardless of the sizes of other meshes."""
 
+BESIDE_BODY = 0.1
+"""Horizontal distance of the first joint from the centre of the fixed bodies, as a share of the length of the arm.
+Beyond it, the arm is beside a body that can hide it."""
+
 Bodies = tuple[list[dict[str, Any]], list[dict[str, Any]], tuple[Finding, ...]]
 """Bodies for the page's script, their meshes, and findings about bodies that could not be drawn."""
 
@@ -92,6 +96,29 @@ def reach_of(path: Array, origins: Array) -> float:
     """
     far = max(float(np.linalg.norm(points, axis=-1).max(initial=0.0)) for points in (path, origins))
     return max(far, 0.1)
+
+
+def open_side(robot: Robot, origins: Array) -> list[float] | None:
+    """Horizontal direction from the fixed bodies to the first joint, shape (3,), in the base frame.
+
+    From this side the arm of a humanoid is visible, which its trunk or head hides from other sides. `None` if the
+    first joint is above or below the fixed bodies, as that of an arm on a pedestal is: it is visible from all sides.
+
+    Args:
+        robot: The arm.
+        origins: Origins of the links, shape (K, n, 3) [m].
+    """
+    shapes = robot.visuals or robot.shapes
+    fixed = [shape.placement[:3, 3] for shape in shapes if shape.link < 0 and shape.kind != "half-space"]
+    if not fixed or not origins.size:
+        return None
+    size = float(np.linalg.norm(robot.gravity))
+    up = -robot.gravity / size if size else np.array([0.0, 0.0, 1.0])
+    side = origins[0, 0] - np.mean(fixed, axis=0)
+    side = side - (side @ up) * up
+    distance = float(np.linalg.norm(side))
+    arm = float(np.linalg.norm(origins - origins[:, :1], axis=-1).max())
+    return (side / distance).tolist() if distance > max(BESIDE_BODY * arm, 1e-6) else None
 
 
 def _record(shape: Shape) -> dict[str, Any]:

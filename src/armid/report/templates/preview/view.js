@@ -254,8 +254,14 @@ class View {
     }
     const middle = new THREE.Vector3(...low.map((x, k) => 0.5 * (x + high[k])));
     this.controls.target.copy(this.root.localToWorld(middle));
-    const away = 2.5 * this.data.reach * Math.max(1, 1 / this.camera.aspect);
-    this.camera.position.copy(this.controls.target).add(new THREE.Vector3(0.78, -0.86, 0.5).normalize().multiplyScalar(away));
+    const away = (this.data.side ? 3.8 : 2.5) * this.data.reach * Math.max(1, 1 / this.camera.aspect);
+    const from = new THREE.Vector3(0.78, -0.86, 0.5);
+    if (this.data.side) {
+      const origin = this.root.localToWorld(new THREE.Vector3());
+      from.copy(this.root.localToWorld(new THREE.Vector3(...this.data.side))).sub(origin).normalize();
+      from.add(new THREE.Vector3(0, 0, 0.4));
+    }
+    this.camera.position.copy(this.controls.target).add(from.normalize().multiplyScalar(away));
     this.controls.update();
     this.draw();
   }
