@@ -21,11 +21,6 @@ AVOIDED = frozenset(
 )
 """Words that say nothing to a reader who knows the field but not this code; each had a term of the field."""
 
-KEPT = {
-    "excitation.collision.cache": {"kept"},
-}
-"""Names with such a word that stand for what the word means."""
-
 
 def module_name(path: Path) -> str:
     return ".".join(path.relative_to(SOURCE).with_suffix("").parts)
@@ -41,7 +36,7 @@ def words(name: str) -> set[str]:
 @pytest.mark.parametrize("module", FILES)
 def test_names_hold_no_metaphor(module: str):
     top = [node.name for node in FILES[module].body if isinstance(node, ast.ClassDef | ast.FunctionDef)]
-    public = [name for name in top if not name.startswith("_") and name not in KEPT.get(module, set())]
+    public = [name for name in top if not name.startswith("_")]
     assert {name for name in (*module.split("."), *public) if words(name) & AVOIDED} == set()
 
 

@@ -51,7 +51,7 @@ def smallest(fit: Fit) -> float:
 def test_bodies_cost_nothing_on_well_excited_data():
     fit = fit_of(PhysicallyConsistent(), biased=False)
     assert fit.standard is not None
-    assert fit.standard.proof.price < 0.005 and smallest(fit) >= EPSILON
+    assert fit.standard.proof.cost_increase < 0.005 and smallest(fit) >= EPSILON
     whole, inertial = errors(fit, biased=False)
     assert whole < 0.0005 and inertial < 0.003
     masses = fit.standard.values[[name.startswith("M_") for name in fit.standard.names]]

@@ -145,6 +145,18 @@ path = "{log}"
 """A study of one log with the friction that the small arm has; its end is the log's table."""
 
 
+RUN_FILES = {
+    "study.json",
+    "robot.npz",
+    "model.json",
+    "information.npz",
+    "estimate.npz",
+    "estimate.json",
+    "validation.json",
+}
+"""Files of a run without a page."""
+
+
 def write_study(folder: Path, text: str = STUDY) -> Path:
     path = folder / "study.toml"
     path.write_text(text)

@@ -34,8 +34,8 @@ class Solution:
         values: Estimate, shape (b,).
         inverse: Inverse of the weighted normal equations, shape (b, b).
         squares: Sum of squared residuals of each joint, unweighted, shape (n,).
-        spent: Sum of the leverages of the rows of each joint, shape (n,): number of degrees of freedom that the fit
-            uses. The sum over all joints is b.
+        effective_dof: Sum of the leverages of the rows of each joint, shape (n,): number of degrees of freedom that
+            the fit uses. The sum over all joints is b.
         whole: The information, all blocks merged into one.
     """
 
@@ -48,12 +48,12 @@ class Solution:
         half = np.linalg.inv(R) / length[:, None]
         self.inverse = half @ half.T
         self.squares = np.empty(whole.n)
-        self.spent = np.empty(whole.n)
+        self.effective_dof = np.empty(whole.n)
         for j, joint in enumerate(whole.joints):
             rows, side = joint.R[0, :, :-1], joint.R[0, :, -1]
             self.squares[j] = np.sum((side - rows @ self.values[joint.parameters]) ** 2)
             inner = self.inverse[np.ix_(joint.parameters, joint.parameters)]
-            self.spent[j] = weights[j] ** 2 * np.sum((rows @ inner) * rows)
+            self.effective_dof[j] = weights[j] ** 2 * np.sum((rows @ inner) * rows)
 
 
 def solve(information: Information, weights: Array) -> Solution:
@@ -74,7 +74,7 @@ def solve(information: Information, weights: Array) -> Solution:
 def residual_deviation(solution: Solution, information: Information) -> Array:
     """Standard deviation of each joint's residual, corrected for the degrees of freedom, shape (n,)."""
     rows = information.rows.sum(axis=0)
-    free = np.maximum(rows - solution.spent, 1.0)
+    free = np.maximum(rows - solution.effective_dof, 1.0)
     return np.sqrt(solution.squares / free)
 
 

@@ -11,7 +11,7 @@ if the data are good.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -79,13 +79,14 @@ class Proof:
     """Certificate of a solution, computed from its values without use of the status of the solver.
 
     Attributes:
-        price: Increase of the weighted squared residual by constraints and prior, divided by its value without them.
+        cost_increase: Increase of the weighted squared residual by constraints and prior, divided by its value
+            without them.
         smallest_eigenvalue: Smallest eigenvalue of the pseudo-inertias of all links.
         lowest: Smallest value of the parameters, such as friction, that cannot be negative.
         gap: Relative duality gap.
     """
 
-    price: float
+    cost_increase: float = field(metadata={"stored": "price"})
     smallest_eigenvalue: float
     lowest: float
     gap: float

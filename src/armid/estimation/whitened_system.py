@@ -40,7 +40,7 @@ class WhitenedSystem:
         inverse: Pseudo-inverse of rowsᵀ rows, shape (b, b).
         unseen: Directions of the parameters that do not change the residual, shape (m, b); m is 0 at full rank.
         squares: Sum of the squared residuals of each joint at `values`, unweighted, shape (n,).
-        spent: Sum of the leverages of each joint's rows, by which the fit reduces the degrees of freedom,
+        effective_dof: Sum of the leverages of each joint's rows, by which the fit reduces the degrees of freedom,
             shape (n,).
         correlation: Number of consecutive rows that contain as much information as one independent row, from the
             scatter between blocks; at least 1.
@@ -53,13 +53,13 @@ class WhitenedSystem:
     inverse: Array
     unseen: Array
     squares: Array
-    spent: Array
+    effective_dof: Array
     correlation: float
 
     @property
     def freedom(self) -> float:
         """Degrees of freedom of the residuals, equal to the sum of their weighted squares except for rounding."""
-        return max(float(self.whole.rows[0].sum() - self.spent.sum()), 1.0)
+        return max(float(self.whole.rows[0].sum() - self.effective_dof.sum()), 1.0)
 
 
 def whiten(information: Information, *, plain: bool = False, resolution: float = RESOLUTION) -> WhitenedSystem:

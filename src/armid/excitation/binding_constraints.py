@@ -138,7 +138,7 @@ def _restraints(
                     found.setdefault((channel.name, label), Restraint(channel.name, label, float(asked), part))
         if collision is not None:
             poses = forward_kinematics(robot, basis.excitation(enlarged).at(grid.times).q)
-            for pair, kept in zip(collision.measured, collision.kept, strict=True):
+            for pair, kept in zip(collision.measured, collision.required_distances, strict=True):
                 label = BodyPair(*(collision.shapes[k].name for k in pair))
                 if ("collision", label) not in found and too_close(collision.shapes, pair, kept, poses).any():
                     found["collision", label] = Restraint("collision", label, float(kept), part)

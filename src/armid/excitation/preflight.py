@@ -101,7 +101,7 @@ class Preflight:
         ]
         failures += [
             f"the distance of {each.pair} is {1000.0 * each.distance:.0f} mm at {each.time:.2f} s, less than the "
-            f"required {1000.0 * each.asked:.0f} mm"
+            f"required {1000.0 * each.required_distance:.0f} mm"
             for each in self._close
         ]
         if failures:
@@ -118,7 +118,7 @@ class Preflight:
     def reduced(self) -> tuple[ClosestApproach, ...]:
         """Approaches that are closer than the clearance, of pairs that must keep less of it."""
         least = self.clearance - ROUNDING
-        return tuple(each for each in self.approaches if each.asked < least and each.distance < least)
+        return tuple(each for each in self.approaches if each.required_distance < least and each.distance < least)
 
     @property
     def reduced_clearance(self) -> Finding | None:
@@ -126,7 +126,8 @@ class Preflight:
         if not self.reduced:
             return None
         pairs = "; ".join(
-            f"{each.pair} {1000.0 * each.distance:.0f} mm (at least {1000.0 * each.asked:.1f} mm required)"
+            f"{each.pair} {1000.0 * each.distance:.0f} mm "
+            f"(at least {1000.0 * each.required_distance:.1f} mm required)"
             for each in self.reduced
         )
         evidence = (
@@ -140,7 +141,7 @@ class Preflight:
         """Number of the pairs that are closer than the clearance, and the least that they must keep."""
         if not self.reduced:
             return ""
-        least = 1000.0 * min(each.asked for each in self.reduced)
+        least = 1000.0 * min(each.required_distance for each in self.reduced)
         return (
             f", {plural(len(self.reduced), 'pair')} at {least:.1f} mm or more instead of the clearance of "
             f"{1000.0 * self.clearance:.0f} mm"
@@ -180,7 +181,7 @@ class Preflight:
 
     @property
     def _close(self) -> list[ClosestApproach]:
-        return [each for each in self.approaches if not each.kept]
+        return [each for each in self.approaches if not each.is_sufficient]
 
 
 def _some(joints: str) -> str:

@@ -144,7 +144,7 @@ def _reasons(
     if collision is not None:
         times = basis.times(max(50, round(TESTED * basis.period)))
         poses = forward_kinematics(robot, basis.excitation(larger).at(times).q)
-        for pair, kept in zip(collision.measured, collision.kept, strict=True):
+        for pair, kept in zip(collision.measured, collision.required_distances, strict=True):
             if too_close(collision.shapes, pair, float(kept), poses).any():
                 label = BodyPair(*(collision.shapes[k].name for k in pair))
                 found.append((1.0, f"distance of {label}", "collision"))

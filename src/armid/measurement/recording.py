@@ -134,7 +134,7 @@ def recording_error(code: str, recording: Recording, problem: str, remedy: str, 
     return RecordingError(problem, possible=possible, remedy=remedy, source=recording.source, code=code)
 
 
-def kept_rows(recording: Recording, keep: NDArray[np.bool_]) -> Recording:
+def select_rows(recording: Recording, keep: NDArray[np.bool_]) -> Recording:
     """Recording with a selection of its rows, by a mask of shape (N,)."""
     if keep.all():
         return recording

@@ -103,8 +103,9 @@ def _worst_rows(report: Preflight) -> list[tuple[str, str, str, str]]:
     ]
     if report.approaches:
         changing = [each for each in report.approaches if not each.constant] or report.approaches
-        nearest = min(changing, key=lambda each: each.distance - each.asked)
-        reached = f"{fixed(1000.0 * nearest.distance, 0)} mm distance, {fixed(1000.0 * nearest.asked, 0)} mm required"
+        nearest = min(changing, key=lambda each: each.distance - each.required_distance)
+        distance, required = (fixed(1000.0 * each, 0) for each in (nearest.distance, nearest.required_distance))
+        reached = f"{distance} mm distance, {required} mm required"
         rows.append((COLLISION, nearest.pair, reached, fixed(nearest.time, 2)))
     return rows
 
@@ -158,7 +159,7 @@ def show_approaches(designed: Checked) -> Section | None:
             sure = 1000.0 * (capsules.value - SCALE * (capsules.certified - capsules.share))
             around = TableCell(fixed(1000.0 * capsules.value, 0), 1000.0 * capsules.value)
             between = TableCell(fixed(sure, 0), sure)
-        mark = "" if each.kept else " ▲"
+        mark = "" if each.is_sufficient else " ▲"
         rows.append(
             (
                 TableCell(each.pair.links, kind="name"),
@@ -167,7 +168,7 @@ def show_approaches(designed: Checked) -> Section | None:
                 TableCell("all poses", each.time) if each.constant else TableCell(fixed(each.time, 2), each.time),
                 around,
                 between,
-                TableCell(fixed(1000.0 * each.asked, 0), 1000.0 * each.asked),
+                TableCell(fixed(1000.0 * each.required_distance, 0), 1000.0 * each.required_distance),
             )
         )
     columns = (
@@ -196,7 +197,9 @@ def show_approaches(designed: Checked) -> Section | None:
 def nearest_of_links(approaches: Sequence[ClosestApproach]) -> list[ClosestApproach]:
     """Closest approach of each pair of links over all their bodies, nearest first, constant distances last."""
     nearest: dict[str, ClosestApproach] = {}
-    for each in sorted(approaches, key=lambda approach: (approach.kept, approach.constant, approach.distance)):
+    for each in sorted(
+        approaches, key=lambda approach: (approach.is_sufficient, approach.constant, approach.distance)
+    ):
         nearest.setdefault(each.pair.links, each)
     return sorted(nearest.values(), key=lambda approach: (approach.constant, approach.distance))
 

@@ -87,7 +87,7 @@ def load_new_recordings(
         StudyError: The run was trained on a recording, or a recording is given twice, or the run has no drive gains.
         RecordingError: A recording cannot be read or has other joints.
     """
-    if gain_deviation is not None and run.reading.drive_gain is None:
+    if gain_deviation is not None and run.log_format.drive_gain is None:
         raise StudyError(
             f"The run {run.folder} has no drive gains, because its effort is a torque, so a deviation of the "
             "gains has no meaning.",
@@ -131,7 +131,7 @@ def read_new_recordings(
         StudyError: The run was trained on a recording, or a recording is given twice.
         RecordingError: A recording cannot be read or has other joints.
     """
-    how = replace(run.reading, **{"exclude": (), "start": None, **reading})
+    how = replace(run.log_format, **{"exclude": (), "start": None, **reading})
     recordings: list[ReadRecording] = []
     findings: list[tuple[Finding, ...]] = []
     seen = dict.fromkeys(run.trained_on, run.folder)

@@ -108,7 +108,7 @@ def find_payload(
     Raises:
         ArmidError: The recordings do not fit the run, or do not determine the payload.
     """
-    known = _known(run, mass, com, reading.get("drive_gain", run.reading.drive_gain))
+    known = _known(run, mass, com, reading.get("drive_gain", run.log_format.drive_gain))
     place = payload_link(run, link)
     carrier = [each.name for each in run.robot.links].index(place.link)
     new_recordings = load_new_recordings(run, paths, reading, gain_deviation=gain_deviation, loaded=carrier)
@@ -143,7 +143,7 @@ def only_drive_gains_failed(run: Run) -> bool:
     Args:
         run: The run.
     """
-    if run.verdict != "fail" or run.reading.drive_gain is None:
+    if run.verdict != "fail" or run.log_format.drive_gain is None:
         return False
     names = failed_checks(run)
     errors = [each for each in run.estimate.findings if each.severity == "error" and each.code in GAIN_CODES]

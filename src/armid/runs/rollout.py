@@ -89,7 +89,7 @@ def roll_out_run(
             f"{run.robot.n}.",
             remedy="give the gains of this arm.",
         )
-    how = replace(run.reading, **{"exclude": (), "start": None, **reading})
+    how = replace(run.log_format, **{"exclude": (), "start": None, **reading})
     parameters = torque_parameters(run.estimate.base, run.estimate.fit)
     every_row = replace(run.processing, slow=0.0, saturation="keep", standstill="keep")
     scores: list[MotionScore] = []

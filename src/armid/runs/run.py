@@ -53,7 +53,7 @@ class Run(Displayed):
         model: Arm and torque terms.
         estimate: The parameters.
         processing: Processing options.
-        reading: Log format of the first training recording.
+        log_format: Log format of the first training recording.
         trained_on: Digests of the training recordings (sha256).
         verdict: Verdict of the validation: `pass`, `fail` or `not judged`.
         made: Time, place and version.
@@ -64,7 +64,7 @@ class Run(Displayed):
     model: DynamicsModel
     estimate: Estimate
     processing: ProcessingOptions
-    reading: LogFormat
+    log_format: LogFormat
     trained_on: tuple[str, ...]
     verdict: str = "not judged"
     made: RunOrigin = field(default_factory=RunOrigin)

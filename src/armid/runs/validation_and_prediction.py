@@ -66,7 +66,7 @@ def validate_run(
 
 def _like(run: Run, changes: Mapping[str, Any]) -> LogFormat:
     """Log format of the run for another recording, without the excluded intervals of the run's recording."""
-    return replace(run.reading, **{"exclude": (), "start": None, **changes})
+    return replace(run.log_format, **{"exclude": (), "start": None, **changes})
 
 
 def motion_of(run: Run, path: str, *, rate: float, reading: Mapping[str, Any]) -> Motion:

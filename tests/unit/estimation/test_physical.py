@@ -96,7 +96,7 @@ def test_data_that_determine_bodies_are_not_bent(prior: str):
     fit, standard = estimate(problem, prior=prior)
     free = WeightedLeastSquares().solve(problem)
     assert (np.abs(fit.values - free.values) < 0.05 * free.deviation).all()
-    assert 0.0 <= standard.proof.price < 0.005
+    assert 0.0 <= standard.proof.cost_increase < 0.005
     np.testing.assert_allclose(fit.deviation, free.deviation, rtol=CONE)
     assert {finding.code for finding in fit.findings} <= {"prior-weight"}
 
@@ -232,7 +232,9 @@ def test_where_a_search_starts_does_not_matter(monkeypatch: pytest.MonkeyPatch):
     again, other = estimate(prior="log-det")
     assert (np.abs(fit.values - again.values) <= ALIKE * fit.deviation).all()
     np.testing.assert_allclose(found.intervals, other.intervals, rtol=0, atol=ALIKE * found.deviation.max())
-    assert found.status == other.status and found.proof.price == pytest.approx(other.proof.price, rel=ALIKE)
+    assert found.status == other.status and found.proof.cost_increase == pytest.approx(
+        other.proof.cost_increase, rel=ALIKE
+    )
 
 
 def test_log_det_does_not_depend_on_frames():

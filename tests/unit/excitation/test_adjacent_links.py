@@ -90,10 +90,10 @@ def test_a_range_ends_where_bodies_reach_their_distance(tmp_path):
     for margin in (0.02, 0.002):
         found = links(robot, margin)
         (pair,) = [each for each in found.checked if each.pair == "fixed - jaw"]
-        assert 0.0 < pair.kept <= margin
+        assert 0.0 < pair.required_distance <= margin
         narrowed = found.narrowed(limits_of(robot), None)
         assert narrowed.lower[0] > TOUCH and narrowed.upper[0] == WIDTH
-        assert pair.kept <= gap(narrowed.lower[0]) < pair.kept + RESOLVED
+        assert pair.required_distance <= gap(narrowed.lower[0]) < pair.required_distance + RESOLVED
 
 
 def test_bodies_that_are_apart_in_the_whole_range_do_not_narrow_it(tmp_path):
@@ -134,7 +134,7 @@ def test_bodies_on_the_axis_are_left_out_with_the_reason(tmp_path, radius, z, ca
 def test_a_gap_that_never_changes_is_kept_and_narrows_nothing(tmp_path):
     robot = jaws(tmp_path, sphere(RADIUS, 0.0), sphere(RADIUS, 0.0, 2.0 * RADIUS + 0.004))
     (pair,) = links(robot).checked
-    assert pair.kept == pytest.approx(0.002, abs=1e-6)  # half of 4 mm; Coal's tolerance
+    assert pair.required_distance == pytest.approx(0.002, abs=1e-6)  # half of 4 mm; Coal's tolerance
     assert links(robot).narrowed(limits_of(robot), None).lower[0] == 0.0
 
 
@@ -220,8 +220,8 @@ def test_a_plan_keeps_adjacent_links_apart_and_says_so(opened):
     """By the closed form, at 1 kHz; the report names the joint, the pair, its distance and what is not checked."""
     q = opened.plan.excitation.sample(1000.0).q[:, 0]
     (pair,) = [each for each in opened.preflight.approaches if each.pair == "fixed - jaw"]
-    assert gap(q).min() >= pair.asked > 0.0
-    assert pair.distance == pytest.approx(gap(q).min(), abs=RESOLVED) and pair.kept
+    assert gap(q).min() >= pair.required_distance > 0.0
+    assert pair.distance == pytest.approx(gap(q).min(), abs=RESOLVED) and pair.is_sufficient
     assert opened.preflight.verdict == "pass"
     (finding,) = [each for each in opened.findings if each.code == "adjacent-range"]
     assert "grip" in finding.evidence and "fixed - jaw" in finding.evidence and "--ignore-pair" in finding.remedy

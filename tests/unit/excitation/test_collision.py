@@ -10,7 +10,7 @@ import pytest
 from armid.errors import ArmidError
 from armid.excitation.certification import fine_grid, margins
 from armid.excitation.collision import coal
-from armid.excitation.collision.collision_model import collision_of, kept_apart, make_collision_model
+from armid.excitation.collision.collision_model import collision_of, collision_options, make_collision_model
 from armid.excitation.collision.distances import floor
 from armid.excitation.collision.environment import load_environment
 from armid.excitation.collision.mesh_hulls import capsules_of
@@ -215,7 +215,7 @@ def test_links_that_are_built_close_keep_part_of_what_is_between_them():
     tight = make_collision_model(near, limits_of(near))
     k = tight.bodies.labels.index("link_5 - link_7")
     assert 0.5 < tight.touching[k] < 0.99 and tight.required.kind[k] != LEFT_OUT
-    made = kept_apart(tight, np.array(START["panda"]))
+    made = collision_options(tight, np.array(START["panda"]))
     assert "link_5 - link_7" in made.every.labels
     distance = made.every.bodies.distances(forward_kinematics(near, np.array([START["panda"]])))[0]
     assert (distance > made.every.margins).all()

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from armid.excitation.collision.coal import too_close
-from armid.excitation.collision.collision_model import kept_apart, make_collision_model
+from armid.excitation.collision.collision_model import collision_options, make_collision_model
 from armid.excitation.design.configuration_space_obstacles import POSITIONS, measured_pairs
 from armid.excitation.design.objective import CriterionGoal, Objective
 from armid.excitation.design.sqp import about_start
@@ -50,13 +50,13 @@ def looked(robot):
     """Limits, start pose, and a collision model whose only pair is checked as it is."""
     limits = limits_of(robot)
     start = np.array([0.2, -0.5, 0.3])
-    collision = kept_apart(make_collision_model(robot, limits), start)
+    collision = collision_options(make_collision_model(robot, limits), start)
     return limits, start, replace_by_measured(collision)
 
 
 def replace_by_measured(collision):
     kept = np.full(len(collision.pairs), 0.02)
-    return replace(collision, measured=collision.pairs, kept=kept)
+    return replace(collision, measured=collision.pairs, required_distances=kept)
 
 
 def basis_of(start):

@@ -60,11 +60,13 @@ def test_the_list_begins_with_the_closest_pair_whose_distance_changes(robot: Rob
     assert watched is not None
     found = closest_approaches(watched, robot, motion.time, motion.q)
     *changing, last = found
-    assert last.constant and last.distance == pytest.approx(GAP, abs=MEASURED) and last.kept
+    assert last.constant and last.distance == pytest.approx(GAP, abs=MEASURED) and last.is_sufficient
     assert changing and not any(each.constant for each in changing)
     assert changing[0].distance == min(each.distance for each in changing) > GAP
     assert [each.pair.links for each in nearest_of_links((last, *changing))].count(last.pair.links) == 1
-    assert constant_text([last]).endswith(f"required distance: {last.pair} 2.0 mm ({1000 * last.asked:.1f} mm)")
+    assert constant_text([last]).endswith(
+        f"required distance: {last.pair} 2.0 mm ({1000 * last.required_distance:.1f} mm)"
+    )
 
 
 def test_the_preview_draws_the_pair_whose_distance_changes_and_names_the_other(robot: Robot, motion: Motion):

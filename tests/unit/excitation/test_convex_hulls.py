@@ -10,7 +10,7 @@ import pytest
 
 from armid.errors import ArmidError
 from armid.excitation.collision import coal
-from armid.excitation.collision.collision_model import collision_of, kept_apart, make_collision_model
+from armid.excitation.collision.collision_model import collision_of, collision_options, make_collision_model
 from armid.excitation.collision.distances import floor
 from armid.excitation.collision.hull_distances import Hulls, prism
 from armid.excitation.collision.mesh_hulls import hull_points
@@ -121,12 +121,12 @@ def test_a_pair_that_needs_them_is_looked_at(elbow):
     cell = make_collision_model(elbow, limits, margin=0.02)
     k = cell.bodies.labels.index(PAIR)
     assert 0.2 < cell.touching[k] < 0.8 and not cell.required.kind[k]
-    made = kept_apart(cell, STRAIGHT)
+    made = collision_options(cell, STRAIGHT)
     assert made.skipped == () and made.every.labels == (PAIR,)
     assert made.searched is not None and made.searched.labels == (PAIR,)
     bent = np.array([0.0, 0.0, 0.0, 1.2, 0.0])
     with pytest.raises(ArmidError, match=f"In the start pose, the distance between {PAIR} is"):
-        kept_apart(cell, bent)
+        collision_options(cell, bent)
     for size in (0.15, 0.4):
         wrong, corners = slopes_wrong(elbow, STRAIGHT, made.every, size)
         assert not wrong and corners < CORNERS
@@ -159,5 +159,5 @@ def test_a_start_pose_is_refused_for_bodies_and_not_for_capsules(elbow):
     cell = make_collision_model(elbow, limits_of(elbow), [shelf], margin=0.005)
     k = cell.bodies.labels.index("fore - shelf")
     assert cell.touching[k] < 0.5 and cell.distances(STRAIGHT[None])[0, k] < 0.0
-    made = kept_apart(cell, STRAIGHT)
+    made = collision_options(cell, STRAIGHT)
     assert "fore - shelf" in made.every.labels

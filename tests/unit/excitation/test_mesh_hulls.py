@@ -152,7 +152,7 @@ def test_an_entry_that_cannot_be_read_is_made_again(tmp_path, read, broken):
     entry = Path(os.environ["ARMID_CACHE"]) / entries()[0]
     whole = entry.read_bytes()
     if broken == "other":
-        cache.keep(entry.stem, {"sizes": np.zeros((1, 3))})
+        cache.write_entry(entry.stem, {"sizes": np.zeros((1, 3))})
     else:
         entry.write_bytes(whole[: len(whole) // 2] if broken == "half" else broken)
     assert same(afresh(shape), made)
@@ -185,8 +185,8 @@ def test_several_writers_leave_one_whole_entry(tmp_path):
 
     def work():
         for _ in range(20):
-            cache.keep(name, arrays)
-            found = cache.kept(name)
+            cache.write_entry(name, arrays)
+            found = cache.read_entry(name)
             seen.append(found is not None and found.keys() == arrays.keys())
 
     threads = [threading.Thread(target=work) for _ in range(4)]
@@ -200,20 +200,20 @@ def test_several_writers_leave_one_whole_entry(tmp_path):
 
 def test_entries_that_were_not_used_for_longest_go(monkeypatch, tmp_path):
     arrays = {"x": np.zeros(1000)}
-    cache.keep("first", arrays)
+    cache.write_entry("first", arrays)
     size = (tmp_path / "cache" / "first.npz").stat().st_size
     monkeypatch.setattr(cache, "LARGEST", int(3.5 * size))
     for age, name in ((300, "first"), (200, "second"), (100, "third")):
-        cache.keep(name, arrays)
+        cache.write_entry(name, arrays)
         os.utime(tmp_path / "cache" / f"{name}.npz", (time.time() - age,) * 2)
-    assert cache.kept("first") is not None  # used just now
+    assert cache.read_entry("first") is not None  # used just now
     half = tmp_path / "cache" / ".half-made.npz"
     half.write_bytes(b"")
     os.utime(half, (time.time() - 2 * cache.LEFT_BEHIND,) * 2)
-    cache.keep("fourth", arrays)
+    cache.write_entry("fourth", arrays)
     assert {path.name for path in (tmp_path / "cache").iterdir()} == {"first.npz", "third.npz", "fourth.npz"}
     monkeypatch.setattr(cache, "LARGEST", 0)
-    cache.keep("fifth", arrays)  # what was made last stays, however large it is
+    cache.write_entry("fifth", arrays)  # what was made last stays, however large it is
     assert {path.name for path in (tmp_path / "cache").iterdir()} == {"fifth.npz"}
 
 

@@ -19,7 +19,7 @@ from armid.runs.run import FORMAT, load_run, refuse_folder, save_run
 from armid.runs.validation_and_prediction import motion_of, predict, validate_run, write_torque
 from armid.study.config import ModelChoice, load_study
 from armid.study.identify import Result, identify
-from labs import small_folder, small_plan, small_recording, write_recording, write_recordings, write_study
+from labs import RUN_FILES, small_folder, small_plan, small_recording, write_recording, write_recordings, write_study
 
 
 @pytest.fixture(scope="module")
@@ -49,17 +49,6 @@ part = [0.5, 1.0]
 
 def contents(folder: Path) -> set[str]:
     return {path.name for path in folder.iterdir()}
-
-
-RUN_FILES = {
-    "study.json",
-    "robot.npz",
-    "model.json",
-    "information.npz",
-    "estimate.npz",
-    "estimate.json",
-    "validation.json",
-}
 
 
 def test_a_run_survives_its_folder(result: Result, tmp_path: Path):
@@ -92,7 +81,7 @@ def test_everything_of_a_reading_survives(result: Result, tmp_path: Path):
     )  # fmt: skip
     choices = (replace(result.study.recordings[0], reading=reading), *result.study.recordings[1:])
     changed = replace(result, study=replace(result.study, recordings=choices), given_format=None)
-    found = load_run(save_run(changed, tmp_path / "run")).reading
+    found = load_run(save_run(changed, tmp_path / "run")).log_format
     for name, value in asdict(reading).items():
         np.testing.assert_array_equal(getattr(found, name), value, err_msg=name)
 
@@ -340,7 +329,7 @@ def test_a_motion_needs_no_torque_and_no_row_is_too_slow_for_it(saved: Path, tmp
     np.savetxt(tmp_path / "motion.csv", table, delimiter=",", header="t,q1,q2,q3", comments="")
     run = load_run(saved)
     slow = replace(run, processing=replace(run.processing, slow=50.0, saturation=0.5))
-    driven = replace(slow, reading=LogFormat(drive_gain=[2.0, 2.0, 2.0], drive_gain_deviation=0.1))
+    driven = replace(slow, log_format=LogFormat(drive_gain=[2.0, 2.0, 2.0], drive_gain_deviation=0.1))
     expected = motion_of(run, str(tmp_path / "motion.csv"), rate=1.0, reading={})
     for each in (slow, driven):
         found = motion_of(each, str(tmp_path / "motion.csv"), rate=1.0, reading={})

@@ -129,7 +129,7 @@ def test_the_headline_names_the_closest_approach_and_not_the_bodies_of_the_searc
     """Capsules and hulls are nearer than the bodies in them, here by 50 mm."""
     report = weightless.preflight
     report = replace(report, approaches=tuple(replace(a, distance=a.distance + 0.05) for a in report.approaches))
-    nearest = min(report.approaches, key=lambda each: each.distance - each.asked)
+    nearest = min(report.approaches, key=lambda each: each.distance - each.required_distance)
     page = render_preflight(replace(weightless, preflight=report))
     head = page[: page.index("Every limit")]
     assert f"{1000 * nearest.distance:.0f} mm distance" in head and nearest.pair in head

@@ -78,7 +78,7 @@ def payload(
     found = find_payload(
         loaded,
         recordings,
-        changed_reading(loaded.reading, rate, torque_sign, columns, reading_lines),
+        changed_reading(loaded.log_format, rate, torque_sign, columns, reading_lines),
         mass=mass,
         com=com,
         gain_deviation=gain_deviation,

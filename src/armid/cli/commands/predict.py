@@ -53,7 +53,7 @@ def predict(
             remedy="write the torque to another file with --out.",
         )
     loaded = load_run(run)
-    reading = changed_reading(loaded.reading, rate, torque_sign, columns)
+    reading = changed_reading(loaded.log_format, rate, torque_sign, columns)
     along = validation_and_prediction.motion_of(loaded, motion, rate=plan_rate, reading=reading)
     torque = validation_and_prediction.predict(loaded, along)
     width = validation_and_prediction.band(loaded, along) if band else None

@@ -58,7 +58,7 @@ def recalibrate(
             remedy="choose another folder with --out.",
         )
     refuse_folder(folder)
-    reading = changed_reading(earlier.reading, rate, torque_sign, columns, reading_lines)
+    reading = changed_reading(earlier.log_format, rate, torque_sign, columns, reading_lines)
     recalibration = stage(earlier, recordings, reading, changed=let_change, held_out=validate or [])
     changes = changes_record(recalibration)
     save_run(recalibration.result, folder, further_records={CHANGES: changes})

@@ -65,7 +65,7 @@ def track(
     earlier = load_run(run)
     if out is not None:
         refuse(out, "track.json", "track")
-    reading = changed_reading(earlier.reading, rate, torque_sign, columns, reading_lines)
+    reading = changed_reading(earlier.log_format, rate, torque_sign, columns, reading_lines)
     with progress() as tell:
         tracked = stage(earlier, recordings, reading, memory=memory, block=block, changed=changed, progress=tell)
     print_findings(tracked.findings)

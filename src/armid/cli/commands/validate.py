@@ -48,7 +48,7 @@ def validate(
     from armid.study.storage.records import to_json, validation_record
 
     loaded = load_run(run)
-    reading = changed_reading(loaded.reading, rate, torque_sign, columns, reading_lines)
+    reading = changed_reading(loaded.log_format, rate, torque_sign, columns, reading_lines)
     closed = controller is not None
     validation, findings = validate_run(loaded, recordings, reading)
     simulate |= closed

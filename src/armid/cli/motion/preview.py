@@ -127,7 +127,7 @@ def _reading(run: Run | None, arguments: dict[str, Any]) -> LogFormat:
     """Log format of a recording, from the command line if given, otherwise from the run."""
     from armid.measurement.log_format import LogFormat
 
-    return LogFormat(**arguments) if run is None or arguments else run.reading
+    return LogFormat(**arguments) if run is None or arguments else run.log_format
 
 
 def _surroundings(arm: Robot, floor: float | None, environment: Path | None) -> tuple[Shape, ...]:

@@ -86,13 +86,13 @@ class SelectionPath:
 
     Attributes:
         selected: Selected options in the order of selection, without the options that were withdrawn later.
-        kept: Positions of the columns of the extended model that the selected model contains.
+        columns: Positions of the columns of the extended model that the selected model contains.
         ridge: Shrinkage of each column of the extended model, in shares of its squared length, shape (b,).
         trials: Last trial of every option on every joint.
     """
 
     selected: tuple[SelectedCandidate, ...]
-    kept: NDArray[np.intp]
+    columns: NDArray[np.intp]
     ridge: Array
     trials: tuple[HeldOutTrial, ...]
 
@@ -134,7 +134,7 @@ def select_forward(
         search.try_families(families)
     search.prune({family.name for family in families if not family.shared})
     search.drop_widths()
-    return SelectionPath(tuple(search.selected), search.kept, search.ridge, tuple(search.trials.values()))
+    return SelectionPath(tuple(search.selected), search.columns, search.ridge, tuple(search.trials.values()))
 
 
 class _Search:
@@ -158,7 +158,7 @@ class _Search:
         self.cache: dict[tuple[bool, bool], tuple[tuple[SelectedCandidate, ...], Reduced]] = {}
 
     @property
-    def kept(self) -> NDArray[np.intp]:
+    def columns(self) -> NDArray[np.intp]:
         """Positions of the columns of the extended model that the present model contains."""
         kept = self.extended.in_model.copy()
         for joint, candidates in enumerate(self.chosen):
@@ -271,7 +271,7 @@ class _Search:
         """Products after elimination of the columns of the present model; stored until the model changes."""
         key, state = (short_folds is self.long_folds, refit_all), tuple(self.selected)
         if key not in self.cache or self.cache[key][0] != state:
-            self.cache[key] = state, short_folds.reduced(self.kept, self.ridge, refit_all=refit_all)
+            self.cache[key] = state, short_folds.reduced(self.columns, self.ridge, refit_all=refit_all)
         return self.cache[key][1]
 
     def _withdraw(self, selected: SelectedCandidate) -> None:
@@ -282,7 +282,7 @@ class _Search:
 
     def _errors(self) -> Array:
         """Weighted squared error (n,) of each joint on all folds, with all parameters estimated without the fold."""
-        return self.short_folds.errors(self.kept, self.ridge).sum(axis=0) * self.short_folds.weights**2
+        return self.short_folds.errors(self.columns, self.ridge).sum(axis=0) * self.short_folds.weights**2
 
     def _columns(self, joint: int, candidates: set[Candidate] | tuple[Candidate, ...]) -> NDArray[np.intp]:
         columns = [self.extended.columns[joint, candidate] for candidate in candidates]

@@ -163,7 +163,7 @@ def choose_friction(model: DynamicsModel, observations: Observations, *, threads
     added = terms_of(loaded, path.chosen(model.n))
     needs_load = depends_on_load(law for term in added for law in term.laws(model.robot))
     chosen = replace(loaded if needs_load else model, terms=(*model.terms, *added))
-    prior_weight, why = _weight_in_samples(best_weight * weighted.correlation, restrict(information, path.kept))
+    prior_weight, why = _weight_in_samples(best_weight * weighted.correlation, restrict(information, path.columns))
     outcome = _error_ratio(short_folds, extended, path)
     return FrictionSelection(
         chosen, added, _evidence(model, path.trials), *outcome, prior_weight, bool(drifting), why
@@ -254,7 +254,7 @@ def _error_ratio(short_folds: HeldOutFolds, extended: CandidateModel, path: Sele
     """Ratio (n,) of the held-out RMS errors with and without the selected friction, and its standard error (n,)."""
     in_model = np.flatnonzero(extended.in_model)
     without = short_folds.errors(in_model, path.ridge)
-    with_ = short_folds.errors(path.kept, path.ridge)
+    with_ = short_folds.errors(path.columns, path.ridge)
     total = np.where(without.sum(axis=0) > 0.0, without.sum(axis=0), 1.0)
     ratio = np.sqrt(np.where(without.sum(axis=0) > 0.0, with_.sum(axis=0) / total, 1.0))
     scatter = np.std((with_ - ratio**2 * without) / total, axis=0, ddof=1) * np.sqrt(len(without))

@@ -116,7 +116,7 @@ def resume(
     stats = replace(start.innovations, level=1.0 / inflation + 0.0 * first, blocks=first, power=first, expected=first)
     jump = JUMP * np.sqrt(np.diag(covariance)) if start.memory.jump is None else start.memory.jump
     forgets = replace(start.memory, jump=jump)
-    return replace(start, kept=kept, whole=kept, root=_root(covariance), memory=forgets, innovations=stats)
+    return replace(start, whitened_rows=kept, whole=kept, root=_root(covariance), memory=forgets, innovations=stats)
 
 
 def _definite(earlier: Fit, factors: Information | None) -> Array:
@@ -154,14 +154,14 @@ def update(state: RecursiveState, block: Information, seconds: float) -> Recursi
     rows = factor * state.rows + new.rows[0]
     joints = tuple(_discounted(old, fresh, factor) for old, fresh in zip(state.joints, new.joints, strict=True))
     after = replace(both, joints=joints, rows=both.rows[:1], run=both.run[:1], recording=both.recording[:1])
-    kept = np.sqrt(factor) * state.kept
+    kept = np.sqrt(factor) * state.whitened_rows
     if factor < 1.0:
         A, y = stack(new, state.weights)
         retained = retained_rows(state.whole, _triangle(np.column_stack([A, y])), 1.0 - factor, _changing(state))
         kept = _triangle(np.vstack([kept, retained]))
     weights = state.weights if state.fixed else _next_weights(state, after, rows, kept)
     whole = _whole(after, kept, weights)
-    moved = replace(state, joints=joints, rows=rows, kept=kept, weights=weights, whole=whole)
+    moved = replace(state, joints=joints, rows=rows, whitened_rows=kept, weights=weights, whole=whole)
     _, half, unseen = minimum_norm_solution(*_parted(whole))
     if len(unseen):
         return moved
@@ -188,12 +188,12 @@ def fit(state: RecursiveState) -> Fit:
         )
     data = state.information
     weights = state.weights if state.fixed else _settled(state, data)
-    values, half, _ = minimum_norm_solution(*_parted(_whole(data, state.kept, weights)))
+    values, half, _ = minimum_norm_solution(*_parted(_whole(data, state.whitened_rows, weights)))
     squares, effective = _residual_statistics(data, values, weights, half)
     A = stack(data)[0]
     c = state.innovations.correlation
     free = np.maximum(state.rows - effective, 1.0)
-    known = state.kept[:, :-1].T @ state.kept[:, :-1]
+    known = state.whitened_rows[:, :-1].T @ state.whitened_rows[:, :-1]
     reason = f"the variance of the blocks' gradients is {c.min():.3g} to {c.max():.3g} times that of white noise"
     return Fit(
         state.names,
@@ -290,7 +290,7 @@ def _next_weights(state: RecursiveState, data: Information, rows: Array, kept: A
 def _settled(state: RecursiveState, data: Information) -> Array:
     """Weights after convergence of the iteration."""
     for _ in range(ITERATIONS):
-        weights = _next_weights(state, data, state.rows, state.kept)
+        weights = _next_weights(state, data, state.rows, state.whitened_rows)
         if (np.abs(state.weights / weights - 1.0) <= STANDSTILL).all():
             return weights
         state = replace(state, weights=weights)
@@ -301,14 +301,14 @@ def _settled(state: RecursiveState, data: Information) -> Array:
 
 
 def _after_change(state: RecursiveState) -> RecursiveState:
-    """State after a sudden change: all information is stored as `kept`, with the covariance of the change added."""
+    """State after a sudden change: all information becomes `whitened_rows`, with the covariance of the change."""
     assert state.root is not None  # a block without a covariance before it shows no sudden change
     assert state.memory.jump is not None
     changing = _changing(state)
     kept = _triangle(discount(state.whole, changing, state.memory.jump))
     empty = tuple(JointFactors(joint.parameters, np.zeros_like(joint.R)) for joint in state.joints)
     root = _square(np.column_stack([state.root, np.diag(np.where(changing, state.memory.jump, 0.0))]))
-    return replace(state, joints=empty, rows=np.zeros_like(state.rows), kept=kept, whole=kept, root=root)
+    return replace(state, joints=empty, rows=np.zeros_like(state.rows), whitened_rows=kept, whole=kept, root=root)
 
 
 def _spread(before: RecursiveState, weights: Array, new: Information, half: Array) -> Array:

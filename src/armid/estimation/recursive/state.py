@@ -85,7 +85,8 @@ class RecursiveState:
         names: Names of the b parameters.
         joints: Discounted factors of each joint's rows, one block.
         rows: Discounted number of rows in use, shape (n,).
-        kept: Whitened rows of information that is not in `joints`, with the right-hand side last, shape (b, b + 1).
+        whitened_rows: Whitened rows of information that is not in `joints`, with the right-hand side last,
+            shape (b, b + 1).
         weights: Weight of each joint's rows, shape (n,).
         fixed: True if the weights were given; otherwise they are computed from the residuals.
         whole: Triangular factor of all whitened rows, with the right-hand side last, shape (b, b + 1).
@@ -99,7 +100,7 @@ class RecursiveState:
     names: tuple[ParameterName, ...]
     joints: tuple[JointFactors, ...]
     rows: Array
-    kept: Array
+    whitened_rows: Array
     weights: Array
     fixed: bool
     whole: Array
@@ -119,7 +120,7 @@ class RecursiveState:
 
     @property
     def information(self) -> Information:
-        """Discounted factors as information of one block, without `kept`."""
+        """Discounted factors as information of one block, without `whitened_rows`."""
         rows = np.rint(self.rows).astype(np.int64)[None]
         one = np.zeros(1, dtype=np.int64)
         return Information(self.names, self.joints, rows, one, one, made_by=FactorOrigin("discounted"))

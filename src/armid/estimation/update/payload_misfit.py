@@ -76,8 +76,8 @@ def payload_misfit(new: Information, alone: WhitenedSystem, values: Array, scale
 
     rows, together = new.rows.sum(axis=0), max(alone.correlation, CORRELATED)
     squares = np.array([held_out_squares(new, s * values)[j] for j, s in enumerate(scale)])
-    spent = np.maximum(alone.spent, np.finfo(float).tiny)
-    left = rows - alone.spent
+    spent = np.maximum(alone.effective_dof, np.finfo(float).tiny)
+    left = rows - alone.effective_dof
     tested = (left > together) & (alone.squares > 0.0)
     noise = np.divide(alone.squares, left, out=np.zeros(new.n), where=tested)
     excess = np.maximum(squares - alone.squares, 0.0) / spent / together

@@ -62,17 +62,17 @@ class AdjacentPair:
         pair: Names of the two bodies.
         bodies: Indices of the two bodies among the shapes.
         joint: Index of the joint between their links.
-        kept: Required distance between the two bodies [m].
+        required_distance: Required distance between the two bodies [m].
         free: Ranges of the joint's position in which the bodies keep this distance, in ascending order [rad or m].
         constant: True if the distance is the same at `ROUGH` positions, as between the two sides of a flange, and the
-            profiles of both meshes prove that it is at least `kept` at all angles. For such a pair, the distance is
-            computed at only `ROUGH` positions of a motion.
+            profiles of both meshes prove that it is at least the required one at all angles. For such a pair, the
+            distance is computed at only `ROUGH` positions of a motion.
     """
 
     pair: BodyPair
     bodies: tuple[int, int]
     joint: int
-    kept: float
+    required_distance: float
     free: tuple[Interval, ...]
     constant: bool = False
 
@@ -118,7 +118,7 @@ class AdjacentLinks:
                 close = next(each for each in pairs if not any(low < at < high for low, high in each.free))
                 raise ArmidError(
                     f"In the start pose, {close.pair} touch or are closer than the required "
-                    f"{1000.0 * close.kept:.1f} mm.",
+                    f"{1000.0 * close.required_distance:.1f} mm.",
                     remedy=f"choose another position of {limits.joints[joint]} with --start, or leave the pair "
                     "out of the collision check with --ignore-pair A,B.",
                 )
@@ -241,7 +241,7 @@ def adjacent_ranges(robot: Robot, adjacent: AdjacentLinks, limits: Limits, narro
         if (low, high) == (limits.lower[j], limits.upper[j]):
             continue
         close = [
-            f"{each.pair} ({1000.0 * each.kept:.1f} mm)"
+            f"{each.pair} ({1000.0 * each.required_distance:.1f} mm)"
             for each in adjacent.checked
             if each.joint == j and {low, high} & set(np.ravel(each.free)) - set(adjacent.reach[j])
         ]

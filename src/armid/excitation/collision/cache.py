@@ -39,7 +39,7 @@ def cache_folder() -> Path | None:
     return None
 
 
-def kept(name: str) -> dict[str, NDArray[np.generic]] | None:
+def read_entry(name: str) -> dict[str, NDArray[np.generic]] | None:
     """Reads the cache entry with a given name; `None` if there is none that can be read."""
     folder = cache_folder()
     if folder is None:
@@ -55,7 +55,7 @@ def kept(name: str) -> dict[str, NDArray[np.generic]] | None:
         return None
 
 
-def keep(name: str, arrays: Arrays) -> None:
+def write_entry(name: str, arrays: Arrays) -> None:
     """Writes an entry with a given name to the cache, if the folder can be written."""
     folder = cache_folder()
     if folder is None:

@@ -64,7 +64,7 @@ class ClosestApproach:
         pair: Names of the two bodies.
         distance: Distance between them, negative where they overlap [m].
         time: Time of the closest approach [s].
-        asked: Required distance [m].
+        required_distance: Required distance [m].
         measured: Representation with which the distance was computed: `bodies`, `hulls` or `triangles`.
         constant: True if the distance is small and changes by 3 mm at most, in the motion and in random poses, as
             between neighbouring links that rotate against each other with a narrow gap.
@@ -73,14 +73,14 @@ class ClosestApproach:
     pair: BodyPair
     distance: float
     time: float
-    asked: float
+    required_distance: float
     measured: str = "bodies"
     constant: bool = False
 
     @property
-    def kept(self) -> bool:
-        """Tests whether the required distance is kept."""
-        return self.distance >= self.asked - ROUNDING
+    def is_sufficient(self) -> bool:
+        """Tests whether the distance is at least the required one."""
+        return self.distance >= self.required_distance - ROUNDING
 
 
 def closest_approaches(
@@ -107,7 +107,9 @@ def closest_approaches(
             meshes = any(collision.shapes[i].kind in ("mesh", "cylinder") for i in collision.pairs[k])
             by, asked = "hulls" if meshes else "bodies", float(margins[k])
             found.append(ClosestApproach(label, distance, float(times[at]), asked, by, constant[k]))
-    for k, (pair, kept) in enumerate(zip(collision.measured, collision.kept, strict=True), len(collision.pairs)):
+    for k, (pair, kept) in enumerate(
+        zip(collision.measured, collision.required_distances, strict=True), len(collision.pairs)
+    ):
         distance, at = _by_triangles(collision, pair, float(kept), poses)
         label = BodyPair(*(collision.shapes[i].name for i in pair))
         found.append(ClosestApproach(label, distance, float(times[at]), float(kept), "triangles", constant[k]))
@@ -159,7 +161,7 @@ def adjacent_distances(
     which = spread_positions(q, ROUGH) if pair.constant else spread_positions(q)
     some = poses[0][which], poses[1][which]
     found = distances(collision.shapes, np.array([pair.bodies]), some, parts_of)[:, 0]
-    if found.min() > 2.0 * pair.kept:
+    if found.min() > 2.0 * pair.required_distance:
         return AdjacentDistances(which, found, by_hulls=True)
     found = distances(collision.shapes, np.array([pair.bodies]), some)[:, 0]
     return AdjacentDistances(which, found, by_hulls=False)
@@ -187,8 +189,10 @@ def _of_adjacent(
     k = int(distance.argmin())
     meshes = any(collision.shapes[i].kind in ("mesh", "cylinder") for i in pair.bodies)
     by = ("hulls" if found.by_hulls else "triangles") if meshes else "bodies"
-    constant = float(distance[k]) >= pair.kept and found.is_constant(collision, pair, anywhere)
-    return ClosestApproach(pair.pair, float(distance[k]), float(times[which[k]]), pair.kept, by, constant)
+    constant = float(distance[k]) >= pair.required_distance and found.is_constant(collision, pair, anywhere)
+    return ClosestApproach(
+        pair.pair, float(distance[k]), float(times[which[k]]), pair.required_distance, by, constant
+    )
 
 
 def random_poses(collision: CollisionOptions, robot: Robot) -> tuple[Array, Array]:
@@ -222,7 +226,7 @@ def constant_distances(
         return result
     moments = np.unique(np.linspace(0, len(poses[1]) - 1, MOMENTS).astype(np.intp))
     some = poses[0][moments], poses[1][moments]
-    required = np.concatenate([collision.every.margins if count else [], collision.kept])
+    required = np.concatenate([collision.every.margins if count else [], collision.required_distances])
     near = np.flatnonzero(bound.min(axis=0) < NEAR).tolist()
     for k in (*near, *range(count, len(result))):
         pair = collision.pairs[[k]] if k < count else collision.measured[[k - count]]

@@ -72,7 +72,7 @@ class CollisionOptions:
         pairs: Indices into `shapes` of the pairs of `every`, shape (m, 2).
         own: Number of shapes that belong to the arm.
         measured: Indices into `shapes` of the pairs that are checked with the bodies themselves, shape (r, 2).
-        kept: Required distances of the pairs of `measured`, shape (r,) [m].
+        required_distances: Required distances of the pairs of `measured`, shape (r,) [m].
         left_out: Bounding volumes of the pairs of `skipped`.
         adjacent: Pairs of adjacent links.
     """
@@ -84,7 +84,7 @@ class CollisionOptions:
     pairs: NDArray[np.intp]
     own: int
     measured: NDArray[np.intp]
-    kept: Array
+    required_distances: Array
     left_out: CollisionBodies
     adjacent: AdjacentLinks = NO_ADJACENT
 
@@ -107,7 +107,7 @@ class CollisionOptions:
         """Tests whether all pairs keep their required distance in poses (N, n); shape (N,)."""
         poses = forward_kinematics(robot, q)
         result = (self.every.bodies.distances(poses) > self.every.margins).all(axis=1)
-        for pair, kept in zip(self.measured, self.kept, strict=True):
+        for pair, kept in zip(self.measured, self.required_distances, strict=True):
             result &= ~too_close(self.shapes, pair, float(kept), poses)
         return np.asarray(result)
 
@@ -116,7 +116,7 @@ class CollisionOptions:
         poses = forward_kinematics(robot, q)
         moving = (
             joints_on_path(robot, *(self.shapes[k].link for k in pair))
-            for pair, kept in zip(self.measured, self.kept, strict=True)
+            for pair, kept in zip(self.measured, self.required_distances, strict=True)
             if too_close(self.shapes, pair, float(kept), poses).any()
         )
         return sorted({j for joints in moving for j in joints})
@@ -315,11 +315,11 @@ def empty_collision_model(robot: Robot) -> CollisionModel:
 def collision_of(
     robot: Robot, limits: Limits, start: Array, surroundings: Sequence[Shape] = (), *, margin: float = 0.02
 ) -> CollisionOptions:
-    """Pairs of bodies that a plan must keep apart if it begins in a given start pose; see `kept_apart`."""
-    return kept_apart(make_collision_model(robot, limits, surroundings, margin=margin), start)
+    """Pairs of bodies that a plan must keep apart if it begins in a given start pose; see `collision_options`."""
+    return collision_options(make_collision_model(robot, limits, surroundings, margin=margin), start)
 
 
-def kept_apart(cell: CollisionModel, start: Array) -> CollisionOptions:
+def collision_options(cell: CollisionModel, start: Array) -> CollisionOptions:
     """Pairs of bodies that a plan must keep apart if it begins in a given start pose.
 
     Adjacent links are kept apart by narrower position limits (`AdjacentLinks.narrowed`). For links with one link
@@ -365,7 +365,7 @@ def kept_apart(cell: CollisionModel, start: Array) -> CollisionOptions:
 
 
 def looked_at(cell: CollisionModel) -> CollisionOptions:
-    """Pairs of bodies that must be kept apart, without a start pose; for a search use `kept_apart`."""
+    """Pairs of bodies that must be kept apart, without a start pose; for a search use `collision_options`."""
     required, labels = cell.required, cell.bodies.labels
     kept, own = np.flatnonzero(required.of(BY_CAPSULES)), required.of(MEASURED)
     left_out = np.flatnonzero(required.of(LEFT_OUT))

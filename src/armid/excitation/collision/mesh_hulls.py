@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
 from armid.checked_array import Array
-from armid.excitation.collision.cache import Arrays, keep, kept
+from armid.excitation.collision.cache import Arrays, read_entry, write_entry
 from armid.excitation.collision.capsules import Points, around, covering, cuts_of, smallest, volume_of
 from armid.excitation.collision.coal import apart, convex, mesh_faces, stamp, version
 from armid.robot.shapes import Shape
@@ -108,11 +108,11 @@ def outline_of(shape: Shape) -> MeshOutline:
 @lru_cache(maxsize=256)
 def _outline(path: str, scale: tuple[float, float, float], _stamp: tuple[int, int]) -> MeshOutline:
     name = _name(path, scale)
-    found = _read(kept(name)) if name else None
+    found = _read(read_entry(name)) if name else None
     if found is None:
         found = _made(*mesh_faces(Shape("", -1, "mesh", np.array(scale), np.eye(4), path)))
         if name:
-            keep(name, _written(found))
+            write_entry(name, _written(found))
     return found
 
 

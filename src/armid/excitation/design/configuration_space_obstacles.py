@@ -130,7 +130,7 @@ def measured_pairs(
     low = np.where(np.isfinite(limits.lower), limits.lower, start - np.pi)
     high = np.where(np.isfinite(limits.upper), limits.upper, start + np.pi)
     maps: list[PositionMap] = []
-    for pair, kept in zip(collision.measured, collision.kept, strict=True):
+    for pair, kept in zip(collision.measured, collision.required_distances, strict=True):
         a, b = (collision.shapes[k] for k in pair)
         joints = joints_on_path(robot, a.link, b.link)
         if len(joints) != JOINTS:

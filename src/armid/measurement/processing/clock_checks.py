@@ -9,7 +9,7 @@ from armid.errors import Finding, RecordingError
 from armid.maths.median import median
 from armid.measurement.columns.clocks import unit_of_step
 from armid.measurement.log_format import LogFormat
-from armid.measurement.recording import Recording, kept_rows, recording_error
+from armid.measurement.recording import Recording, recording_error, select_rows
 from armid.measurement.remedy_builders import lines, naming
 from armid.remedy import Remedy, setting
 
@@ -149,4 +149,4 @@ def without_ties(recording: Recording) -> tuple[Recording, tuple[Finding, ...]]:
                 ") and give the key `rate`.",
             ),
         )
-    return kept_rows(recording, ~tied), (Finding("clock-jitter", "info", "time", f"{evidence}; dropped."),)
+    return select_rows(recording, ~tied), (Finding("clock-jitter", "info", "time", f"{evidence}; dropped."),)

@@ -12,7 +12,7 @@ from armid.errors import Finding, RecordingError
 from armid.maths.median import median
 from armid.measurement.log_format import LogFormat
 from armid.measurement.processing.clock_checks import RATE_TOLERANCE, check_clock, without_ties
-from armid.measurement.recording import Recording, kept_rows, recording_error
+from armid.measurement.recording import Recording, recording_error, select_rows
 from armid.measurement.remedy_builders import excluding, lines, naming
 from armid.remedy import Assignment, Remedy, setting
 
@@ -112,7 +112,7 @@ def _without_excluded_nan(recording: Recording, log_format: LogFormat) -> Record
     broken = ~np.isfinite(_everything(recording)).all(axis=1)
     if recording.time is None or not log_format.exclude or not broken.any():
         return recording
-    return kept_rows(recording, ~(broken & _excluded(recording, log_format)))
+    return select_rows(recording, ~(broken & _excluded(recording, log_format)))
 
 
 def _masked(recording: Recording, log_format: LogFormat) -> Recording:
@@ -211,7 +211,7 @@ def _without_repeats(recording: Recording) -> tuple[Recording, tuple[Finding, ..
         "record at the rate at which the robot sends new samples.",
     )
     recording = replace(recording, valid=recording.valid & ~repeated[:, None])
-    return kept_rows(recording, ~drop), (finding,)
+    return select_rows(recording, ~drop), (finding,)
 
 
 def _should_differ(values: Array, runs: NDArray[np.intp]) -> NDArray[np.bool_]:

@@ -90,7 +90,7 @@ class Stretch:
         ddq = None if self.ddq is None else signals(self.ddq)
         return Stretch(time, rate, signals(self.q), dq, ddq, signals(self.effort), bad(self.bad))
 
-    def kept(self, rows: slice | NDArray[np.bool_]) -> Stretch:
+    def select(self, rows: slice | NDArray[np.bool_]) -> Stretch:
         """Stretch with a selection of its samples."""
         few = self.changed(lambda x: x[rows], self.time[rows], self.rate, lambda bad: bad[rows])
         number = np.arange(self.samples) if self.number is None else self.number
@@ -98,7 +98,7 @@ class Stretch:
 
     def cut(self, first: int, stop: int) -> Stretch:
         """Stretch of the samples `first` to `stop` - 1."""
-        return self.kept(slice(first, stop))
+        return self.select(slice(first, stop))
 
 
 def jitter(time: Array, number: NDArray[np.int64] | None = None) -> float:
@@ -177,7 +177,7 @@ def _without_specks(whole: Stretch, longest: float) -> Stretch:
     inside = spoilt & (after > 0) & (after < len(good))
     last, following = good[np.maximum(after - 1, 0)], good[np.minimum(after, len(good) - 1)]
     keep = ~(inside & (whole.time[following] - whole.time[last] <= longest))
-    return whole.kept(keep)
+    return whole.select(keep)
 
 
 def gather(recording: Recording, *, clock: bool = True) -> tuple[Stretch, float]:
@@ -221,7 +221,7 @@ def gather(recording: Recording, *, clock: bool = True) -> tuple[Stretch, float]
     quantities = recording.q, recording.dq, recording.ddq, recording.effort
     stretch = Stretch(time, 1.0, *quantities, ~recording.valid, recording.number)
     if not present.all():
-        stretch = stretch.kept(present)
+        stretch = stretch.select(present)
     return stretch, _median_step(stretch.time, name)
 
 

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from armid.excitation.collision.cache import keep, kept
+from armid.excitation.collision.cache import read_entry, write_entry
 
 
 def packed(values: ArrayLike, kind: str = "f4") -> dict[str, str]:
@@ -41,13 +41,13 @@ def compressed(text: str) -> str:
 def packed_plotly() -> str:
     """plotly.js, compressed by `compressed` once for each version and stored in the cache."""
     name = f"plotly-{version('plotly')}-zlib-{zlib.ZLIB_RUNTIME_VERSION}"
-    stored = kept(name)
+    stored = read_entry(name)
     if stored is not None and "script" in stored:
         return base64.b64encode(stored["script"].tobytes()).decode()
     from plotly.offline import get_plotlyjs
 
     script = _gzipped(get_plotlyjs())
-    keep(name, {"script": np.frombuffer(script, dtype=np.uint8)})
+    write_entry(name, {"script": np.frombuffer(script, dtype=np.uint8)})
     return base64.b64encode(script).decode()
 
 

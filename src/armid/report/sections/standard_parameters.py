@@ -24,7 +24,7 @@ def show_standard_parameters(page_data: PageData) -> Section | None:
         "prior": fit.prior.kind,
         "weight": short(fit.prior.weight),
         "how": fit.prior.how,
-        "price": share(fit.proof.price),
+        "price": share(fit.proof.cost_increase),
         "eigenvalue": short(fit.proof.smallest_eigenvalue),
         "lowest": short(fit.proof.lowest),
         "gap": short(fit.proof.gap, 2),

@@ -57,7 +57,7 @@ def certified_plan(
         done, margins = certified(problem, grid, trial)
         stage("closest approaches")
         report = preflight(problem, done, collision, margins, unchecked)
-        if factors.min() <= DRAWN or all(each.kept for each in report.approaches):
+        if factors.min() <= DRAWN or all(each.is_sufficient for each in report.approaches):
             return done, report
         factors *= DRAWN_BY[-1]
         trial = about_start(basis, x, factors)

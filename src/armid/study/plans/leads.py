@@ -61,10 +61,11 @@ def check_leads(plan: Plan, robot: Robot, collision: CollisionOptions | None) ->
         q = plan.at(since + np.linspace(0.0, seconds, max(50, round(LEAD_CHECKS * seconds)))).q
         times = since + np.linspace(0.0, seconds, len(q))
         nearest = closest_approaches(collision, robot, times, q)
-        close = [each for each in nearest if not each.kept]
+        close = [each for each in nearest if not each.is_sufficient]
         if close:
             raise ArmidError(
                 f"During the motion from or to the {name} pose, {close[0].pair} come too close to each other: "
-                f"{1000 * max(close[0].distance, 0.0):.0f} mm instead of at least {1000 * close[0].asked:.0f} mm.",
+                f"{1000 * max(close[0].distance, 0.0):.0f} mm instead of at least "
+                f"{1000 * close[0].required_distance:.0f} mm.",
                 remedy="choose another pose, or leave the pose out and move the arm there by hand.",
             )

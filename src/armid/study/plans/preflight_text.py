@@ -74,7 +74,7 @@ def report_record(designed: Checked) -> dict[str, Any]:
                 "pair": a.pair,
                 "distance": a.distance,
                 "time": a.time,
-                "asked": a.asked,
+                "asked": a.required_distance,
                 "measured": a.measured,
                 "constant": a.constant,
             }
@@ -150,7 +150,8 @@ def _approach_lines(report: Preflight) -> list[str]:
     constant = [each for each in report.approaches if each.constant]
     lines = ["", f"closest approaches (required distance; {MEASURED})"]
     lines += [
-        f"  {a.pair:<40}{1000 * a.distance:8.0f} mm at {a.time:6.2f} s  ({1000 * a.asked:.0f} mm; {a.measured})"
+        f"  {a.pair:<40}{1000 * a.distance:8.0f} mm at {a.time:6.2f} s  ({1000 * a.required_distance:.0f} mm; "
+        f"{a.measured})"
         for a in changing[:MOST_LINES]
     ]
     if len(changing) > MOST_LINES:
@@ -162,7 +163,7 @@ def _approach_lines(report: Preflight) -> list[str]:
 
 def constant_text(constant: Sequence[ClosestApproach]) -> str:
     """Sentence that names pairs with constant distance, their distances, and the required distances."""
-    pairs = "; ".join(f"{a.pair} {1000 * a.distance:.1f} mm ({1000 * a.asked:.1f} mm)" for a in constant)
+    pairs = "; ".join(f"{a.pair} {1000 * a.distance:.1f} mm ({1000 * a.required_distance:.1f} mm)" for a in constant)
     return f"neighbouring links at a nearly constant distance, with this and the required distance: {pairs}"
 
 

@@ -13,8 +13,8 @@ from armid.excitation.collision.adjacent_link_collisions import adjacent_ranges
 from armid.excitation.collision.collision_model import (
     CollisionModel,
     CollisionOptions,
+    collision_options,
     empty_collision_model,
-    kept_apart,
     make_collision_model,
 )
 from armid.excitation.collision.ignored_pairs import IgnoredPair, pairs_by_reason
@@ -113,7 +113,7 @@ def _among_bodies(
                 f"from it are free of collisions for {100 * chosen.free_share:.0f} % of their length"
             )
             findings = (_chosen(evidence), *findings)
-    collision = kept_apart(cell, start)
+    collision = collision_options(cell, start)
     return Placement(start, collision, limits, (*findings, *_without_shapes(robot), *_skipped_pairs(collision)))
 
 

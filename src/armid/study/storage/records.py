@@ -121,7 +121,7 @@ def certificate_record(fit: StandardFit | None) -> dict[str, Any] | None:
     if fit is None:
         return None
     return {
-        "price": fit.proof.price,
+        "price": fit.proof.cost_increase,
         "smallest_eigenvalue": fit.proof.smallest_eigenvalue,
         "gap": fit.proof.gap,
         "prior": {"kind": fit.prior.kind, "weight": fit.prior.weight, "how": fit.prior.how},
