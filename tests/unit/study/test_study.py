@@ -74,6 +74,7 @@ preset = "ur-rtde"
 exclude = [[1.0, 2.0], [5, 6]]
 period = 20.0
 start = 1.5
+spikes = "keep"
 [processing]
 cutoff = 3.0
 order = 2
