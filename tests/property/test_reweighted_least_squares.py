@@ -103,11 +103,11 @@ def test_what_is_not_a_number_has_no_residual(build, at):
     ("changed", "reason"),
     [
         ({"parameters": [np.arange(3, dtype=np.int32)]}, "Expected products"),
-        ({"parameters": [np.array([1, 0], dtype=np.int32)]}, "rise"),
-        ({"parameters": [np.array([0, 2], dtype=np.int32)]}, "rise"),
-        ({"rows": [0.0]}, "rows of each joint"),
-        ({"passes": 0}, "one pass"),
-        ({"ridge": 0.0}, "positive ridge"),
+        ({"parameters": [np.array([1, 0], dtype=np.int32)]}, "ascending order"),
+        ({"parameters": [np.array([0, 2], dtype=np.int32)]}, "ascending order"),
+        ({"rows": [0.0]}, "rows of every joint must be positive"),
+        ({"passes": 0}, "`passes`"),
+        ({"ridge": 0.0}, "`ridge`"),
     ],
 )
 def test_what_cannot_be_solved_is_refused(build, changed, reason):
