@@ -1,4 +1,4 @@
-"""Catalogue `LANGUAGES` of code languages: for a new language, a module and one line here are added."""
+"""Catalogue `LANGUAGES` of code languages: a new language needs a module and one line here."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Program as lines of text in a code language: results that are used several times become variables."""
+"""Program as lines of text in a code language: a result that is used several times becomes a variable."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ def body(program: Program, notation: Notation) -> tuple[list[str], dict[int, str
 
 
 def matrix_rows(program: Program) -> list[list[int]]:
-    """Indices into the flattened result, as one list for each row."""
+    """Indices of the elements of the flattened result, one list for each row."""
     rows, columns = program.shape
     return [list(range(columns * i, columns * (i + 1))) for i in range(rows)]
 

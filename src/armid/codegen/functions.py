@@ -34,12 +34,13 @@ PROGRAMS = (
 def make_programs(
     model: DynamicsModel, base: BaseParameters, wanted: Sequence[str] = PROGRAMS
 ) -> tuple[Program, ...]:
-    """Makes the programs of functions of a model; they are independent of each other.
+    """Makes the programs of functions of a model; each program can be used without the others.
 
     Args:
         model: Arm and torque terms; it needs load parameters if a term depends on the load.
         base: Base parameters of the model.
-        wanted: Names of the functions; those of the hysteresis state are omitted for models without hysteresis.
+        wanted: Names of the functions. For models without hysteresis, the functions of the hysteresis state are
+            omitted.
 
     Raises:
         ModelError: A function does not exist, or a term depends on the load and no load parameters are given.
@@ -148,7 +149,10 @@ class Maker:
         *,
         inertia: bool,
     ) -> list[Scalar]:
-        """Torque plus that of the terms' laws; laws proportional to the acceleration only if `inertia` is true."""
+        """Adds the torque of the laws of the terms to `torque`.
+
+        Laws that are proportional to the acceleration are added only if `inertia` is true.
+        """
         inputs, torque = self._with_load(inputs), list(torque)
         for j, column, law, weight in self.model.entries:
             if column in theta and (inertia or not is_inertia(law)):
@@ -210,11 +214,11 @@ class Maker:
 
 SUMMARIES = {
     "inverse_dynamics": "Torque of the whole model",
-    "gravity_torque": "Torque that holds the rigid links still, without friction",
+    "gravity_torque": "Torque that holds the rigid links at rest, without friction",
     "mass_matrix": "Mass matrix of links and rotors",
-    "friction": "Torque of all terms but the rigid links and rotor inertia",
+    "friction": "Torque of all terms except the rigid links and rotor inertia",
     "state_start": "Hysteresis state at the beginning of a motion",
-    "state_update": "Hysteresis state at the next sample, to be called before the torque",
+    "state_update": "Hysteresis state at the next sample; call this function before the torque is computed",
 }
 
 MEANINGS = {

@@ -24,7 +24,7 @@ def generate(
     heading: Sequence[str] = (),
     wanted: Sequence[str] = PROGRAMS,
 ) -> dict[str, str]:
-    """Generates the source code of a model: the text of each file, by the path of the file.
+    """Generates the source code of a model, as the text of each file by its path.
 
     Args:
         model: Arm and torque terms; it needs load parameters if a term depends on the load.

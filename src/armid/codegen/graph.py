@@ -112,7 +112,7 @@ class Graph:
         return [self.symbol(name, index) for index in range(count)]
 
     def symbol(self, name: str, index: int) -> Node:
-        """Node of one element of an input, or of a number that has a name."""
+        """Node of one element of an input, or of a number that is given by name."""
         return self._node("symbol", (), (name, index))
 
     def node(self, operation: str, operands: tuple[Scalar, ...]) -> Node:

@@ -67,7 +67,7 @@ class FunctionSource:
         columns: Names of the standard parameters; they belong to the columns of the regressor.
         programs: Programs of the functions, by name.
         widths: For each hysteresis state, its coordinate and half-width, as text for comments.
-        model: Model for which the code is.
+        model: Model for which the code is generated.
         base: Base parameters of the model.
     """
 
@@ -92,17 +92,19 @@ class FunctionSource:
             *map(_harmless, self.heading),
             "",
             f"Joints: {_harmless(', '.join(self.joints))}. SI units throughout: rad, m, s, kg, N, N m.",
-            f"{len(self.parameters)} base parameters stand for {len(self.columns)} standard ones, inertia about the"
-            " origins of the link frames.",
+            f"{len(self.parameters)} base parameters replace {len(self.columns)} standard parameters. Inertia is"
+            " about the origins of the link frames.",
             f"Gravity, built in: acceleration {_numbers(self.model.robot.gravity)} m/s2 in the base frame.",
             *self._locked(),
         ]
         if self.widths:
             lines += [
-                "The model remembers the motion. Start the state where the motion begins, update it once at every",
-                "sample before any torque is asked for. State elements are windows that a coordinate drags along:",
+                "The torque depends on earlier motion (hysteresis). Initialise the state at the start of the motion,",
+                "and update it once at every sample, before the torque is computed. Each element of the state",
+                "follows one coordinate, from which it differs by at most its half-width:",
                 *(f"  {k + 1}: {width}" for k, width in enumerate(self.widths)),
-                "A state is known once its coordinate has swept more than two half-widths.",
+                "An element does not depend on its initial value any more as soon as its coordinate has covered a",
+                "range of more than two half-widths.",
             ]
         return lines
 
@@ -112,7 +114,7 @@ class FunctionSource:
         if not held:
             return []
         rows = [", ".join(held[k : k + HELD_IN_A_LINE]) for k in range(0, len(held), HELD_IN_A_LINE)]
-        return ["Locked joints, built in with the bodies that they carry:", *(f"  {row}" for row in rows)]
+        return ["Locked joints; the model contains the bodies that they carry:", *(f"  {row}" for row in rows)]
 
 
 def make_source(
@@ -166,7 +168,7 @@ def identifier(name: str) -> str:
 
 
 def _numbers(vector: Array) -> str:
-    """Vector as text; the digits are those that tell constants of gravity apart."""
+    """Vector as text, with enough digits to distinguish constants of gravity."""
     return f"({', '.join(f'{x + 0.0:.10g}' for x in vector)})"
 
 

@@ -1,4 +1,4 @@
-"""Program in a form that the kernel can run for single samples: a tape with runs of equal operations."""
+"""Tape: a program as runs of equal operations, which the kernel can carry out for single samples."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def make_tape(program: Program, given: Mapping[str, Array]) -> _native.Tape:
 
     Args:
         program: The function.
-        given: Inputs with fixed values, by name; the other inputs are those of the tape, in order.
+        given: Inputs with fixed values, by name. All other inputs are inputs of the tape, in the same order.
     """
     record = record_tape(program, given)
     return _native.Tape(record.sizes, record.constants, record.runs, record.operands, record.results)
@@ -62,7 +62,7 @@ def record_tape(program: Program, given: Mapping[str, Array]) -> TapeRecord:
         return places[x]
 
     def outside(x: Scalar) -> int | None:
-        """Index of the value of an input or a constant; `None` for an operation."""
+        """Index of the value of an input or a constant; `None` if x is an operation."""
         if not isinstance(x, Node):
             return of_number(x)
         if x.operation != "symbol":

@@ -1,4 +1,4 @@
-"""Function as a list of operations in order: the part of a graph that its result needs."""
+"""Program of a function: the operations of a graph that its result needs, in the order of computation."""
 
 from __future__ import annotations
 

@@ -1,10 +1,10 @@
 """Symbolic rigid-body dynamics of a tree.
 
 The recursion is that of Newton and Euler. Inertia is given about the origin of the link frame, so that everything is
-linear in the ten inertial parameters [Khalil2004]. Let a link have the angular velocity ω, the angular acceleration α
-and the acceleration a of its origin minus gravity, and U = [α]× + [ω]×[ω]×. It needs the force m a + U h, and a
-moment that is linear in the same quantities. `_columns` computes both for torque and regressor. Vectors are object
-arrays of scalars.
+linear in the ten inertial parameters [Khalil2004]. Let ω be the angular velocity of a link, α its angular
+acceleration, a the acceleration of the origin of its frame minus gravity, and U = [α]× + [ω]×[ω]×. The link needs the
+force m a + U h, where m is its mass and h its first moment, and a moment that is also linear in its parameters.
+`_columns` computes both for torque and regressor. Vectors are object arrays of scalars.
 """
 
 from __future__ import annotations
@@ -112,7 +112,7 @@ def regressor(
     dq: Sequence[Scalar],
     ddq: Sequence[Scalar],
 ) -> dict[tuple[int, int, int], Scalar]:
-    """Nonzero elements of the regressor, by indices of joint, link and the link's inertial parameter."""
+    """Nonzero elements of the regressor, by the indices of joint, link and inertial parameter of the link."""
     joints = _joints(geometry, q)
     entries: dict[tuple[int, int, int], Scalar] = {}
     jacobians: list[dict[int, tuple[Symbols, Symbols]]] = []
@@ -165,7 +165,7 @@ class _Joint:
         return force, self.to_parent(moment) + _cross(self.translation, force)
 
     def motion_to_child(self, angular: Symbols, linear: Symbols) -> tuple[Symbols, Symbols]:
-        """Velocity of the parent's body at the origin of this frame, from that of the parent's frame."""
+        """Velocity of the parent body at the origin of this frame, from that at the origin of the parent frame."""
         return self.to_child(angular), self.to_child(linear + _cross(angular, self.translation))
 
 

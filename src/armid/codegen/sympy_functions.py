@@ -53,7 +53,7 @@ def make_symbolic(model: DynamicsModel, base: BaseParameters, name: str, *, geom
         model: Arm and torque terms.
         base: Base parameters of the model.
         name: Name of the function, one of `armid.codegen.PROGRAMS`.
-        geometry: Whether lengths, oblique directions and gravity are symbols; otherwise they are numbers.
+        geometry: Whether lengths, gravity and directions not along an axis are symbols; otherwise they are numbers.
 
     Raises:
         MissingExtraError: SymPy is not installed.

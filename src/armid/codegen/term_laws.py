@@ -32,7 +32,7 @@ def carried_out(expression: Expression, environment: Mapping[str, Scalar]) -> Sc
         raise ModelError(
             f"A torque term contains the function {head!r}, for which no code can be generated.",
             possible=", ".join(sorted(KNOWN)),
-            remedy="use a possible function, or add this one to armid.codegen.graph.FUNCTIONS and to each language.",
+            remedy="use one of these, or add the function to armid.codegen.graph.FUNCTIONS and to each language.",
         )
     return call(head, *values)
 

@@ -61,7 +61,7 @@ def _reordered(program: Program, name: str, columns: list[int]) -> Program:
 
 
 def _pi(source: FunctionSource, order: list[int]) -> Program:
-    """Program of π(μ): standard parameters from mass, centre of mass and inertia about it, others unchanged."""
+    """Program of π(μ): standard parameters from physical parameters; parameters of friction are not changed."""
     parameters = [source.model.parameters[k] for k in order]
     mu = Graph().symbols("mu", len(order))
     entries = dict(enumerate(mu))
@@ -90,7 +90,7 @@ def _pi_b(source: FunctionSource, order: list[int], rows: list[int]) -> Program:
         for k, column in enumerate(order):
             total = total + float(source.base.regrouping[row, column]) * pi[k]
         entries[place] = total
-    argument = Argument("pi_", len(order), "standard parameters, as func_pi gives them")
+    argument = Argument("pi_", len(order), "standard parameters, for instance from func_pi")
     return Program("func_pi_b", "Base parameters", (argument,), (len(rows),), entries, "pi_b")
 
 

@@ -29,8 +29,8 @@ UNKNOWN_EFFORT = 100.0
 """Effort limit [N·m or N] that is assumed if the limit is unknown."""
 
 SLOWER = 0.25
-"""Largest natural frequency of the loop, multiplied by the sum of the sample time and the time constant of the
-current loop [rad]."""
+"""Largest product of the natural frequency of the position loop and its delay [rad]. The delay is the sum of the
+sample time and the time constant of the current loop."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,11 +40,11 @@ class Controller:
     Attributes:
         kind: One of `CONTROLLERS`.
         compliance: Position error at which the feedback commands the full effort of the joint [rad or m]. It
-            determines the gains, except for joints so light that the loop would be too fast for its sampling.
+            determines the gains, except if a joint is so light that the loop would be too fast for the sampling rate.
         damping: Damping ratio of the loop for the mean inertia of the joint.
         integral: KI divided by KP [1/s]; `None` stands for 2 if `kind` is `pid`, otherwise for 0.
         rate: Sampling rate [Hz]; 0 for sampling in every step of the simulation.
-        model_scale: Ratio of the torque of its nominal model to that of the true model.
+        model_scale: Torque of the nominal model divided by the torque of the true model.
         friction: Share of the viscous and Coulomb friction that the feed-forward torque contains.
     """
 
@@ -74,7 +74,7 @@ class Controller:
 
 @dataclass(frozen=True, slots=True)
 class Drive:
-    """Drive: dynamics and limits between commanded and actual torque.
+    """Drive: delay and saturation between the commanded and the actual torque.
 
     Attributes:
         bandwidth: Corner frequency of the first-order current loop [Hz]; 0 for a loop without delay.
@@ -138,7 +138,7 @@ def gains(controller: Controller, drive: Drive, truth: KnownArm, motion: Motion,
 
 
 def some_poses(q: Array, count: int = 100) -> Array:
-    """Evenly spaced positions (N, n) of a motion, about as many as `count`."""
+    """Positions (N, n) at evenly spaced samples of a motion, with N near `count`."""
     return q[:: max(1, len(q) // count)]
 
 

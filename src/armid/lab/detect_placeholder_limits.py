@@ -11,20 +11,21 @@ from armid.errors import Finding
 from armid.lab.known_arms import TYPICAL_COULOMB, UNKNOWN_EFFORT, KnownArm, friction_of_limits
 
 MUCH = 0.5
-"""Ratio of friction to the largest torque of the links from which effort limits are suspicious, if it is reached in
-all joints."""
+"""Friction divided by the largest torque of the links. Effort limits are suspicious if this ratio is larger than
+`MUCH` in all joints with load, or in one joint whose effort limit is unknown."""
 
 MUCH_OF_EQUAL = 0.25
-"""Ratio as in `MUCH`, for arms whose joints all have the same effort limit."""
+"""Same ratio as `MUCH`, for arms whose joints all have the same effort limit."""
 
 PROPOSED = 0.1
 """Proposed friction divided by the largest torque of the links; it is typical of gears of robot arms."""
 
 LEAST = 0.01
-"""Smallest proposed friction, divided by the largest torque of all links."""
+"""Smallest proposed friction, divided by the largest torque of all links. Joints whose torque is smaller have no load
+and are not judged."""
 
 FEWEST = 3
-"""Number of joints from which it is suspicious that all have the same limit."""
+"""Smallest number of joints for which it is suspicious that all joints have the same limit."""
 
 
 def placeholder_finding(truth: KnownArm, transmitted: Array) -> Finding | None:
@@ -68,7 +69,7 @@ def _reason(limits: Array) -> str:
     if not known.any():
         return f"the limit {UNKNOWN_EFFORT:g}, which is assumed because the description has none, is unrealistic"
     limit_text = ", ".join(f"{x:g}" if math.isfinite(x) else "not given" for x in limits)
-    missing = "" if known.all() else f" ({UNKNOWN_EFFORT:g} is assumed for those not given)"
+    missing = "" if known.all() else f" ({UNKNOWN_EFFORT:g} is assumed for a limit that is not given)"
     return f"the limits {limit_text} look like placeholders{missing}"
 
 

@@ -62,8 +62,9 @@ def _column(recording: Recording, quantity: str, joint: int) -> Array:
         )
     if not 0 <= joint < recording.n:
         raise LabError(
-            f"The fault names joint {joint}, but faults count the joints from 0 to {recording.n - 1}.",
-            remedy="name another joint.",
+            f"The fault is for joint {joint}, but the joints of the recording have the indices 0 to "
+            f"{recording.n - 1}.",
+            remedy="give an index in this range.",
         )
     return values.copy()
 
@@ -145,8 +146,8 @@ class StuckChannel:
     Attributes:
         joint: Index of the joint, from 0.
         quantity: `q`, `dq` or `effort`.
-        start: Time from which the value is constant, as a share of the duration of the recording.
-        seconds: Duration [s]; infinite for the rest of the recording.
+        start: Time at which the value becomes constant, as a share of the duration of the recording.
+        seconds: Time for which the value is constant [s]; infinite for the rest of the recording.
     """
 
     joint: int = 0
@@ -159,7 +160,7 @@ class StuckChannel:
         check_share("start", self.start)
 
     def apply(self, recording: Recording, rng: np.random.Generator) -> Recording:
-        """Recording in which the channel is constant for a time."""
+        """Recording in which the channel is constant for the given time."""
         del rng
         time, values = clock_of(recording), _column(recording, self.quantity, self.joint)
         begin = time[0] + self.start * (time[-1] - time[0])
@@ -198,7 +199,7 @@ class Saturated:
 
 @dataclass(frozen=True, slots=True)
 class Scaled:
-    """Quantity in another unit or on the other side of a gear, for instance a current in place of a torque.
+    """Quantity that is logged in another unit or on the other side of a gear, for instance current instead of torque.
 
     Attributes:
         factors: Factors by which the values of the joints are multiplied; a single factor is used for all joints.
@@ -267,7 +268,7 @@ class SwappedJoints:
 
 @dataclass(frozen=True, slots=True)
 class Degrees:
-    """Angles in degrees in place of radians; only for arms with revolute joints."""
+    """Angles in degrees instead of radians; only for arms whose joints are all revolute."""
 
     name: ClassVar[str] = "degrees"
 

@@ -5,9 +5,9 @@ Friction is the sum of a dry part and a smooth part. While a joint sticks, the d
     dry     ±(FS + FT exp(-(|q̇|/v)^shape) + FSL |load|) + FSA     against the motion
     smooth  FV(T) q̇ + FO + FR sin(teeth q + phase) + Σ FH_k (q - z_k) / r_k
 
-T is the temperature rise of the joint, which its friction heats. z_k is the end of a Maxwell-slip spring: q moves it
-along as soon as the deflection of the spring is r_k [AlBender2005]. `FrictionState` computes friction step by step,
-`friction_along` for a whole motion.
+T is the temperature rise of the joint, which is heated by friction. z_k is the end of a Maxwell-slip spring: it moves
+with q as soon as the deflection of the spring reaches r_k [AlBender2005]. `FrictionState` computes friction step by
+step, `friction_along` for a whole motion.
 """
 
 from __future__ import annotations
@@ -84,7 +84,7 @@ class MaxwellSlip:
         return (self.torque / self.deflection).sum(axis=0)
 
     def next(self, ends: Array, q: Array) -> Array:
-        """Ends of the springs (E, n) after a move to positions q (n,), from earlier ends (E, n), or (n,) if equal."""
+        """Ends of the springs (E, n) after a motion to the positions q (n,); `ends` are those before the motion."""
         return np.minimum(np.maximum(ends, q - self.deflection), q + self.deflection)
 
 
@@ -116,7 +116,7 @@ class Warmth:
 
     Attributes:
         coefficient: Temperature coefficient of viscous friction, shape (n,) [1/K].
-        heating: Temperature rise for each unit of energy, shape (n,) [K/J].
+        heating: Temperature rise divided by the energy that friction dissipates, shape (n,) [K/J].
         time_constant: Time constant of cooling, shape (n,) [s].
         initial: Initial temperature rise, shape (n,) [K].
     """
@@ -135,7 +135,7 @@ class Warmth:
             )
 
     def next(self, rise: Array, power: Array, step: float) -> Array:
-        """Temperature rise (n,) [K] after a step [s] in which friction dissipates a power (n,) [W]."""
+        """Temperature rise (n,) [K] after a time `step` [s] in which friction dissipates the power (n,) [W]."""
         return rise + step * (self.heating * power - rise / self.time_constant)
 
 
@@ -216,7 +216,7 @@ class Friction:
         return not rest and all(part is None for part in parts)
 
     def dry(self, dq: Array, load: Array) -> Array:
-        """Mean of the two bounds of dry friction, shape (..., n) [N·m or N]; they differ from it by `asymmetry`.
+        """Dry friction without `asymmetry`: mean of the bounds in both directions, shape (..., n) [N·m or N].
 
         Args:
             dq: Velocity, shape (..., n) [rad/s or m/s].
@@ -273,7 +273,10 @@ class FrictionState:
         self.viscous = law.viscosity(self.rise)
 
     def split(self, q: Array, dq: Array) -> tuple[Array, Array, Array, Array]:
-        """Dry friction of sliding joints, its two bounds, and friction that depends on the position q, (n,) each."""
+        """Dry friction of sliding joints, its bounds, and friction that depends on the position q, shape (n,) each.
+
+        The bounds are the largest absolute values of dry friction in negative and in positive direction.
+        """
         if self.is_plain:
             level = self.law.coulomb
             return level * self.signs, level, level, self.law.offset
@@ -284,7 +287,7 @@ class FrictionState:
         return np.where(self.signs > 0.0, upper, -lower) * np.abs(self.signs), lower, upper, rest
 
     def update(self, q: Array, load: Array, power: Array, step: float) -> None:
-        """Updates the state after a step [s] to positions q in which friction dissipated a power, (n,) each."""
+        """Updates the state for the end of a `step` [s], with the new q (n,) and the power of friction (n,) [W]."""
         self.load = load
         if self.law.slip is not None and self.ends is not None:
             self.ends = self.law.slip.next(self.ends, q)

@@ -25,7 +25,8 @@ THESIS_FRICTION = {
 
 
 WHOLE = 1e-6
-"""Largest deviation of the period from a whole number of samples [samples]; far below the noise of any encoder."""
+"""Largest deviation of the period from a whole number of samples for which one period is computed and repeated
+[samples]; the error of the position is far below the noise of any encoder."""
 
 
 @dataclass(frozen=True, slots=True)

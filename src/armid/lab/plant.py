@@ -41,7 +41,8 @@ STABLE = 0.5
 is below 0.5."""
 
 ROUNDING = 1e-3
-"""Share by which the step rate may be below the stable rate, because only some poses of a plan are checked."""
+"""Relative amount by which the step rate may be below the stable rate, because only some poses of a plan are
+checked."""
 
 RUNAWAY = 1e4
 """Speed [rad/s or m/s] from which a simulation counts as unstable; real drives reach about ten."""
@@ -118,7 +119,7 @@ def _inertial(robot: Robot, i: int, vector: Array) -> str:
         raise LabError(
             f"Link {name!r}, which the joint {robot.joints[i].name} moves, has a mass of {vector[0]:g} kg; a "
             "simulation in closed loop needs a positive mass of every link.",
-            possible="--mode inverse-dynamics, which allows links without mass that carry others",
+            possible="--mode inverse-dynamics, which allows links without mass if they carry other links",
             remedy=f"add {inertial_key(robot)} to this link; if it is only a frame, one gram is enough.",
         )
     mass, com, inertia = vector_to_com_inertia(vector)

@@ -21,7 +21,8 @@ MARGIN = 0.25
 """Time before the recording that is simulated, because delays and causal filters need it [s]."""
 
 WHOLE = 1e-6
-"""Largest deviation of the period from a whole number of steps with which the motion is repeated exactly [steps]."""
+"""Largest deviation of the period from a whole number of steps for which the samples of one period are repeated
+[steps]."""
 
 PROGRESS_INTERVAL = 2000
 """Number of steps between two calls of the progress callback."""

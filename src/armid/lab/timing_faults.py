@@ -17,7 +17,7 @@ QUANTITIES = ("q", "dq", "ddq", "effort")
 
 
 def check_share(name: str, value: float) -> None:
-    """Raises an error if a number is not a share."""
+    """Raises an error if a number is not a share, that is, at least 0 and below 1."""
     if not 0.0 <= value < 1.0:
         raise LabError(
             f"The key `{name}` must be a share of at least 0 and below 1; found {value}.", remedy="correct the value."
@@ -94,7 +94,7 @@ class RepeatedRows:
 
     Attributes:
         share: Probability that a row is a repetition.
-        stamps: Whether its time is repeated, too.
+        stamps: Whether the time stamp of the row before is repeated, too.
     """
 
     share: float = 0.01

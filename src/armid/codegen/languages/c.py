@@ -39,7 +39,7 @@ def _header(source: FunctionSource) -> str:
     lines += ["/* Base parameters of the estimate. */"]
     lines += [f"extern const double {name}_parameters[{len(source.parameters)}];", ""]
     if source.widths:
-        lines += ["/* What the model remembers of the motion. */"]
+        lines += ["/* State of the hysteresis. */"]
         lines += [f"typedef struct {{ double z[{len(source.widths)}]; }} {name}_state;", ""]
     for program in source.programs.values():
         lines += [*_comment(_note(source, program)), f"{_signature(source, program)};", ""]

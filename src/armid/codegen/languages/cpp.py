@@ -13,9 +13,7 @@ def write(source: FunctionSource) -> dict[str, str]:
 
 
 def _header(source: FunctionSource) -> str:
-    lines = [
-        f"// The functions of {source.name}.h on arrays whose sizes the compiler checks. Compile {source.name}.c too."
-    ]
+    lines = [f"// The functions of {source.name}.h with arrays of checked size. Compile {source.name}.c, too."]
     lines += ["#pragma once", "", "#include <array>", "", f'#include "{source.name}.h"', ""]
     lines += [f"namespace {source.name} {{", ""]
     lines += [f"using Joints = std::array<double, {source.n}>;"]
@@ -42,7 +40,7 @@ def _memory(source: FunctionSource) -> list[str]:
     """Text of the class for the hysteresis state."""
     return [
         "",
-        "// What the model remembers of the motion: made where the motion begins, updated once at every sample.",
+        "// State of the hysteresis: constructed at the start of the motion, then updated once at every sample.",
         "class Memory {",
         " public:",
         f"  explicit Memory(const Joints& q) noexcept {{ ::{source.name}_state_start(q.data(), &state_); }}",

@@ -24,7 +24,7 @@ FUNCTIONS = {
 
 
 def write(source: FunctionSource) -> dict[str, str]:
-    """Writes `+NAME/FUNCTION.m` for each function and the parameters, and `func_Y.m` and others beside the folder."""
+    """Writes `+NAME/FUNCTION.m` for each function and the parameters, and the functions of the thesis next to it."""
     variables = [p.variable for p in source.parameters]
     files = {f"+{source.name}/parameters.m": _parameters(source)}
     for program in source.programs.values():
