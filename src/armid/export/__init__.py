@@ -1,1 +1,1 @@
-"""Export of a run's model: robot descriptions with the identified values, checked by reading them back, and code."""
+"""Export of the model of a run as a robot description, which is checked by reading it back, or as source code."""

@@ -1,4 +1,4 @@
-"""Distribution of a link's identified inertia among several bodies of the description.
+"""Distribution of the identified inertia of a link among several bodies of the description.
 
 A fixed or locked joint does not move, so the bodies that it connects are one link of the arm. In the file they are
 still separate bodies: the heaviest of them gets the difference between the identified link and the others, and the
@@ -22,7 +22,7 @@ from armid.robot.robot import InertialParameters, Robot
 
 
 def placed(raw: Robot, locked: Mapping[str, float], robot: Robot, joint: int, pose: Array) -> tuple[int, Array, bool]:
-    """Link of the arm to which a body of its description belongs, and the pose of the body in the frame of the link.
+    """Link to which a body of the description belongs, and the pose of the body in the frame of the link.
 
     Args:
         raw: Arm of the description, in which locked joints are still joints.
@@ -32,8 +32,8 @@ def placed(raw: Robot, locked: Mapping[str, float], robot: Robot, joint: int, po
         pose: Pose of the body in the link frame of that joint, shape (4, 4).
 
     Returns:
-        Index of the link, -1 for the base; pose of the body in its frame, shape (4, 4); whether a locked joint lies
-        between link and body.
+        Index of the link, -1 for the base; pose of the body in the frame of the link, shape (4, 4); true if a locked
+        joint lies between link and body.
     """
     welded = False
     while joint >= 0 and raw.joints[joint].name in locked:
@@ -46,15 +46,15 @@ def placed(raw: Robot, locked: Mapping[str, float], robot: Robot, joint: int, po
 def share_out(
     links: Sequence[InertialParameters], bodies: Sequence[Body], *, lumped: bool = False
 ) -> tuple[dict[str, InertialParameters], tuple[Finding, ...]]:
-    """New inertias of the bodies of a file, which add up to those of the links.
+    """New inertias of the bodies of a file; their sums are the inertias of the links.
 
     Args:
         links: Identified inertia of each link, in the frame of the link.
         bodies: Bodies of the file that move.
-        lumped: Whether the main body of a link gets all its inertia, and the attached bodies get none.
+        lumped: Whether the main body of a link gets the whole inertia of the link, and the attached bodies get none.
 
     Returns:
-        Inertias that change, by body, in the body's own frame; and findings about the changes.
+        Inertias that change, by the name of the body, in the frame of the body; and findings about the changes.
     """
     changed: dict[str, InertialParameters] = {}
     findings: list[Finding] = []
@@ -102,9 +102,9 @@ def carriers(bodies: Sequence[Body]) -> list[Body]:
 
 
 def _carrier(bodies: Sequence[Body]) -> Body:
-    """Main body of a link: the heaviest in the description that is not on a locked joint; the first of equal ones.
+    """Main body of a link: the heaviest body that is not on a locked joint; the first one of equally heavy bodies.
 
-    The main body takes up the change of the whole link. This change could make a light body physically inconsistent.
+    The main body gets the change of the whole link. This change could make a light body physically inconsistent.
     """
 
     def mass(body: Body) -> float:

@@ -33,7 +33,7 @@ class Exporter(Protocol):
 
     @staticmethod
     def open_description(path: Path, data: bytes) -> OpenedDescription | None:
-        """Text of a description for editing; `None` for another format, or if this exporter edits no descriptions.
+        """Text of a description for editing; `None` if this exporter cannot edit it, for instance for its format.
 
         Args:
             path: Path of the description.
@@ -59,12 +59,12 @@ class Exporter(Protocol):
 
     @staticmethod
     def missing_limits(robot: Robot) -> OutputError | None:
-        """Error about limits that a new file needs but the arm does not have; `None` if there are none."""
+        """Error about limits that a new file needs but the arm does not have; `None` if no limit is missing."""
         ...
 
     @staticmethod
     def read(data: bytes, locked: Mapping[str, float]) -> Robot:
-        """Arm of a written file; its angles are not rounded, and its locked joints are still joints."""
+        """Arm of a written file; angles are not corrected, and locked joints are still joints."""
         ...
 
     @staticmethod

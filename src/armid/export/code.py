@@ -1,4 +1,4 @@
-"""Export of a run's model as source code, which is compared with the model at random states before it is written."""
+"""Export of the model of a run as source code, which is first compared with the model at random states."""
 
 from __future__ import annotations
 
@@ -25,7 +25,8 @@ from armid.runs.run import Run
 from armid.validation.torque_validation import Check
 
 AGREEMENT = 1e-10
-"""Largest allowed relative difference from the model; sums in another order differ by about 1e-15."""
+"""Largest allowed relative difference from the model. Rounding errors, which depend on the order of sums, are about
+1e-15."""
 
 STATES = 64
 """Number of random states at which code and model are compared."""
@@ -39,7 +40,8 @@ class CodeExported:
         files: Paths of the written files.
         language: Name of the language.
         operations: Number of operations of each kind in one call, by function.
-        checks: Difference of each function from the model, divided by its largest element.
+        checks: For each function, the largest difference from the model, divided by the largest element of the
+            result.
     """
 
     files: tuple[Path, ...]
@@ -71,8 +73,8 @@ def export_code(run: Run, to: str, out: Path | str | None = None, *, name: str =
     wrong = [check for check in checks if not check.ok]
     if wrong:
         raise OutputError(
-            f"The code differs: {wrong[0].name}, relative difference {wrong[0].value:.1e}, at most {AGREEMENT:g} "
-            "allowed. Nothing was written.",
+            f"The code differs from the model in the function {wrong[0].name.split()[0]}: relative difference "
+            f"{wrong[0].value:.1e}, allowed at most {AGREEMENT:g}. Nothing was written.",
             remedy="this is a fault of armid: report it.",
         )
     operations = {program.name: dict(program.operations) for program in make_programs(run.model, base)}
@@ -99,7 +101,11 @@ def _heading(run: Run) -> tuple[str, ...]:
         *(f"  sha256 {recording}" for recording in run.trained_on),
         f"Terms: {', '.join(term.name for term in estimate.terms)}.",
         _origin(run),
-        *(["Friction was estimated separately for each recording; this is its mean."] if per_recording else []),
+        *(
+            ["Friction was estimated separately for each recording; the code contains the mean over the recordings."]
+            if per_recording
+            else []
+        ),
     )
 
 

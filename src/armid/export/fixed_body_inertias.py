@@ -1,4 +1,4 @@
-"""Inertias of the bodies attached to a link's main body: those of the description, changed only if necessary."""
+"""Inertias of the bodies attached to the main body of a link: those of the description, changed only if necessary."""
 
 from __future__ import annotations
 
@@ -13,15 +13,16 @@ from armid.maths.inertia import pseudo_inertia, transform, vector_from_pseudo_in
 from armid.robot.robot import InertialParameters
 
 POSSIBLE = 1e-10
-"""Smallest ratio of smallest and largest eigenvalue of a body's pseudo-inertia; it exceeds the rounding errors of
-readers."""
+"""Ratio of the smallest to the largest eigenvalue of the pseudo-inertia, above which a body is physically consistent;
+it is larger than the rounding errors of readers."""
 
 SPECK = InertialParameters.from_com(1e-6, np.zeros(3), 1e-10 * np.eye(3))
 """Body with a mass of a milligram and a size of a centimetre: negligible for a link, but enough to be accepted by
 MuJoCo."""
 
 LEFT = 0.5
-"""Share of the largest possible factor with which bodies are scaled; an equal margin is left for the main body."""
+"""Factor with which bodies are scaled, divided by the largest possible factor; the other half is left for the main
+body."""
 
 FLATTEST = 1e-3
 """Smallest ratio of smallest and largest second moment of a body whose tensor was corrected."""
@@ -53,7 +54,7 @@ def moved(body: Body, inertial: InertialParameters) -> InertialParameters:
 def as_carried(
     link: InertialParameters, carrier: str, bodies: Sequence[Body], *, lumped: bool = False
 ) -> tuple[list[InertialParameters], list[Finding]]:
-    """Inertia of each body attached to a link's main body, in the body's own frame, and findings.
+    """Inertia of each body attached to the main body of a link, in the frame of the body, and findings.
 
     The inertia of these bodies was not identified separately. They therefore keep the inertia of the description,
     even if it is physically inconsistent, as long as the rest of the link is consistent. Otherwise, inconsistent
@@ -61,7 +62,7 @@ def as_carried(
     itself is inconsistent, the attached bodies are not changed.
 
     Args:
-        link: Identified inertia of the link with all its bodies, in the link's frame.
+        link: Identified inertia of the link with all bodies, in the frame of the link.
         carrier: Name of the main body, which gets the remaining inertia.
         bodies: Bodies that are attached to the main body.
         lumped: Whether the attached bodies get no inertia.
@@ -116,7 +117,7 @@ def _scaled(inertial: InertialParameters, factor: float) -> InertialParameters:
 
 
 def _corrected(inertial: InertialParameters) -> InertialParameters:
-    """Inertia with the same mass and centre of mass and the nearest consistent tensor; zero for no positive mass."""
+    """Inertia with the same mass and centre of mass and the nearest consistent tensor; zero without positive mass."""
     if inertial.mass <= 0.0:
         return InertialParameters.zero()
     J, com = _about(inertial)
@@ -137,7 +138,10 @@ def _thin(bodies: Sequence[Body]) -> list[Finding]:
     names = [body.name for body in bodies if body.nominal is not None and is_thin(body, body.nominal)]
     if not names:
         return []
-    what = "the description gives it a mass but no inertia, and it was not identified separately; it stays unchanged"
+    what = (
+        "the description gives this body a mass but no inertia; the body was not identified separately and stays "
+        "unchanged"
+    )
     return [Finding("links-as-described", "info", name, what) for name in names]
 
 

@@ -1,4 +1,4 @@
-"""Description and validation recordings of a run, which are searched again and verified by their digests."""
+"""Description and validation recordings of a run, which are read again and verified by their digests."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Unseen:
 
 
 def find_source(run: Run, description: Path | str | None = None) -> DescriptionSource:
-    """Searches the description with which a run was identified.
+    """Finds the description with which a run was identified, and checks that it has not changed.
 
     Args:
         run: The run.
@@ -112,5 +112,5 @@ def _record(run: Run) -> dict[str, Any]:
         return json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
         raise ArmidError(
-            f"{path} cannot be read: {error}.", remedy="identify again, which writes the file again."
+            f"{path} cannot be read: {error}.", remedy="identify again; this writes the file again."
         ) from error

@@ -119,7 +119,7 @@ def _ignore_warning(_: str) -> None:
 
 
 def _set(model: Any, position: Array, name: str, value: float) -> None:
-    """Sets the position of a joint with one degree of freedom; unlimited ones are stored as cosine and sine."""
+    """Sets the position of a joint; Pinocchio stores the angle of a joint without limits as cosine and sine."""
     joint = model.joints[model.getJointId(name)]
     if joint.nv != 1:
         return

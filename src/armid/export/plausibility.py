@@ -49,10 +49,10 @@ def unphysical_names(content: Content, placeless: Collection[int], bodies: Seque
 
 
 def refuse_unphysical(run: Run, names: Sequence[str], *, allowed: bool) -> tuple[Finding, ...]:
-    """Checks that no physically inconsistent links, bodies or joints would be written, unless this is allowed.
+    """Checks that no physically inconsistent links, bodies or joints would be written without permission.
 
     Raises:
-        OutputError: There are inconsistent ones, and they may not be written.
+        OutputError: There are such links, bodies or joints, and it is not allowed to write them.
     """
     if not names:
         return ()
@@ -80,7 +80,7 @@ def refuse_unidentified(run: Run, theta: Array, placeless: Collection[int], *, a
         allowed: Whether such links are written with a finding.
 
     Raises:
-        OutputError: There are such links, and they may not be written.
+        OutputError: There are such links, and it is not allowed to write them.
     """
     standard = standard_of(run.model, run.estimate.base)
     columns = standard.inertial[:, 0]
@@ -96,13 +96,17 @@ def refuse_unidentified(run: Run, theta: Array, placeless: Collection[int], *, a
     if not allowed:
         raise OutputError(
             f"{what[0].upper()}{what[1:]}: many values fit equally well, and the estimated ones are arbitrary.",
-            possible="--allow-unidentified, which writes them; torque in free motion is right, single masses are not",
+            possible="--allow-unidentified, which writes them; the torque in free motion is right, but single masses "
+            "are not",
             remedy="give these links approximate masses in the description and identify again: values that the "
             "torque does not determine then stay near the description.",
         )
     return (
         Finding(
-            "unidentified", "warning", "", f"{what}; the values in the file are arbitrary among many that fit equally"
+            "unidentified",
+            "warning",
+            "",
+            f"{what}; many values fit equally well, and the ones in the file are arbitrary",
         ),
     )
 
@@ -110,8 +114,8 @@ def refuse_unidentified(run: Run, theta: Array, placeless: Collection[int], *, a
 def _determined(run: Run) -> NDArray[np.bool_]:
     """Mask of the standard parameters (p,) that the torque determines.
 
-    Where the estimate has standard parameters, these are the identified ones; otherwise those that follow from the
-    base parameters.
+    If the estimate has standard parameters, the mask contains the identified ones. Otherwise it contains the standard
+    parameters that follow from the base parameters.
     """
     standard, kept = standard_of(run.model, run.estimate.base), run.estimate.fit.standard
     if kept is not None:  # by name, since the fit has copies of friction parameters for several recordings
@@ -127,8 +131,8 @@ def far_bodies(
 ) -> list[Finding]:
     """Findings about bodies of the file whose mass or centre of mass is far from that of the description.
 
-    There is one about the bodies that the torque determines and one about the others. Bodies with a placeholder for a
-    mass in the description are not compared.
+    There is at most one finding about the bodies that the torque determines, and at most one about all other bodies.
+    A body is not compared if its mass in the description is a placeholder.
 
     Args:
         run: The run.
@@ -177,7 +181,7 @@ def _far_finding(run: Run, what: str, kind: str, rest: Sequence[str], *, known: 
         run: The run.
         what: Text that names the bodies.
         kind: Kind of the standard parameters.
-        rest: Names of bodies that take what the other bodies of their link leave.
+        rest: Names of main bodies, which get the inertia of their link minus that of the attached bodies.
         known: Whether the torque determines these bodies.
     """
     if known:
@@ -187,7 +191,9 @@ def _far_finding(run: Run, what: str, kind: str, rest: Sequence[str], *, known: 
         )
         remedy = "check that description and recordings are of the same arm with the same load"
         return Finding("mass-far-from-description", "warning", "", evidence, remedy)
-    evidence = f"{what}: the torque does not determine such a body separately. The torque is the same"
+    evidence = (
+        f"{what}: the torque does not determine such a body separately, so this does not change the torque of the arm"
+    )
     nearest = "use --nearest, which writes the bodies nearest to the description that give the same torque"
     ways = [nearest] if kind == "estimated" else []
     standard = run.estimate.fit.standard

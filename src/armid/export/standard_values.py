@@ -1,8 +1,8 @@
-"""Standard parameters for a file: the estimated ones, or those of bodies with exactly the estimated base parameters.
+"""Standard parameters for a file: estimated ones, or those of links with exactly the estimated base parameters.
 
 Base parameters do not determine how the mass is distributed among the links: θ = particular + basis · z for any z. Of
-all consistent bodies with these base parameters, those nearest to the description are taken, relative to its
-pseudo-inertias; without masses in the description, the smallest bodies are taken.
+all consistent links with these base parameters, those nearest to the description are taken; the distance is relative
+to the pseudo-inertias of the description. If the description contains no masses, the smallest links are taken.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ def values_to_write(
         The parameters; their kind: `estimated`, `nearest` or `unphysical`; and findings about the choice.
 
     Raises:
-        OutputError: There are no such parameters; the message says what to do.
+        OutputError: No such parameters exist.
     """
     if not run.model.has_rigid_bodies:
         problem = "The model of the run has no rigid bodies, so no bodies can be written."
@@ -130,7 +130,7 @@ def _search(
     empty: NDArray[np.intp],
     room: Array,
 ) -> Array | None:
-    """Consistent parameters with exactly the base parameters whose links can contain `room`, or `None`."""
+    """Consistent parameters with the given base parameters, and with links that can contain `room`; or `None`."""
     values = standard.regrouping @ every[0]
     for epsilon in EPSILONS:
         try:
@@ -151,10 +151,10 @@ def _nearest(
     epsilon: float,
     room: Array,
 ) -> Array:
-    """Consistent parameters with given base parameters, nearest to the anchor, or smallest without an anchor."""
+    """Consistent parameters with given base parameters: nearest to the anchor; if it is `None`, the smallest."""
     if np.abs(particular[empty]).max(initial=0.0) > SAME * np.abs(particular).max():
         raise EstimationError(
-            "With these base parameters, the links that have no body in the file cannot be without mass.",
+            "Links that have no body in the file must have no mass, which is impossible with these base parameters.",
             remedy="identify with --method physical, or give these links a mass in the description.",
         )
     steps = np.zeros((0, basis.shape[1]))
@@ -223,7 +223,7 @@ def _relative_change(standard: StandardParameters, anchor: Array, there: list[ND
 
 
 def _thick(vector: Array, least: float, thinnest: float) -> Array:
-    """Inertial parameters moved inside the consistent set, so that they can be a scale; a ball if all are zero."""
+    """Inertial parameters moved into the consistent set, for use as a scale; those of a ball if all are zero."""
     J = pseudo_inertia(vector)
     mass = float(J[3, 3])
     if mass < least:

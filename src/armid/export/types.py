@@ -61,9 +61,9 @@ class Body:
         link: Index of the link to which it belongs.
         placement: Pose of the body in the frame of the link, shape (4, 4).
         nominal: Inertia of the body in the file, in its own frame; `None` if the file contains none.
-        is_welded: Whether it is attached by a locked joint; otherwise it is attached by fixed joints, or is the main
-            body.
-        is_guessed: Whether other programs compute its inertia from meshes.
+        is_welded: Whether the body is attached by a locked joint; otherwise it is attached by fixed joints, or it is
+            the main body.
+        is_guessed: Whether other programs compute the inertia of the body from meshes.
     """
 
     name: str
@@ -135,7 +135,7 @@ def text_of(*numbers: float) -> str:
 
 
 def com_form(body: InertialParameters, name: str) -> tuple[float, Array, Array]:
-    """Mass, centre of mass and inertia about it (3, 3), which is the form that formats store.
+    """Mass, centre of mass (3,) and inertia about the centre of mass (3, 3), as formats store them.
 
     Raises:
         OutputError: The body has a first moment or an inertia but no mass, so it has no centre of mass.
@@ -143,7 +143,8 @@ def com_form(body: InertialParameters, name: str) -> tuple[float, Array, Array]:
     if body.mass == 0.0:
         if body.vector.any():
             raise OutputError(
-                f"The mass of {name} is zero, but its first moment or inertia is not, which a file cannot store.",
+                f"The mass of {name} is zero, but its first moment or its inertia is not zero; a file cannot store "
+                "this.",
                 remedy=Remedy("identify again with ", setting("method", "physical"), "."),
             )
         return 0.0, np.zeros(3), np.zeros((3, 3))

@@ -1,4 +1,4 @@
-"""Verification of a written file: its torque after it is read back, in other programs, and on validation motion."""
+"""Verification of a written file: it is read back, and its torque is compared, also in other programs."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ from armid.study.recordings.processed import process_each
 from armid.validation.torque_validation import Check, JointCheck
 
 STATES = 50
-"""Number of random states at which torque is compared: it is larger than the number of parameters of an arm."""
+"""Number of random states at which torques are compared."""
 
 SPEED, ACCELERATION = 2.0, 4.0
-"""Bounds of the velocity and acceleration of these states [rad/s or m/s, rad/s² or m/s²], for torques of similar
-size."""
+"""Bounds of the velocity and acceleration of these states [rad/s or m/s, rad/s² or m/s²]; with them, all parts of the
+torque have a similar size."""
 
 REACH = np.pi
 """Bound of the position of a joint without limits [rad or m]."""
@@ -40,7 +40,8 @@ PREDICTED = 1e-6
 """Largest allowed relative difference of predictions on validation motion."""
 
 ROUNDED = 1e-3
-"""Bound of this difference if described angles were rounded: bodies on locked joints then turn by up to 1e-4 rad."""
+"""Largest allowed relative difference of predictions if angles of the description were corrected: bodies on locked
+joints are then rotated by up to 1e-4 rad."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -148,7 +149,7 @@ def _in_order(robot: Robot, like: Robot) -> Robot:
 def _torques(
     exporter: Exporter, written: WrittenDescription, content: Content, robot: Robot, unphysical: bool
 ) -> tuple[list[Check], list[Finding]]:
-    """Checks of the rigid-body torque and of the joint parameters that several programs read."""
+    """Checks of the rigid-body torque and of the joint parameters, as several programs read them from the file."""
     q, dq, ddq = _states(content.robot)
     expected = _inverse_dynamics(robot, _inertial(content.robot), q, dq, ddq)
     largest = float(np.abs(expected).max()) or 1.0
@@ -210,14 +211,17 @@ def _inverse_dynamics(robot: Robot, inertial: Array, q: Array, dq: Array, ddq: A
 
 
 def _rounding(content: Content, robot: Robot) -> list[Finding]:
-    """Finding about the effect of rounded angles on the torque, if the run has corrected described angles."""
+    """Finding about the effect on the torque, if the run has corrected rounded angles of the description."""
     q, dq, ddq = _states(content.robot)
     exact = _inverse_dynamics(content.robot, _inertial(content.robot), q, dq, ddq)
     as_written = _inverse_dynamics(robot, _inertial(content.robot), q, dq, ddq)
     error = float(np.abs(exact - as_written).max()) / (float(np.abs(exact).max()) or 1.0)
     if error <= TORQUE:
         return []
-    what = f"angles in the description are rounded; the run took them as exact, which changes torque by {error:.1g}"
+    what = (
+        "the run corrected rounded angles of the description, but the file keeps the rounded ones; the torque "
+        f"changes by {error:.1g} of its largest value"
+    )
     return [Finding("description-rounded", "info", "", what)]
 
 
@@ -247,7 +251,7 @@ def _predictions(run: Run, robot: Robot, theta: Array, unseen: Unseen) -> tuple[
 
 
 def _rms(values: Array, mask: Array | np.ndarray) -> Array:
-    """Root mean square of each column over its masked rows; zero if there are none."""
+    """Root mean square of each column over the rows in the mask; zero if there are no rows."""
     counted = np.where(mask, values, 0.0)
     return np.sqrt(np.sum(counted**2, axis=0) / np.maximum(np.sum(mask, axis=0), 1))
 

@@ -1,4 +1,4 @@
-"""Export of a run's model as a robot description, which is verified before it is written."""
+"""Export of the model of a run as a robot description, which is verified before it is written."""
 
 from __future__ import annotations
 
@@ -80,17 +80,18 @@ def export_run(
         run: The run.
         to: Name of the format, one of `armid.export.catalogue.EXPORTERS`.
         out: Path of the file; `None` for a file in the folder of the run.
-        description: Present path of the run's description, if it was moved.
-        data: Present folder of the run's recordings, if they were moved.
-        limits: Limits by joint and kind (`velocity`, `effort`, or `position` with a lower and an upper one), for a
-            new file if the description has none. Names may be patterns.
+        description: Present path of the description of the run, if it was moved.
+        data: Present folder of the recordings of the run, if they were moved.
+        limits: Limits by joint and kind (`velocity`, `effort`, or `position` with a lower and an upper limit), for a
+            new file if the description has no limits. Names of joints may be patterns.
         nearest: Whether the links are those nearest to the description that have the estimated base parameters.
-        lumped: Whether the main body of a link gets all its mass, and bodies attached to it are written without mass.
+        lumped: Whether the main body of a link gets the whole mass of the link, and bodies attached to it get none.
         allow_unphysical: Whether physically inconsistent links may be written.
         allow_unidentified: Whether links may be written whose mass neither the torque nor the description determines.
 
     Raises:
-        OutputError: The file exists and is no export of this run, cannot be written, or would differ from the model.
+        OutputError: A file exists that is not an export of this run, the file cannot be written, or it would differ
+            from the model.
     """
     exporter, source = _exporter(to), find_source(run, description)
     path = Path(out) if out is not None else _default(run, source, exporter)
@@ -244,7 +245,7 @@ def _limits_given(described: Robot, written: Robot) -> list[Finding]:
     ]
     if not given:
         return []
-    what = f"limits that the description does not have were written as given: {', '.join(given)}"
+    what = f"these limits were given with --limit and are not in the description: {', '.join(given)}"
     return [Finding("limits-given", "info", "", what, "check them against the data sheet of the arm.")]
 
 

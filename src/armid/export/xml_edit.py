@@ -1,7 +1,7 @@
-"""Editing of an XML text in place: all bytes outside the edits stay unchanged.
+"""Editing of parts of an XML text: all bytes outside the edits stay unchanged.
 
-A parser only finds the positions of elements; the text is never written again from the parsed elements. Comments,
-order, quotes, blanks and line ends of the text are therefore kept.
+A parser is used only to find the positions of elements; the text is not generated again from the parsed elements.
+Therefore comments, order, quotes, blanks and line ends of the text are kept.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ class XmlNode:
     Attributes:
         tag: Tag as written, including its prefix.
         values: Values of the attributes, decoded.
-        start: Offset of the start of the element.
+        start: Offset of the first byte of the element.
         named: Offset after the name of the tag.
         spans: Three offsets for each attribute: of the blanks before it, of its value, and of the end of its value.
         inner: Offset after the start tag.

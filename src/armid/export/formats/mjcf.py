@@ -166,7 +166,7 @@ def _model(plain: Plain) -> Any:
 
 
 def _nominal(element: ET.Element) -> InertialParameters | None:
-    """Inertia of a body of the plain form in its own frame, computed from a model with this body alone."""
+    """Inertia of a body of the plain form in the frame of the body, computed from a model with this body alone."""
     said = [child for child in element if child.tag in ("inertial", "geom")]
     if not said:
         return None
@@ -181,7 +181,7 @@ def _nominal(element: ET.Element) -> InertialParameters | None:
 
 
 def _names(root: XmlNode) -> dict[XmlNode, str]:
-    """Bodies and joints by their XML elements; unnamed ones have the names that the reader gives them."""
+    """Names of bodies and joints by their XML elements; the reader also gives names to unnamed elements."""
     unnamed = count()
     result: dict[XmlNode, str] = {}
     for body in (node for node in root.walk() if node.tag == "body"):
@@ -193,7 +193,7 @@ def _names(root: XmlNode) -> dict[XmlNode, str]:
 
 
 def _refuse_computed(root: XmlNode) -> None:
-    """Refuses settings with which MuJoCo would compute other inertias than those written."""
+    """Raises an error about settings with which MuJoCo would compute other inertias than those in the file."""
     for compiler in root.every("compiler"):
         found = [key for key in IGNORED_COMPILER if key in compiler.values]
         found += ["inertiafromgeom"] if compiler.values.get("inertiafromgeom") == "true" else []
@@ -233,8 +233,8 @@ def _relative_files(document: Document) -> tuple[Finding, ...]:
 def _without_meshes(data: bytes) -> str:
     """Text of a file without elements that need other files, or that act on the bodies from outside.
 
-    A body with an `<inertial>` needs no geoms. In other bodies the geoms stay, except meshes, because their mass
-    counts.
+    A body with an `<inertial>` needs no geoms. In other bodies the geoms stay, except meshes, because MuJoCo computes
+    the inertia of these bodies from them.
     """
     root = flatten(parse_xml(data.decode(), "the written file"), "the written file")  # gives every joint a name
     for section in [section for section in root if section.tag not in KEPT]:

@@ -100,7 +100,7 @@ def write(content: Content) -> WrittenDescription:
 
 
 def missing_limits(robot: Robot) -> OutputError | None:
-    """Error about joints with position limits that lack others; its remedy gives an option for all missing limits."""
+    """Error about joints with position limits but without limits of effort or velocity; its remedy is an option."""
     without = [joint for joint in robot.joints if _has_stops(joint) and _missing(joint)]
     if not without:
         return None
@@ -298,7 +298,7 @@ def _has_limits(joint: Joint) -> bool:
 
 
 def _missing(joint: Joint) -> list[str]:
-    """Missing limits of a joint, as values of an option that gives them."""
+    """Missing limits of a joint, as example values of the option `--limit`."""
     known_limits = {"velocity": math.isfinite(joint.velocity_limit), "effort": math.isfinite(joint.effort_limit)}
     known_limits["position"] = not joint.is_prismatic or bool(np.isfinite(joint.position_limits).all())
     return [f"{joint.name}.{kind}={EXAMPLES[kind]}" for kind, known in known_limits.items() if not known]
