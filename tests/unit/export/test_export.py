@@ -316,7 +316,7 @@ def test_rounded_angles_stay_as_they_are_and_are_told(tmp_path: Path):
     source = write(tmp_path, URDF.replace("1.5707963267948966", "1.5708"))
     exported = export_run(run_of(tmp_path / "run", source, locked=LOCKED), "urdf")
     assert 'rpy="1.5708 0 0"' in exported.path.read_text()
-    assert "which changes torque by" in codes(exported)["description-rounded"]
+    assert "the torque changes by" in codes(exported)["description-rounded"]
     assert all(c.value < verification.TORQUE for c in exported.checks)
 
 
