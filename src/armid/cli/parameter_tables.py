@@ -169,7 +169,7 @@ def status_line(standard: StandardFit) -> str:
 
 
 def friction_selection_table(selection: FrictionSelection, robot: Robot) -> Table:
-    """Table of the friction selected for each joint, and its RMS ratio on held-out blocks."""
+    """Table of the friction laws selected for each joint, with the ratio of the RMS errors with and without them."""
     table = Table(title="Friction selected on held-out blocks of the training motion", header_style="bold")
     table.add_column("#", justify="right")
     table.add_column("joint")

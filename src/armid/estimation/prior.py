@@ -165,10 +165,12 @@ class Prior:
 
 
 def make_prior(kind: str, standard: StandardParameters, weighted: WhitenedSystem) -> Prior:
-    """Makes the prior of a kind: `log-det` or `euclidean` from the description, `mass` or `none` without it.
+    """Makes a prior of a given kind.
+
+    The kinds `log-det` and `euclidean` use the inertial parameters of the description; `mass` and `none` do not.
 
     Raises:
-        EstimationError: The description gives no inertial parameters, or no mass for a link.
+        EstimationError: The kind needs the description, and it gives no inertial parameters, or no mass for a link.
     """
     p = len(standard.names)
     precision = np.zeros((p, p))

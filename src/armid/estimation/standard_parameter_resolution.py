@@ -97,10 +97,10 @@ class StandardMap:
     """Map from the covariance of b base parameters to the covariance of p standard parameters.
 
     Attributes:
-        share: Derivative of the standard parameters by the base parameters, shape (p, b), if the prior decides how a
-            change of base parameters is distributed.
-        rest: Covariance of the standard parameters that follows from prior and cone for known base parameters, shape
-            (p, p).
+        share: Derivative of the standard parameters with respect to the base parameters, shape (p, b). A change of
+            base parameters has many possible standard parameters; the prior chooses among them.
+        rest: Covariance that the standard parameters still have if the base parameters are known, shape (p, p); it
+            follows from prior and cone.
         shift: Difference between the analytic centre of the feasible set and the estimate, shape (p,).
         base_shift: The same difference in base parameters, shape (b,).
         bounded: 1 for parameters that cannot be negative, otherwise 0, shape (p,).

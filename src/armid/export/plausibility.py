@@ -93,22 +93,19 @@ def refuse_unidentified(run: Run, theta: Array, placeless: Collection[int], *, a
     if not guessed:
         return ()
     what = f"torques do not determine the mass of {', '.join(guessed)}, and the description gives none"
+    remedy = (
+        "give these links approximate masses in the description and identify again: values that the torque does not "
+        "determine then stay near the description."
+    )
     if not allowed:
         raise OutputError(
             f"{what[0].upper()}{what[1:]}: many values fit equally well, and the estimated ones are arbitrary.",
             possible="--allow-unidentified, which writes them; the torque in free motion is right, but single masses "
             "are not",
-            remedy="give these links approximate masses in the description and identify again: values that the "
-            "torque does not determine then stay near the description.",
+            remedy=remedy,
         )
-    return (
-        Finding(
-            "unidentified",
-            "warning",
-            "",
-            f"{what}; many values fit equally well, and the ones in the file are arbitrary",
-        ),
-    )
+    evidence = f"{what}; many values fit equally well, and the ones in the file are arbitrary"
+    return (Finding("unidentified", "warning", "", evidence, remedy),)
 
 
 def _determined(run: Run) -> NDArray[np.bool_]:

@@ -32,11 +32,11 @@ OF_DAY = re.compile(r"(\d\d?):(\d\d):(\d\d)(?:[.,](\d+))?")
 
 @dataclass(frozen=True, eq=False, slots=True)
 class TextTable:
-    """Lines of a table.
+    """Table in a text file, whose rows are not yet split into fields.
 
     Attributes:
         names: Names of the columns.
-        rows: Lines of the table, one for each row.
+        rows: Text of each row, without the header.
         numbers: Line number of each row in the file, counted from 0.
         delimiter: Delimiter of fields.
         findings: Finding about a last row that was left out because it is incomplete.

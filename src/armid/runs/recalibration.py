@@ -298,9 +298,9 @@ def _older_validation(error: float, earlier: float, new: float) -> Finding:
         "recalibration-worse",
         "warning",
         "",
-        f"On validation motion the torque error is {error:.3g} with the new values, but {earlier:.3g} with "
-        "the earlier values, as in training; on the new recordings, the earlier values have an error of "
-        f"{new:.3g}. The validation recording was therefore probably made before the change, and its verdict "
-        "does not apply to the new values.",
+        f"The earlier values have a torque error of {earlier:.3g} on the validation recording, about the same as in "
+        f"their training, but {new:.3g} on the new recordings; the new values have {error:.3g} on the validation "
+        "recording. It was therefore probably made before the change, and its verdict does not apply to the new "
+        "values.",
         "validate on another recording that was made after the change: --validate RECORDING.",
     )

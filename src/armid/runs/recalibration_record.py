@@ -1,4 +1,4 @@
-"""Record of the changes of a recalibration in the folder of its run, and its reader."""
+"""Writer and reader of `changes.json`, the file of a recalibrated run that lists the changes of parameters."""
 
 from __future__ import annotations
 

@@ -35,7 +35,9 @@ from armid.validation.torque_validation import Validation, validate
 def validate_run(
     run: Run, paths: Sequence[str], reading: Mapping[str, Any]
 ) -> tuple[Validation, tuple[Finding, ...]]:
-    """Validates a run on recordings that were not used to train it; it fails if a finding is an error.
+    """Validates a run on recordings that were not used to train it.
+
+    The verdict is `fail` if a finding on these recordings is an error.
 
     Args:
         run: The run.

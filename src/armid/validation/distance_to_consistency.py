@@ -91,9 +91,9 @@ def certify_values(
     """
     if heaviest is not None and heaviest <= epsilon:
         raise EstimationError(
-            f"A link cannot have a mass of {heaviest:g} kg or less, because the smallest mass of a link is "
-            f"{epsilon:g} kg.",
-            remedy="give `heaviest` a mass that a link of this arm can have.",
+            f"The largest allowed mass of a link, `heaviest`, is {heaviest:g} kg; it must be above the smallest "
+            f"allowed mass, {epsilon:g} kg.",
+            remedy="give `heaviest` a mass that no link of this arm exceeds [kg].",
         )
     values = array(values, (len(names),), "values")
     p = len(model.parameters)

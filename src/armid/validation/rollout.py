@@ -106,7 +106,7 @@ def sharpened(model: DynamicsModel) -> DynamicsModel:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class RolledOut:
-    """Simulated motion of windows.
+    """Simulated motion in W windows of a recording, of S samples each.
 
     Attributes:
         q: Positions, shape (W, S, n) [rad or m]; NaN after the sample at which the simulation of a window ended

@@ -126,7 +126,14 @@ class ThesisNLP:
         values = min(good, key=lambda each: each[0])[1]
         costs = ", ".join(f"{each[0]:.8g}" if each[2] in SOLVED else each[2] for each in ends)
         findings = [
-            Finding("local-search", "info", "", f"{self.starts} searches ended with the objective values {costs}.")
+            Finding(
+                "local-search",
+                "info",
+                "",
+                f"{self.starts} searches from different start values ended with the objective values {costs}; the "
+                "result with the smallest one is used. Where they differ, some searches ended in a local minimum.",
+                "where they differ, increase `starts` and compare.",
+            )
         ]
         belief = make_prior("none", standard, weighted)
         prior = PriorUse("none", 0.0, "bounds and inequalities only", weighted.correlation)

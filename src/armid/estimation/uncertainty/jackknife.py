@@ -98,10 +98,10 @@ def group_blocks(information: Information, per_group: int = 1) -> Groups:
 
 
 def periods(information: Information) -> Groups | None:
-    """Finds periods of the same motion; returns the index of the motion of each block, shape (blocks,).
+    """Finds blocks that repeat the same motion; returns the index of the motion of each block, shape (blocks,).
 
-    Periods of one motion have nearly the same normal matrix; blocks of different motions do not. The result is `None`
-    if a block is similar to no other block.
+    Blocks of the same motion have nearly the same normal matrix; blocks of different motions do not. The result is
+    `None` if a block is similar to no other block.
     """
     length = [np.linalg.norm(joint.R[:, :, :-1], axis=(0, 1)) for joint in information.joints]
     length = [np.where(each > 0.0, each, 1.0) for each in length]
@@ -207,14 +207,17 @@ def correlation(information: Information, groups: Groups, values: Array, weights
 def block_products(
     information: Information, groups: Groups, values: Array, weights: Array, scale: Array
 ) -> tuple[Array, Array]:
-    """Normal matrices H_k (groups, b, b) and gradients s_k (groups, b) of groups, for parameters times `scale`.
+    """Normal matrix H_k and right-hand side s_k of each group k of blocks, shapes (groups, b, b) and (groups, b).
+
+    The right-hand side is that of the residuals of the estimate. Columns are divided by `scale`, so the unknowns are
+    the parameters multiplied by it.
 
     Args:
         information: Factors of each block.
         groups: Group of each block, -1 for none, shape (blocks,).
         values: Estimate, shape (b,).
         weights: Weight of each joint's rows, shape (n,).
-        scale: Length by which each column is divided, shape (b,).
+        scale: Euclidean norm by which each column is divided, shape (b,).
     """
     used = np.flatnonzero(groups >= 0)
     into = groups[used]

@@ -61,14 +61,14 @@ class PriorInformation:
 def prior_information(
     prior_rows: Array, rows: Array, in_earlier: Array, earlier: EarlierErrors | None, inverse: Array
 ) -> PriorInformation:
-    """Computes the information of everything except the new recordings.
+    """Computes what the prior and the earlier recordings say about the u unknowns: normal matrix and covariances.
 
     Args:
         prior_rows: Whitened rows of the k conditions of the prior, shape (k, u).
-        rows: The m whitened rows of the earlier recordings, in the unknowns, shape (m, u).
-        in_earlier: The same rows in the b' parameters of the earlier estimate, shape (m, b').
+        rows: The m whitened rows of the earlier recordings, one column for each unknown, shape (m, u).
+        in_earlier: The same rows, one column for each of the b' parameters of the earlier estimate, shape (m, b').
         earlier: Errors of the earlier estimate; `None` if there are no earlier rows.
-        inverse: Inverse of the whole normal matrix, shape (u, u).
+        inverse: Inverse of the normal matrix of prior, earlier and new recordings, shape (u, u).
     """
     u = len(inverse)
     certain = inverse @ (prior_rows.T @ prior_rows) @ inverse

@@ -31,7 +31,7 @@ class TorqueModel:
 
     @cached_property
     def source(self) -> ColumnSource:
-        """Model and layout of the columns of the base parameters."""
+        """Source of the regressor columns of the base parameters: the model, and the layout of the columns."""
         return column_source(self.model, self.base)
 
 
@@ -73,7 +73,7 @@ class Torque:
     described: TorqueModel | None = None
 
     def source(self, goal: CriterionGoal) -> ColumnSource:
-        """Model and layout of the columns of the base parameters."""
+        """Source of the regressor columns of the base parameters: the model, and the layout of the columns."""
         return goal.source if self.described is None else self.described.source
 
     def along(self, goal: CriterionGoal, q: Array, dq: Array, ddq: Array) -> Array:

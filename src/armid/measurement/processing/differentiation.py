@@ -1,4 +1,4 @@
-"""Motion of a stretch: filtered positions and their derivatives."""
+"""Filtered positions and their derivatives, for consecutive samples without a gap."""
 
 from __future__ import annotations
 

@@ -111,12 +111,12 @@ class AutomaticChoice:
 def one_by_one(
     family: CandidateFamily, term: str, shapes: Sequence[float] = (0.0,)
 ) -> tuple[tuple[CandidateFamily, Option], ...]:
-    """Options of a single candidate each, one for each shape.
+    """Makes one option for each shape; each option has only one candidate.
 
     Args:
         family: Family of the options.
         term: Name of the term.
-        shapes: Shapes of the term; if not given, one option without a shape.
+        shapes: Shapes of the term, such as Stribeck velocities; if not given, one option without a shape.
     """
     return tuple((family, (Candidate(term, shape),)) for shape in shapes)
 

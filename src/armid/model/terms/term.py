@@ -65,7 +65,7 @@ class DescribedTerm(Protocol):
     """Torque term with a description, because it has shapes or its name is not clear enough."""
 
     def describe(self, length: str) -> str:
-        """Describes the term with its shapes.
+        """Description of the term in words, with the values of its shapes, such as a Stribeck velocity.
 
         Args:
             length: Unit of the joint positions, `rad` or `m`.

@@ -129,7 +129,13 @@ class PlotRange:
         return (-RANGE_MARGIN * self.limit, RANGE_MARGIN * self.limit) if np.isfinite(self.limit) else None
 
     def cut(self, x: Array, y: Array, name: str) -> tuple[PlotTrace, ...]:
-        """Marks at the edge for values (K,) at abscissas (K,) outside the range; empty if all are inside."""
+        """Marks at the upper or lower edge of the plot for values outside the range; empty if all are inside.
+
+        Args:
+            x: Abscissas, shape (K,).
+            y: Values, shape (K,).
+            name: Name of the curve in the legend.
+        """
         marks = (("above", y > self.limit, self.limit), ("below", y < -self.limit, -self.limit))
         return tuple(
             points(role, x[beyond], np.full(int(beyond.sum()), edge), f"{name}, outside the plot", MAX_CLIPPED)

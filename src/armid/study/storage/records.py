@@ -216,7 +216,7 @@ def finding_record(finding: Finding) -> dict[str, Any]:
 
 
 def judgement_record(findings: Sequence[Finding]) -> dict[str, Any]:
-    """Findings on recordings that no validation judges, with the verdict `fail` if one is an error."""
+    """Record of findings on recordings without validation: `fail` if a finding is an error, else `not judged`."""
     verdict = "fail" if contradictions(findings) else "not judged"
     return {"verdict": verdict, "warnings": [finding_record(finding) for finding in findings]}
 

@@ -88,7 +88,7 @@ COVERED = 4.0
 
 
 def check(evidence: LogEvidence) -> list[Finding]:
-    """Reports motor torques, currents and torques in another unit."""
+    """Reports recorded efforts that are not joint torques in N·m or N: motor torques, currents, or another unit."""
     found = [finding for code in (MOTOR, CURRENT, UNIT) for finding in evidence.explained(code)]
     return [_declared(finding) if _covers(evidence, finding) else finding for finding in found]
 
