@@ -122,7 +122,7 @@ class Preflight:
 
     @property
     def reduced_clearance(self) -> Finding | None:
-        """Finding that names pairs of links that may be, and are, closer than the clearance; `None` if there are none."""
+        """Finding about pairs of links that may be, and are, closer than the clearance; `None` if there are none."""
         if not self.reduced:
             return None
         pairs = "; ".join(
