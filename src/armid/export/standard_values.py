@@ -293,8 +293,8 @@ def _choice_finding(run: Run, standard: StandardParameters, theta: Array | None,
 
 def _none_nearer() -> Finding:
     what = (
-        "no physically consistent links with these base parameters were found that are nearer to the description than "
-        "those of the estimate; the file has the inertial parameters of the estimate"
+        "no physically consistent links with these base parameters were found that are nearer to the description "
+        "than those of the estimate; the file has the inertial parameters of the estimate"
     )
     remedy = "use single masses of the file with care; the torque that it gives in free motion is right"
     return Finding("nearest-not-found", "warning", "", what, remedy)
