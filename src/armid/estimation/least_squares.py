@@ -18,10 +18,6 @@ from armid.estimation.uncertainty.covariance import scale_covariance
 from armid.information.information import Information, stack, total
 from armid.maths.linalg import condition, null_directions, scaled_condition, unit_columns
 
-UNDETERMINED = 1e-7
-"""Singular value, divided by the largest, for columns of unit length, below which the data do not determine a
-combination of parameters: the torques of recordings have no more than about four correct digits."""
-
 NAMED = 0.01
 """Entry of an undetermined direction, divided by its largest entry, from which the error names the parameter. The
 parameters are scaled to columns of unit length."""
@@ -113,7 +109,7 @@ def _require_rank(whole: Information) -> None:
             f"The recordings have {rows} usable rows, which cannot determine {whole.count} base parameters.",
             remedy="record a longer motion, trim or mask fewer rows, or use fewer torque terms.",
         )
-    directions = null_directions(A, UNDETERMINED)
+    directions = null_directions(A)
     if not len(directions):
         return
     raise EstimationError(

@@ -30,6 +30,10 @@ NO_SPEED = 100.0
 """Velocity limit [rad/s or m/s] from which it counts as unknown: it is ten times that of the fastest arms.
 Descriptions for simulators have limits of 100 to 50 000 where the real ones were not known."""
 
+NO_EFFORT = 1000.0
+"""Effort limit [N·m or N] from which it counts as unknown beside an unknown velocity limit. Strong arms have such
+limits, but their velocity limits are known."""
+
 FLANGE_NAMES = ("tool0", "flange")
 """Names of the frame of the tool flange, in order of preference, by the convention REP 199 of ROS-Industrial."""
 
@@ -63,7 +67,7 @@ def limits_of(
 
     Placeholders are a velocity or effort of zero, a position range of zero width, a position range of a rotating
     joint that is wider than that of any real joint, and a velocity that no arm reaches. In the last case the effort
-    counts as a placeholder, too, if its number is at least as large. All but zeros are reported in a finding.
+    counts as a placeholder, too, if it is the same number or 1000 or more. All but zeros are reported in a finding.
 
     Args:
         joint: Name of the joint.
@@ -93,7 +97,7 @@ def limits_of(
         lower, upper = -math.inf, math.inf
     velocity, effort = abs(velocity) or math.inf, abs(effort) or math.inf
     if NO_SPEED <= velocity < math.inf:
-        both = velocity <= effort < math.inf
+        both = effort == velocity or NO_EFFORT <= effort < math.inf
         stated = f"velocity limit {velocity:g}{f' and effort limit {effort:g}' if both else ''}"
         position_too = f"{finding.evidence}; " if finding is not None else ""
         finding = Finding(

@@ -13,8 +13,8 @@ from armid.doctor import effects
 from armid.doctor.checks.dynamics.excitation_weak import (
     WEAK_CONDITION,
     excitation_severity,
-    limit_factor,
     poorly_determined,
+    separable_combinations,
 )
 from armid.errors import Finding
 from armid.estimation.crossvalidation import FOLDS
@@ -25,9 +25,10 @@ from armid.estimation.problem import EstimationProblem, StandardParameters
 from armid.estimation.standard_parameter_resolution import NOT_JUDGED
 from armid.estimation.uncertainty.covariance_choice_thresholds import FEWEST_BLOCKS, FEWEST_ROWS
 from armid.information.information import Information, stack, total
-from armid.maths.linalg import inverse_of, unit_columns
+from armid.maths.linalg import inverse_of, scaled_condition, unit_columns
 from armid.measurement.observations import Observations
 from armid.measurement.remedy_builders import lines
+from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics_model import DynamicsModel
 from armid.remedy import Remedy, setting
 from armid.validation.gravity_sign import gravity_finding
@@ -164,20 +165,20 @@ def listed_masses(names: Sequence[str], found: Array, described: Array, which: N
 
 def excitation_finding(information: Information, model: DynamicsModel, observations: Observations) -> Finding | None:
     """Finding about a motion with which some parameters can hardly be distinguished, or `None`."""
-    _, values, directions = np.linalg.svd(unit_columns(stack(total(information))[0])[0], full_matrices=False)
+    columns = stack(total(information))[0]
+    _, values, directions = np.linalg.svd(unit_columns(columns)[0], full_matrices=False)
     condition = float(values[0] / values[-1])
+    if condition > WEAK_CONDITION and not model.nodes:
+        change = separable_combinations(model, find_base_parameters(model), information.names)
+        condition = min(condition, scaled_condition(columns @ change))
     if condition <= WEAK_CONDITION:
-        return None
-    motion = max((run.motion for run in observations.runs), key=lambda each: each.samples)
-    factor = 1.0 if model.nodes else limit_factor(model, motion)
-    if condition <= WEAK_CONDITION * factor:
         return None
     fastest = np.max([np.abs(run.motion.dq[run.rows]).max(axis=0) for run in observations.runs], axis=0)
     return Finding(
         "excitation-weak",
-        excitation_severity(condition / factor, model.robot, fastest),
+        excitation_severity(condition, model.robot, fastest),
         "",
-        poorly_determined(information.names, directions[-1], condition, WEAK_CONDITION * factor),
+        poorly_determined(information.names, directions[-1], condition),
         "record a motion that moves all joints at the same time, fast and over a wide range; otherwise the "
         "torque error may be large on other motion.",
     )

@@ -146,12 +146,13 @@ def test_a_joint_without_limits_or_with_placeholders_is_unlimited():
         (50000, 50000, (math.inf, math.inf)),
         (100, 1000, (math.inf, math.inf)),
         (100, 80, (math.inf, 80)),
+        (100, 330, (math.inf, 330)),
         (53, 40, (53, 40)),
         (2.1, 9000, (2.1, 9000)),
     ],
 )
 def test_a_velocity_that_no_arm_reaches_is_unknown(velocity: float, effort: float, known: tuple[float, float]):
-    """Values of iCub, a simulated finger, PR2, G1 and KR 210."""
+    """Values of iCub, Alex, an arm with one strong joint, G1 and KR 210."""
     limit = f'<limit lower="-1" upper="1" velocity="{velocity}" effort="{effort}"/>'
     robot = read_urdf(urdf_xml(joint_xml(inside=limit)))
     assert (robot.joints[0].velocity_limit, robot.joints[0].effort_limit) == known

@@ -8,12 +8,14 @@ from functools import cache
 from typing import Literal
 
 import numpy as np
+import pytest
 
 import cranes
 from armid import DynamicsModel, accumulate_information, find_base_parameters, load_robot
 from armid.checked_array import Array
 from armid.doctor.checks.dynamics.excitation_weak import WEAK_CONDITION
 from armid.estimation.estimators import PhysicallyConsistent, WeightedLeastSquares
+from armid.estimation.least_squares import solve
 from armid.estimation.problem import EstimationProblem, standard_of
 from armid.excitation.thesis_plans import builtin_plan
 from armid.information.information import stack, total
@@ -67,10 +69,11 @@ def with_turned_frames(robot: Robot, angle: float) -> Robot:
     return replace(robot, joints=joints)
 
 
-def test_weak_excitation_does_not_depend_on_the_frames_of_the_links():
+@pytest.mark.parametrize("angle", [11.0, 14.0, 30.0])
+def test_weak_excitation_does_not_depend_on_the_frames_of_the_links(angle: float):
     """Frames at odd angles give base parameters that no motion separates well; the motion is not to blame."""
     model, motion, torque = measured()
-    turned = replace(model, robot=with_turned_frames(model.robot, math.radians(14.0)))
+    turned = replace(model, robot=with_turned_frames(model.robot, math.radians(angle)))
     base = find_base_parameters(turned)
     assert base.count == find_base_parameters(model).count
     torque = torque + 0.1 * np.random.default_rng(0).normal(size=torque.shape)
@@ -78,8 +81,23 @@ def test_weak_excitation_does_not_depend_on_the_frames_of_the_links():
     information = accumulate_information(turned, base, whole)
     assert scaled_condition(stack(total(information))[0]) > WEAK_CONDITION
     assert excitation_finding(information, turned, whole) is None
+    assert len(solve(information, np.ones(model.n)).values) == base.count
     short = raw(one_run(motion[slice(0, 100)], torque[:100], 50.0))
     assert excitation_finding(accumulate_information(turned, base, short), turned, short) is not None
+
+
+@pytest.mark.parametrize("angle", [0.0, 14.0])
+@pytest.mark.parametrize("amplitude", [0.0, 1e-4, 1e-3])
+def test_a_joint_that_hardly_moves_is_weak_excitation_in_any_frames(angle: float, amplitude: float):
+    """Its viscous and its smoothed Coulomb friction are the same function of time."""
+    model, motion, _ = measured()
+    robot = with_turned_frames(model.robot, math.radians(angle))
+    model = DynamicsModel(robot, (RigidBody(), Viscous(), Coulomb(width=0.02)))
+    scale = np.where(np.arange(model.n) == 3, amplitude, 1.0)
+    still = replace(motion, q=motion.q * scale, dq=motion.dq * scale, ddq=motion.ddq * scale)
+    observations = raw(one_run(still, np.zeros_like(still.q), 50.0))
+    information = accumulate_information(model, find_base_parameters(model), observations)
+    assert excitation_finding(information, model, observations) is not None
 
 
 def weak(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Literal
 
 import numpy as np
@@ -12,11 +13,10 @@ from armid.doctor.check_input import LogEvidence
 from armid.doctor.fitted_log import LogState
 from armid.doctor.quick_fit import products
 from armid.errors import Finding
-from armid.maths.linalg import scaled_condition
-from armid.model.base_parameters import find_base_parameters
+from armid.model.base_parameters import BaseParameters, find_base_parameters
 from armid.model.dynamics_model import DynamicsModel
 from armid.model.motion import Motion
-from armid.model.terms import RotorInertia
+from armid.model.terms import RigidBody, RotorInertia
 from armid.robot import Robot
 
 WEAK_CONDITION = 100.0
@@ -29,13 +29,11 @@ POOR_CONDITION = 500.0
 COMPUTED = 1e7
 """Condition number above which its value is dominated by rounding errors, because products of columns square it."""
 
-ORDINARY = 8.0
-"""Largest condition number of random states of ordinary arms, with columns of unit length (4 to 8). If the axes of
-joints nearly pass through each other's links at odd angles, it can be 90, whatever the motion; the limits above are
-increased in proportion."""
-
 STATES = 1000
-"""Number of random states; the condition number of different draws differs by a tenth."""
+"""Number of random states from which the combinations of parameters are computed that an arm separates well."""
+
+SPEED, ACCELERATION = 1.5, 3.0
+"""Standard deviations of velocities [rad/s or m/s] and accelerations [rad/s² or m/s²] of the random states."""
 
 TIMID = 0.25
 """Share of the velocity limits. If no joint reaches it, the motion is too slow to separate inertia from friction."""
@@ -67,56 +65,74 @@ def check(evidence: LogEvidence) -> list[Finding]:
     G = np.zeros((rows.count, rows.count))
     for j, P in enumerate(products(rows)):
         G[np.ix_(rows.parameters[j], rows.parameters[j])] += P[:-1, :-1]
-    scale = np.sqrt(np.maximum(np.diag(G), np.finfo(float).tiny))
-    powers, directions = np.linalg.eigh(G / np.outer(scale, scale))
-    condition = float(np.sqrt(powers[-1] / max(powers[0], 1e-18 * powers[-1])))
-    motion = study_state.rows.motion
+    condition, weakest = _condition(G)
     if condition <= WEAK_CONDITION:
         return []
-    factor = limit_factor(study_state.model, motion)
-    if condition <= WEAK_CONDITION * factor:
+    change = separable_combinations(study_state.model, study_state.base, names)
+    condition = min(condition, _condition(change.T @ G @ change)[0])
+    if condition <= WEAK_CONDITION:
         return []
+    motion = study_state.rows.motion
     return [
         Finding(
             "excitation-weak",
-            excitation_severity(condition / factor, study_state.model.robot, np.abs(motion.dq).max(axis=0)),
+            excitation_severity(condition, study_state.model.robot, np.abs(motion.dq).max(axis=0)),
             "",
-            poorly_determined(names, directions[:, 0], condition, WEAK_CONDITION * factor),
+            poorly_determined(names, weakest, condition),
             _advice(study_state),
         )
     ]
 
 
-def limit_factor(model: DynamicsModel, motion: Motion) -> float:
-    """Factor of the limits of the condition number for an arm whose parameters no motion separates well.
+def _condition(gram: Array) -> tuple[float, Array]:
+    """Condition number of columns with these scalar products (b, b), scaled to unit length, and weakest direction."""
+    scale = np.sqrt(np.maximum(np.diag(gram), np.finfo(float).tiny))
+    powers, directions = np.linalg.eigh(gram / np.outer(scale, scale))
+    return float(np.sqrt(powers[-1] / max(powers[0], 1e-18 * powers[-1]))), directions[:, 0]
 
-    It is the condition number of random poses within the joint limits, with random velocities and accelerations of
-    the same size as those of the motion, divided by that of ordinary arms; at least one.
+
+def separable_combinations(model: DynamicsModel, base: BaseParameters, names: Sequence[str]) -> Array:
+    """Combinations of the columns of base parameters that random states of the arm separate well.
+
+    The condition number of a motion depends on the choice of the base parameters. With frames of links at odd angles,
+    or axes that nearly meet, some of them are hard to separate with any motion, although the torque is determined.
+    Combinations of the inertial columns that are orthonormal at random states do not depend on this choice.
 
     Args:
         model: Arm and torque terms, without hysteresis.
-        motion: The motion.
+        base: Base parameters of the model.
+        names: Names of the columns, which may contain copies of friction parameters, b in number.
+
+    Returns:
+        Matrix C, shape (b, b): the columns X become X C.
     """
+    change = np.eye(len(names))
+    own = np.flatnonzero(np.isin(base.kept, model.inertial_columns))
+    if not len(own):
+        return change
     rng = np.random.default_rng(0)
     limits = np.array([joint.position_limits for joint in model.robot.joints])
-    low = np.where(np.isfinite(limits[:, 0]), limits[:, 0], -np.pi)
-    high = np.minimum(np.where(np.isfinite(limits[:, 1]), limits[:, 1], np.pi), low + 2.0 * np.pi)
+    bounded = np.isfinite(limits).all(axis=1)
+    low = np.where(bounded, limits[:, 0], -np.pi)
+    high = np.where(bounded, np.minimum(limits[:, 1], low + 2.0 * np.pi), np.pi)
     q = rng.uniform(low, high, (STATES, model.n))
-    dq, ddq = (rng.normal(size=q.shape) * np.sqrt(np.mean(x**2, axis=0)) for x in (motion.dq, motion.ddq))
-    columns = model.regressor(Motion(np.arange(float(STATES)), q, dq, ddq))[:, :, find_base_parameters(model).kept]
-    return max(1.0, scaled_condition(columns.reshape(-1, columns.shape[2])) / ORDINARY)
+    motion = Motion.of_states(q, SPEED * rng.normal(size=q.shape), ACCELERATION * rng.normal(size=q.shape))
+    columns = DynamicsModel(model.robot, (RigidBody(),)).regressor(motion)
+    kept = np.searchsorted(model.inertial_columns, base.kept[own])
+    triangle = np.linalg.qr(columns.reshape(-1, columns.shape[2])[:, kept], mode="r")
+    at = np.array([list(names).index(base.names[k]) for k in own], dtype=np.intp)
+    change[np.ix_(at, at)] = np.linalg.inv(triangle)
+    return change
 
 
-def poorly_determined(
-    names: tuple[str, ...], direction: Array, condition: float, limit: float = WEAK_CONDITION
-) -> str:
+def poorly_determined(names: tuple[str, ...], direction: Array, condition: float) -> str:
     """Sentence on a condition number, with the largest parameters in the weakest direction (b,)."""
     worst = ", ".join(names[k] for k in np.argsort(-np.abs(direction))[:NAMED])
     if condition > COMPUTED:
         return f"The motion does not separate {worst} at all, within numerical precision."
     return (
         f"The motion hardly separates {worst} (condition number {condition:.0f} with columns of unit length; above "
-        f"{limit:.0f} an estimate may fail on other motion)."
+        f"{WEAK_CONDITION:.0f} an estimate may fail on other motion)."
     )
 
 
@@ -146,7 +162,7 @@ def excitation_severity(condition: float, robot: Robot, fastest: Array) -> Liter
     """Severity of a weak excitation: a warning above `POOR_CONDITION` or if all joints are slow.
 
     Args:
-        condition: Condition number with columns of unit length, divided by `limit_factor`.
+        condition: Condition number with columns of unit length.
         robot: The arm.
         fastest: Largest speed of each joint, shape (n,) [rad/s or m/s].
     """
