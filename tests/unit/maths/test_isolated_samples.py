@@ -46,6 +46,20 @@ def test_few_and_constant_samples_have_none():
     assert not isolated_samples(np.array([[0.0], [9.0], [0.0]]), STEP).any()
 
 
+def test_rest_does_not_lower_what_is_usual():
+    """Short peaks are usual where the channel changes, even if it is constant nearly always; where none is, nothing
+    is known about the usual ones."""
+    x = np.zeros((SAMPLES, 2))
+    peaks = np.arange(200, SAMPLES, 400)
+    x[peaks, 0], x[peaks, 1] = 1.0, np.linspace(1.0, 2.0, len(peaks))
+    x[700:900] += np.linspace(0.0, 1.0, 200)[:, None] ** 2
+    assert not isolated_samples(x, STEP).any()
+    moving = np.arange(1000, 1200)
+    x[moving] += 0.02 * noise()[moving]
+    x[1100] += 60.0
+    np.testing.assert_array_equal(np.flatnonzero(isolated_samples(x, STEP).any(axis=1)), [1100])
+
+
 def test_a_run_of_steady_motion_has_no_height():
     for length in (1, 2, 3):
         height, _ = heights(np.arange(50.0), length)

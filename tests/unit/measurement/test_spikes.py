@@ -15,8 +15,10 @@ from armid.measurement.convention_conversion import to_robot_convention
 from armid.measurement.log_format import LogFormat
 from armid.measurement.processing.options import ProcessingOptions
 from armid.measurement.processing.pipeline import process_recordings
-from armid.measurement.recording import Recording
-from labs import small_model, small_recording
+from armid.measurement.processing.spikes import without_spikes
+from armid.measurement.recording import Recording, select_rows
+from armid.model.motion import Motion
+from labs import small_model, small_recording, small_truth
 from sick import sound
 
 ROBOT = small_model().robot
@@ -136,6 +138,80 @@ def test_steps_contacts_and_coarse_channels_are_kept():
     ):
         found, findings = read(recording)
         assert not findings and found.valid.all()
+
+
+def poses(rate: float, rest: float, move: float, *, noise: float = 0.0) -> Recording:
+    """Sixty static poses with fast motion between them; velocities are exactly zero at rest."""
+    rng = np.random.default_rng(4)
+    time = np.arange(round(60 * (rest + move) * rate)) / rate
+    targets, number = rng.uniform(-0.8, 0.8, (62, 3)), (time // (rest + move)).astype(int)
+    s = np.clip((time % (rest + move)) / move, 0.0, 1.0)[:, None]
+    change = targets[number + 1] - targets[number]
+    q, dq = targets[number] + change * s**2 * (3.0 - 2.0 * s), change * 6.0 * s * (1.0 - s) / move
+    ddq = change * (6.0 - 12.0 * s) / move**2 * ((s > 0.0) & (s < 1.0))
+    effort = small_model().torque(Motion(time, q, dq, ddq), small_truth())
+    return Recording(
+        time,
+        q + 1e-3 * noise * rng.standard_normal(q.shape),
+        np.where(dq == 0.0, 0.0, dq + 0.1 * noise * rng.standard_normal(q.shape)),
+        effort=effort + 5.0 * noise * rng.standard_normal(q.shape),
+    )
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.01])
+@pytest.mark.parametrize(
+    ("rate", "rest", "move"),
+    [(1000.0, 0.5, 0.2), (100.0, 10.0, 0.3), (20.0, 10.0, 0.3), (10.0, 5.0, 0.4), (4.0, 10.0, 1.0)],
+)
+def test_fast_motion_between_static_poses_is_kept(rate: float, rest: float, move: float, noise: float):
+    found, findings = without_spikes(poses(rate, rest, move, noise=noise), LogFormat(), ROBOT)
+    assert not findings and found.valid.all()
+
+
+def test_simulated_logs_without_noise_are_kept():
+    there = small_recording(1, sensors=Sensors(position=0.0, torque=0.0, rate=20.0))
+    found, findings = read(replace(there, dq=np.gradient(there.q, 0.05, axis=0)))
+    assert not findings and found.valid.all()
+
+
+def test_positions_spike_in_slow_logs_as_well():
+    there = poses(4.0, 10.0, 1.0)
+    rows = ROWS[[0, 3, 4]]
+    found, (finding,) = read(changed(there, "q", (rows, 1), 30.0))
+    assert "position" in finding.evidence and not found.valid[rows].any()
+
+
+@pytest.mark.parametrize("length", [1, 2, 3])
+def test_a_velocity_that_the_positions_confirm_is_kept(length: int):
+    """Brief jogs; the same velocities without a change of the positions are spikes."""
+    there = poses(1000.0, 1.0, 1.0, noise=0.01)
+    assert there.dq is not None
+    rows = (ROWS[[0, 1, 3]] + 100)[:, None] + np.arange(length)
+    jogged = there.dq.copy()
+    jogged[rows, 1] += 5.0  # of a limit of 4, and 3 times this is possible
+    moved = there.q.copy()
+    moved[:, 1] += np.cumsum(jogged[:, 1] - there.dq[:, 1]) / 1000.0
+    found, findings = read(replace(there, q=moved, dq=jogged))
+    assert not findings and found.valid.all()
+    found, (finding,) = read(replace(there, dq=jogged))
+    assert "velocity" in finding.evidence and not found.valid[rows].any()
+
+
+def test_a_position_that_slips_does_not_confirm_an_impossible_velocity():
+    there = poses(1000.0, 1.0, 1.0, noise=0.01)
+    slipped = there.q.copy()
+    slipped[500:, 1] += 0.4  # 200 rad/s in the difference over two samples
+    broken = changed(replace(there, q=slipped), "dq", (500, 1), 200.0)
+    _, (finding,) = read(broken)
+    assert "velocity" in finding.evidence
+
+
+def test_a_log_of_which_no_row_is_left_is_an_error():
+    """Each row is a spike of one of the three joints."""
+    there = select_rows(poses(100.0, 1.0, 1.0), np.arange(12000) < 1198)
+    lost = (np.arange(1198)[:, None] + 5) // 8 % 3 == np.arange(3)
+    found, (finding,) = without_spikes(replace(there, q=np.where(lost, 9.0, there.q), dq=None), LogFormat(), ROBOT)
+    assert finding.severity == "error" and not found.valid.any()
 
 
 def test_keep_uses_the_samples_and_says_so():

@@ -26,8 +26,13 @@ LOCAL = 30.0
 noise."""
 
 USUAL, QUANTILE = 15.0, 0.99
-"""Smallest height of a brief isolated run, divided by a quantile of the heights of the single samples of its channel,
-since jerks, impacts and sticking have short peaks, too."""
+"""Smallest height of a brief isolated run, divided by a quantile of the heights of the single samples of its channel
+where it changes, since jerks, impacts and sticking have short peaks, too. Rest does not count: an arm that rests most
+of the time would have a quantile of zero. Where motion is so smooth that the quantile is zero nevertheless, that of
+the second differences takes its place."""
+
+BENT_QUANTILE = 1.0 - 3.0 * (1.0 - QUANTILE)
+"""Quantile of the second differences, of which an isolated sample has three."""
 
 BRIEF = 2.5e-3
 """Duration of a run from which it must be higher in proportion [s]. Where an arm stops abruptly, torque has a peak of
@@ -111,10 +116,12 @@ def isolated_samples(x: Array, seconds: float) -> NDArray[np.bool_]:
 
 
 def _mark_isolated(x: Array, seconds: float, found: NDArray[np.bool_]) -> None:
-    """Marks the isolated samples of one channel (N,)."""
+    """Marks the isolated samples of one channel (N,) that is not constant; none if it has no usual height."""
     steps = np.abs(np.diff(x))
     resolution = smallest_step(steps)
-    usual = float(np.quantile(heights(x, 1)[0], QUANTILE))
+    usual = _usual_height(x, steps > 0.0)
+    if usual == 0.0:
+        return
     for length in range(1, LONGEST + 1):
         height, difference = heights(x, length)
         least = USUAL * max(1.0, length * seconds / BRIEF) * usual
@@ -126,3 +133,18 @@ def _mark_isolated(x: Array, seconds: float, found: NDArray[np.bool_]) -> None:
         starts = np.zeros(len(height), dtype=np.bool_)
         starts[candidates[height[candidates] > LOCAL * local]] = True
         marked(starts, length, found)
+
+
+def _usual_height(x: Array, changes: NDArray[np.bool_]) -> float:
+    """Usual height of the single samples of a channel (N,) that differ from a neighbour; 0 if it is not known.
+
+    Args:
+        x: Samples, shape (N,).
+        changes: True for the steps that are not zero, shape (N - 1,); at least one.
+    """
+    beside = np.concatenate([changes[:1], changes[1:] | changes[:-1], changes[-1:]])
+    usual = float(np.quantile(heights(x, 1)[0][beside], QUANTILE))
+    if usual == 0.0:
+        bent = np.abs(np.diff(x, 2))[beside[1:-1]]
+        usual = float(np.quantile(bent, BENT_QUANTILE)) if len(bent) else 0.0
+    return usual

@@ -3,7 +3,8 @@
 A dropped packet that is logged as zeros, or a bit error on a bus, is one sample or a few of them. A filter spreads
 such a sample over the rows around it, so spikes are found and interpolated before anything is filtered, and the
 samples are not used. Positions spike where they jump out and back faster than several times the velocity limit;
-velocities and torques where a few samples are far beyond all others, on both sides.
+velocities and torques where a few samples are far beyond all others, on both sides, and the positions do not confirm
+the velocity. In slow logs velocities and torques are not searched, since motion can be as short as a spike.
 """
 
 from __future__ import annotations
@@ -39,6 +40,15 @@ LONGEST = 10
 WRAP_TOLERANCE = 0.08
 """Largest difference between a jump and whole turns, in turns, at which the jump is a wrap of the angle, half a
 radian. If the typical step is larger, angles of motors are logged, which do not wrap."""
+
+SLOWEST = 0.011
+"""Largest time from sample to sample at which velocities and torques are searched [s], 100 Hz with some tolerance. At
+lower rates three samples are longer than 30 ms, in which an arm can move or friction reverse."""
+
+CONFIRMED = 0.7
+"""Largest difference between a velocity and the mean one of the positions over two steps, divided by the height of
+the velocity, at which the positions confirm it. Motion of a single sample has half its velocity there; a spike has
+none of it."""
 
 BROKEN = 0.005
 """Share of samples from which spikes are an error: they then have a permanent cause, and the ones that are too small
@@ -101,9 +111,11 @@ def without_spikes(
     time = np.arange(recording.samples) / (recording.rate or 1.0) if recording.time is None else recording.time
     found = {"q": impossible_positions(recording.q, time, channels.speed, channels.turn)}
     usual_step = float(median(np.abs(np.diff(time))))
-    if recording.dq is not None:
-        found["dq"] = isolated_samples(recording.dq, usual_step)
-    if recording.effort is not None:
+    if recording.dq is not None and usual_step <= SLOWEST:
+        flags = isolated_samples(recording.dq, usual_step)
+        q = _interpolated(recording.q, found["q"], time, channels.turn)
+        found["dq"] = flags & ~confirmed_velocities(recording.dq, flags, q, time, channels)
+    if recording.effort is not None and usual_step <= SLOWEST:
         found["effort"] = isolated_samples(recording.effort, usual_step)
     for name, flags in found.items():
         _add_lost_packets(flags, getattr(recording, name))
@@ -160,6 +172,40 @@ def _mark_impossible(x: Array, time: Array, fastest: float, turn: float, found: 
         marked(starts, length, found)
 
 
+def confirmed_velocities(dq: Array, flags: Flags, q: Array, time: Array, channels: Channels) -> Flags:
+    """Mask of the flagged velocities that agree with the differences of the positions, so that they are real motion.
+
+    Args:
+        dq: Velocities, shape (N, n).
+        flags: Mask of the isolated velocities, shape (N, n).
+        q: Positions without spikes, shape (N, n).
+        time: Shape (N,) [s].
+        channels: Units and speed limits; a jump of the positions beyond what an arm can move confirms nothing.
+
+    Returns:
+        Shape (N, n).
+    """
+    result = np.zeros_like(flags)
+    rows, joints = np.nonzero(flags)
+    if not len(rows):
+        return result
+    first, last = np.maximum(rows - 1, 0), np.minimum(rows + 1, len(time) - 1)
+    change = _without_wraps(q[last, joints] - q[first, joints], channels.turn[joints])
+    seconds = time[last] - time[first]
+    mean = np.where(seconds > 0.0, change / np.where(seconds > 0.0, seconds, 1.0), np.inf)
+    beside = _interpolated(dq, flags, time, np.full_like(channels.turn, np.inf))[rows, joints]
+    value = dq[rows, joints]
+    agrees = np.abs(value - mean) <= CONFIRMED * np.abs(value - beside)
+    result[rows, joints] = agrees & (np.abs(mean) <= FASTER * channels.speed[joints])
+    return result
+
+
+def _without_wraps(change: Array, turn: Array) -> Array:
+    """Changes of positions less whole turns, where they are close to these; the full turn may be infinite."""
+    whole = np.round(change / turn) * np.where(np.isfinite(turn), turn, 0.0)
+    return change - np.where(np.abs(change - whole) < WRAP_TOLERANCE * turn, whole, 0.0)
+
+
 def _channels(recording: Recording, log_format: LogFormat, robot: Robot) -> Channels:
     """Units and speed limits of the channels of a log."""
     turns = np.array([not joint.is_prismatic for joint in robot.joints])
@@ -204,7 +250,7 @@ def _repaired(recording: Recording, turn: Array, found: dict[str, Flags], time: 
         if values is None:
             continue
         flags = np.broadcast_to(rows[:, None], values.shape)
-        if name == "effort":
+        if name == "effort" and name in found:
             flags = flags | found[name]
             valid &= ~flags
         if flags.any():
@@ -213,16 +259,16 @@ def _repaired(recording: Recording, turn: Array, found: dict[str, Flags], time: 
 
 
 def _interpolated(values: Array, flags: Flags, time: Array, turn: Array) -> Array:
-    """Values (N, n) whose flagged samples are interpolated, along unwrapped angles where there is a full turn."""
+    """Values (N, n) whose flagged samples are interpolated, along unwrapped angles where there is a full turn.
+
+    A channel of which all samples are flagged stays as it is.
+    """
     result = values.copy()
-    for j in np.flatnonzero(flags.any(axis=0)):
+    for j in np.flatnonzero(flags.any(axis=0) & ~flags.all(axis=0)):
         bad, good = np.flatnonzero(flags[:, j]), np.flatnonzero(~flags[:, j])
         kept, place = values[good, j], np.searchsorted(good, bad)
         last, following = np.maximum(place - 1, 0), np.minimum(place, len(good) - 1)
-        change = kept[following] - kept[last]
-        if np.isfinite(turn[j]):
-            whole = turn[j] * np.round(change / turn[j])
-            change -= np.where(np.abs(change - whole) < WRAP_TOLERANCE * turn[j], whole, 0.0)
+        change = _without_wraps(kept[following] - kept[last], np.full(len(bad), turn[j]))
         seconds = time[good[following]] - time[good[last]]
         share = (time[bad] - time[good[last]]) / np.where(seconds > 0.0, seconds, 1.0)
         result[bad, j] = kept[last] + np.where(seconds > 0.0, share, 0.0) * change
@@ -239,7 +285,7 @@ def _finding(
     evidence = (
         f"In {len(rows)} of {recording.samples} rows the {NAMES[quantity]} jumps out and back, at t = {times}{more}. "
         f"{_largest(recording, quantity, flags, time, channels)}"
-    )
+    ).rstrip()
     names = ", ".join(recording.channels[j] for j in np.flatnonzero(flags.any(axis=0)))
     broken = len(rows) >= BROKEN * recording.samples
     if kept:
@@ -256,9 +302,11 @@ def _finding(
 
 
 def _largest(recording: Recording, quantity: str, flags: Flags, time: Array, channels: Channels) -> str:
-    """Sentences about the spike that is largest in proportion to the range of its channel."""
+    """Sentences about the spike that is largest in proportion to the range of its channel; empty if all spike."""
     values = getattr(recording, quantity)
     good = np.flatnonzero(~flags.any(axis=1))
+    if not len(good):
+        return ""
     size, row, j = -1.0, 0, 0
     for joint in np.flatnonzero(flags.any(axis=0)):
         bad, kept = np.flatnonzero(flags[:, joint]), values[good, joint]
