@@ -25,13 +25,15 @@ from armid.runs.design_torque_model import estimated_torque, model_with_terms_of
 from armid.runs.run import MARKER, Run, load_run
 from armid.study.config import build_model
 
+NO_EFFECT = 1e-9
+"""Singular value of columns of unit length below which a direction of parameters has no effect on the torque."""
+
 
 def design_model(robot: Robot, options: Mapping[str, Any]) -> DynamicsModel:
     """Model with the given terms, otherwise with those of the last run of this arm, otherwise with the default."""
     if options["terms"] is None:
-        for run in _last_runs(options["after"] or ()):
-            if (found := model_with_terms_of(run, robot)) is not None:
-                return found
+        for _, model in _runs_of(robot, options):
+            return model
     return build_model(robot, model_choice(options["terms"], default=BASE_TERMS))
 
 
@@ -40,12 +42,20 @@ def _last_runs(paths: Sequence[str]) -> Iterator[Run]:
     return (load_run(path) for path in reversed(paths) if (Path(path) / MARKER).is_file())
 
 
-def _noise(options: Mapping[str, Any], n: int) -> Array:
-    """Standard deviation of the torque, shape (n,): as given, otherwise that of the last run, otherwise 1."""
-    text = options["noise"]
+def _runs_of(robot: Robot, options: Mapping[str, Any]) -> Iterator[tuple[Run, DynamicsModel]]:
+    """Given runs of this arm, the last one first, with their models for a design."""
+    for run in _last_runs(options["after"] or ()):
+        if (model := model_with_terms_of(run, robot)) is not None:
+            yield run, model
+
+
+def _noise(options: Mapping[str, Any], robot: Robot) -> Array:
+    """Standard deviation of the torque, shape (n,): as given, or that of the last run of this arm, or 1."""
+    text, n = options["noise"], robot.n
     if text is None:
-        spreads = (run.estimate.fit.noise for run in _last_runs(options["after"] or ()))
-        return next((spread for spread in spreads if spread.shape == (n,) and (spread > 0.0).all()), np.ones(n))
+        run, _ = next(_runs_of(robot, options), (None, None))
+        noise = np.zeros(n) if run is None else run.estimate.fit.noise
+        return noise if (noise > 0.0).all() else np.ones(n)
     single = len(text.replace(",", " ").split()) == 1
     noise = numbers(text, "--noise", 1 if single else n)
     assert noise is not None
@@ -57,8 +67,9 @@ def goal_of(model: DynamicsModel, options: Mapping[str, Any]) -> CriterionGoal:
 
     After a run the default criterion is the largest relative deviation, which a further recording should reduce.
     """
-    base, n = find_base_parameters(model), model.n
-    plain = CriterionGoal(model, base, "d-optimal", _noise(options, n), options["rate"], options["repetitions"])
+    base = find_base_parameters(model)
+    noise = _noise(options, model.robot)
+    plain = CriterionGoal(model, base, "d-optimal", noise, options["rate"], options["repetitions"])
     prior: Array | None = None
     scale: Array | None = None
     for path in options["after"] or ():
@@ -108,7 +119,8 @@ def _of_motion(path: str, goal: CriterionGoal) -> Array:
 def prior_of_run(folder: str, goal: CriterionGoal) -> Array:
     """Information matrix (b, b) of a run's data for the goal's base parameters, matched by name.
 
-    The stored rows of the run are weighted with the noise of the goal.
+    The stored rows of the run are weighted with the noise of the goal. Parameters of the run that the goal lacks are
+    unknown: the result is the information that remains about the others if these are estimated, too.
 
     Raises:
         ArmidError: The run has none of these parameters.
@@ -123,9 +135,36 @@ def prior_of_run(folder: str, goal: CriterionGoal) -> Array:
             possible=", ".join(information.names[:8]) + ", …",
             remedy=f"if it is the same arm, give the terms of the run: --terms {terms}.",
         )
+    rows = np.vstack([_rows(information, j) / noise for j, noise in enumerate(goal.noise)])
+    known = _without(rows[:, position < 0], rows[:, position >= 0])
+    at = position[position >= 0]
     result = np.zeros((goal.base.count, goal.base.count))
-    for joint, noise in zip(information.joints, goal.noise, strict=True):
-        rows = joint.R[:, :, :-1].reshape(-1, len(joint.parameters))
-        at = position[joint.parameters]
-        result[np.ix_(at, at)] += rows.T @ rows / noise**2
+    result[np.ix_(at, at)] = known.T @ known
     return result
+
+
+def _rows(information: Information, j: int) -> Array:
+    """Rows of joint `j` of all blocks without the torque, with a column for each parameter, shape (N, b)."""
+    joint = information.joints[j]
+    factors = joint.R[:, :, :-1].reshape(-1, len(joint.parameters))
+    rows = np.zeros((len(factors), information.count))
+    rows[:, joint.parameters] = factors
+    return rows
+
+
+def _without(unknown: Array, columns: Array) -> Array:
+    """Rows with the information that remains about parameters when unknown ones are estimated with them.
+
+    Args:
+        unknown: Columns of the unknown parameters, shape (N, a).
+        columns: Columns of the parameters, shape (N, k).
+
+    Returns:
+        Rows, shape (M, k); directions in which the unknown parameters have no effect take no information.
+    """
+    a = unknown.shape[1]
+    triangle: Array = np.asarray(np.linalg.qr(np.hstack([unknown, columns]), mode="r"))
+    size = np.linalg.norm(triangle[:, :a], axis=0)
+    left, values, _ = np.linalg.svd(triangle[:a, :a] / np.where(size > 0.0, size, 1.0))
+    idle = left[:, ~(values > NO_EFFECT)]
+    return np.vstack([idle.T @ triangle[:a, a:], triangle[a:, a:]])
