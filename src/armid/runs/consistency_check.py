@@ -23,6 +23,7 @@ from armid.model.parameter_name import parameter_names
 from armid.model.terms import Coulomb, Offset, RigidBody, RotorInertia, Term, Viscous
 from armid.notebook_display import Displayed, Summary
 from armid.robot import Robot
+from armid.robot.missing_inertia import placeholder_masses
 from armid.runs.run import Run
 from armid.validation.distance_to_consistency import Certificate, certify_values
 from armid.validation.gravity_sign import gravity_sign_finding
@@ -31,7 +32,7 @@ from armid.validation.thesis_constraints import ROUNDING, Constraint, thesis_con
 
 HEAVIEST = 10.0
 """Default upper bound of the mass of a link in the nearest consistent parameters, for descriptions without masses
-[kg]."""
+[kg]; if only some links have a mass, the bound is not smaller."""
 
 HEAVIER = 2.5
 """Ratio of this upper bound to the mass of the heaviest link of a description with masses."""
@@ -99,9 +100,13 @@ def described_values(robot: Robot) -> dict[str, float]:
 
 
 def usual_heaviest(robot: Robot) -> float:
-    """Default largest mass of a link [kg]: 2.5 times the heaviest link of the description, 10 kg without masses."""
-    heaviest = max((link.inertial.mass for link in robot.links if link.inertial is not None), default=0.0)
-    return HEAVIER * heaviest if heaviest > 0.0 else HEAVIEST
+    """Default largest mass of a link [kg]: 2.5 times the heaviest link of the description.
+
+    It is at least 10 kg if a link has no mass, or only a placeholder: the heaviest link may be one of these.
+    """
+    masses = np.array([0.0 if link.inertial is None else link.inertial.mass for link in robot.links])
+    limit = HEAVIER * float(masses.max(initial=0.0))
+    return limit if limit > 0.0 and not placeholder_masses(masses).any() else max(limit, HEAVIEST)
 
 
 def read_values(path: Path | str) -> dict[str, float]:

@@ -13,11 +13,13 @@ from armid.robot import load_robot
 from armid.robot.readers.urdf import read
 from armid.runs.consistency_check import (
     HEAVIER,
+    HEAVIEST,
     PHYSICAL,
     Verdict,
     certify_named,
     certify_run,
     described_values,
+    usual_heaviest,
     verdict_record,
 )
 from armid.runs.run import Run
@@ -139,6 +141,20 @@ def test_the_limit_follows_the_heaviest_link_of_the_description(run: Run):
     """An arm of 3 kg has no link of 10 kg; the limit scales with the described masses."""
     described = max(link.inertial.mass for link in run.robot.links if link.inertial is not None)
     assert certify_run(run).heaviest == HEAVIER * described and certify_run(run).pose.unit == "kg·m²"
+
+
+def test_links_without_mass_may_be_heavier_than_those_with_one(run: Run):
+    """A description with the mass of its last link alone, or placeholders for the others, knows no heaviest link."""
+    robot = run.robot
+    *others, last = (link for link in robot.links)
+    assert last.inertial is not None
+    for mass in (None, 0.0, 1e-6):
+        unknown = None if mass is None else replace(last.inertial, mass=mass)
+        links = (*(replace(link, inertial=unknown) for link in others), last)
+        assert usual_heaviest(replace(robot, links=links)) == HEAVIEST
+    heavy = replace(last, inertial=replace(last.inertial, mass=40.0))
+    partly = (*(replace(link, inertial=None) for link in others), heavy)
+    assert usual_heaviest(replace(robot, links=partly)) == HEAVIER * 40.0
 
 
 def test_rounding_to_three_decimals_explains_only_values_with_three_decimals():

@@ -50,7 +50,8 @@ def certify(
         float | None,
         typer.Option(
             min=0.0,
-            help="Largest mass of a link, kg; by default 2.5 times the heaviest link of the description, or 10.",
+            help="Largest mass of a link, kg; by default 2.5 times the heaviest link of the description; "
+            "at least 10 if a link has no mass.",
         ),
     ] = None,
     gravity: Gravity = None,
@@ -105,7 +106,7 @@ def _report(verdict: Verdict, motion: str | None) -> None:
     console.print(f"  {several}, kg: {_list(certificate.masses)}")
     console.print(
         f"  with no link above {verdict.heaviest:.3g} kg (--heaviest; default: 2.5 times the heaviest link of the "
-        f"description, or 10 kg if it has no masses): {_change(verdict.limited)}; link masses, kg: "
+        f"description, at least 10 kg if a link of it has no mass): {_change(verdict.limited)}; link masses, kg: "
         f"{_list(verdict.limited.masses)}"
     )
     definite = "positive definite" if verdict.pose.min_eigenvalue > 0.0 else "not positive definite everywhere"
