@@ -31,8 +31,8 @@ from armid.validation.smallest_mass_matrix import Pose, worst_along, worst_pose
 from armid.validation.thesis_constraints import ROUNDING, Constraint, thesis_constraints
 
 HEAVIEST = 10.0
-"""Default upper bound of the mass of a link in the nearest consistent parameters, for descriptions without masses
-[kg]; if only some links have a mass, the bound is not smaller."""
+"""Default upper bound of the mass of a link in the nearest consistent parameters [kg], for descriptions without
+masses; the bound is not smaller if only some links have one."""
 
 HEAVIER = 2.5
 """Ratio of this upper bound to the mass of the heaviest link of a description with masses."""
@@ -100,10 +100,7 @@ def described_values(robot: Robot) -> dict[str, float]:
 
 
 def usual_heaviest(robot: Robot) -> float:
-    """Default largest mass of a link [kg]: 2.5 times the heaviest link of the description.
-
-    It is at least 10 kg if a link has no mass, or only a placeholder: the heaviest link may be one of these.
-    """
+    """Default largest mass [kg]: 2.5 times that of the heaviest link, at least 10 kg if any link has no real mass."""
     masses = np.array([0.0 if link.inertial is None else link.inertial.mass for link in robot.links])
     limit = HEAVIER * float(masses.max(initial=0.0))
     return limit if limit > 0.0 and not placeholder_masses(masses).any() else max(limit, HEAVIEST)

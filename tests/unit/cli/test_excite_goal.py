@@ -1,4 +1,4 @@
-"""What a design takes over from earlier runs: their information about its parameters, and their noise."""
+"""Earlier runs in the goal of a design: their information about its parameters, and their noise."""
 
 from __future__ import annotations
 
