@@ -35,10 +35,11 @@ def absent_columns(columns: Sequence[str], positions: Sequence[str]) -> dict[int
         positions: Columns of positions, likewise.
 
     Returns:
-        Empty if the columns are not numbered like the positions.
+        Empty if the columns are not numbered like the positions, or if that is not clear: beside positions from 0,
+        columns without a 0 may be numbered from 1.
     """
     own, every = _numbers(columns), _numbers(positions)
-    if own is None or every is None or not set(own[2]) < set(every[2]):
+    if own is None or every is None or not set(own[2]) < set(every[2]) or _may_start_at_1(own[2], every[2]):
         return {}
     before, after, present = own
     return {k: f"{before}{number}{after}" for k, number in enumerate(every[2]) if number not in present}
@@ -128,6 +129,11 @@ def remedy_of(
         f"log {', '.join(absent.values())}, too; or, if {still}, and leave out the other columns of such joints: ",
         *naming(log_format, {**kept, "effort": list(effort)}).parts,
     )
+
+
+def _may_start_at_1(numbers: Sequence[int], positions: Sequence[int]) -> bool:
+    """True if columns beside positions that are numbered from 0 may be numbered from 1."""
+    return 0 in positions and 0 not in numbers and {number - 1 for number in numbers} <= set(positions)
 
 
 def _numbers(columns: Sequence[str]) -> tuple[str, str, list[int]] | None:
