@@ -126,7 +126,9 @@ class Fit(Displayed):
     def intervals(self) -> Array:
         """95 % intervals of the parameters by Student's t distribution, shape (b, 2)."""
         half = student_quantile(self.freedom) * self.deviation
-        return np.stack([self.values - half, self.values + half], axis=1)
+        intervals = np.stack([self.values - half, self.values + half], axis=1)
+        intervals.setflags(write=False)
+        return intervals
 
     @property
     def deviation(self) -> Array:

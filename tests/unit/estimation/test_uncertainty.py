@@ -61,6 +61,7 @@ def test_coloured_residuals_of_one_motion_get_a_spectrum():
 def test_deviations_marks_and_intervals_tell_one_size():
     """Widened by colour and reversals, as the intervals are; the textbook's deviation stands beside it."""
     found = covered(once(1))
+    assert not found.intervals.flags.writeable  # computed once
     half = 0.5 * np.diff(found.intervals, axis=1)[:, 0]
     deviation = half / stdtrit(found.freedom, 0.975)
     np.testing.assert_allclose(found.deviation, deviation, rtol=SAME)
