@@ -14,6 +14,7 @@ from armid.export.types import DescriptionSource
 from armid.measurement.log_format import LogFormat
 from armid.measurement.recording import Recording
 from armid.robot.loading import builtin_arms, held_of, load_robot
+from armid.robot.readers import mjcf
 from armid.runs.locate_recording import read_recording_of
 from armid.runs.run import Run
 from armid.study.config import RecordingChoice, parse_robot
@@ -57,13 +58,19 @@ def find_source(run: Run, description: Path | str | None = None) -> DescriptionS
             remedy="give its present path with --description FILE.",
         )
     robot = load_robot(path, gravity=choice.gravity, **selected)
-    if robot.sha256 != run.robot.sha256:
+    if run.robot.sha256 not in (robot.sha256, _former_digest(path)):
         raise OutputError(
             f"{path} has changed since the identification: its sha256 was {run.robot.sha256[:12]}… at that time "
             f"and is {robot.sha256[:12]}… now.",
             remedy="give the unchanged file with --description FILE, or identify again.",
         )
     return _read(path, held_of(path, **selected))
+
+
+def _former_digest(path: Path) -> str | None:
+    """Digest of a description in runs of earlier versions, if it was another one: that of an MJCF left out meshes."""
+    text = path.read_text(encoding="utf-8")
+    return mjcf.digest_without_meshes(text, source=str(path)) if mjcf.recognises(text) else None
 
 
 def unseen_recordings(run: Run, data: Path | str | None = None) -> Unseen:

@@ -87,6 +87,21 @@ def read(text: str, *, source: str, locked: Mapping[str, float], tip: str | None
     return replace(robot, sha256=state.hexdigest())
 
 
+def digest_without_meshes(text: str, *, source: str) -> str:
+    """Digest of an MJCF text and its included files alone, which earlier versions stored in a run.
+
+    Args:
+        text: The MJCF text.
+        source: Path of the text; included files are searched in its folder.
+
+    Raises:
+        RobotError: The text is not an MJCF, or an included file cannot be read.
+    """
+    root = _root(text, source)
+    included = root.find(".//include") is not None
+    return hashlib.sha256(ET.tostring(flatten(root, source)) if included else text.encode()).hexdigest()
+
+
 def outline(text: str, *, source: str) -> JointOutline:
     """Joints of an MJCF text, and the joint that moves each body and site.
 
