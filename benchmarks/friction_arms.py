@@ -2,7 +2,7 @@
 
     python benchmarks/friction_arms.py [--arm NAME]… [--verbose] [--json]
 
-Nested: recordings are left out in turn, or stretches of an arm's one recording with the blocks beside them; what is
+Nested: recordings are left out in turn, or segments of an arm's one recording with the blocks beside them; what is
 left out is seen neither by the choice nor by the estimate. Recordings and processing are those of the studies in
 `tests/real`; the choice starts from the terms of `terms = "auto"`. *Plain* is weighted least squares with the terms
 of a study that names none: rigid bodies, viscous and Coulomb friction and offset, with rotor inertia where the effort
@@ -49,7 +49,7 @@ from armid.study.recordings.reading import read_choice
 STUDIES = Path(__file__).parents[1] / "tests" / "real" / "studies"
 
 BLOCKS = {"franka_panda_gaz": (8, 5), "ur10_unisa": (5,), "kuka_iiwa14_lasa": (5,), "staubli_tx40": (5,)}
-"""Stretches into which the only recording of an arm is cut."""
+"""Segments into which the only recording of an arm is cut."""
 
 WAYS = ("plain", "rotor", "prior", "auto")
 
@@ -82,7 +82,7 @@ def load(name: str) -> Arm:
 
 
 def left_out(arm: Arm, count: int) -> Iterator[tuple[Observations, Observations]]:
-    """Training and unseen observations: recordings in turn where there are several, else so many stretches."""
+    """Training and unseen observations: recordings in turn where there are several, else so many segments."""
     runs = arm.observations.runs
     recordings = sorted({run.recording for run in runs})
     if len(recordings) > 1:
@@ -187,7 +187,7 @@ def main() -> int:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--arm", action="append", help="only these arms, by the name of their study")
-    parser.add_argument("--verbose", action="store_true", help="print each recording or stretch by itself")
+    parser.add_argument("--verbose", action="store_true", help="print each recording or segment by itself")
     parser.add_argument("--json", action="store_true", help="print one JSON object")
     options = parser.parse_args()
     rows: list[dict[str, Any]] = []

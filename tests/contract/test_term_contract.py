@@ -57,7 +57,7 @@ DEPENDENT = 1e-9
 """A regrouped regressor over its largest entry: rounding times coefficients of up to 1e5."""
 
 SETTLED = 1e-7
-"""Filtered in segments: the filter has settled to 1e-9 of a jump where segments meet."""
+"""Filtered in batches: the filter has settled to 1e-9 of a jump where batches meet."""
 
 EACH = pytest.mark.parametrize("arm", ARMS)
 TERM = pytest.mark.parametrize("name", TERMS)
@@ -195,7 +195,7 @@ def test_streamed_in_pieces(name: str, band: str, short_arm: Robot, monkeypatch:
     for module, sizes in ((accumulate, (97, None)), (filtering, (301, 130))):
         monkeypatch.setattr(module, "CHUNK", sizes[0])
         if sizes[1]:
-            monkeypatch.setattr(module, "SEGMENT", sizes[1])
+            monkeypatch.setattr(module, "BATCH", sizes[1])
     information = accumulate_information(model, base, Observations((run,), BANDS[band]))
     counted = with_hysteresis_states(model, run, BANDS[band]).mask
     rows = (

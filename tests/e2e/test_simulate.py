@@ -143,7 +143,7 @@ def test_bad_input_of_a_roll_out_is_one_message(armid):
     assert armid("identify", "small.urdf", "a/recording.csv", *EXACT, "--out", "run").code == 0
     Path("gains.json").write_text('{"controller": {"proportional": [1], "derivative": [1]}}')
     for arguments, message in (
-        (("--simulate", "--window", "100"), "The rollout needs a stretch of 100 s"),
+        (("--simulate", "--window", "100"), "The rollout needs a segment of 100 s"),
         (("--controller", "gains.json"), "gains for 1 joints"),
         (("--controller", "nowhere.json"), "nowhere.json"),
     ):

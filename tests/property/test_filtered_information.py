@@ -1,4 +1,4 @@
-"""Torque and columns pass the same filter on their way into information, segment by segment."""
+"""Torque and columns pass the same filter on their way into information, batch by batch."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from informed import RATE, assert_says, branching_arm, dense, filtered, recorded
 from problems import one_run
 
 SETTLED = 1e-7
-"""Products of columns filtered in segments: the filter has settled to 1e-9 of a jump where segments meet, and
+"""Products of columns filtered in batches: the filter has settled to 1e-9 of a jump where batches meet, and
 columns that jump (friction) may do so there."""
 
 ENDS = 1e-9
@@ -65,13 +65,13 @@ def test_every_column_passes_the_same_filter_as_the_torque(arm, band, step, offs
 @pytest.mark.parametrize("band", BANDS)
 @pytest.mark.parametrize(("step", "offset"), GRIDS)
 @pytest.mark.parametrize("sizes", [(60, 100), (200, 37), (1000, 5000)])
-def test_segments_do_not_matter(arm, band, step, offset, sizes, monkeypatch):
+def test_batches_do_not_matter(arm, band, step, offset, sizes, monkeypatch):
     model, base, _ = arm
     motion, torque = recorded(arm, 21, seconds=10.0, rate=200.0)
     run = one_run(motion, torque, 200.0, step=step, offset=offset, block_rows=20)
     mask = np.random.default_rng(0).random(run.mask.shape) < 0.9
     run = replace(run, mask=mask)
-    monkeypatch.setattr(filtering, "SEGMENT", sizes[0])
+    monkeypatch.setattr(filtering, "BATCH", sizes[0])
     monkeypatch.setattr(filtering, "CHUNK", sizes[1])
     information = accumulate_information(model, base, Observations((run,), band))
     assert_says(information, filtered(arm, run, band) * mask[:, :, None], SETTLED)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from armid.measurement.processing.pipeline import ProcessingOptions, process_recording, resolve_options
-from armid.measurement.processing.uniform_runs import jitter, stretches
+from armid.measurement.processing.uniform_runs import cut_at_gaps, jitter
 from armid.measurement.recording import Recording
 
 pytestmark = pytest.mark.real
@@ -84,8 +84,8 @@ def test_the_ur10e_log_jitters_between_2_and_16_ms(shared_data: Path):
 
 def test_the_gap_of_the_gen3_splits_its_run(shared_data: Path):
     log = read(shared_data, GEN3, 7, "tau")
-    pieces, findings = stretches(log, None)
-    assert [piece.samples for piece in pieces] == [28, 1332]
+    segments, findings = cut_at_gaps(log, None)
+    assert [piece.samples for piece in segments] == [28, 1332]
     assert [finding.code for finding in findings] == ["clock-gap"] and "0.16 s" in findings[0].evidence
     runs, findings = process_recording(log, ProcessingOptions(family="none"))
     # The 0.28 s before the gap are shorter than what is trimmed.

@@ -439,7 +439,7 @@ def channel_dead(seed: int) -> Case:
 
 
 def value_missing(seed: int) -> Case:
-    """Numbers that are none, in one channel: a row, some stretches, or all of it."""
+    """Numbers that are none, in one channel: a row, some segments, or all of it."""
     case, rng = sound(seed), _rng(seed)
     name = str(rng.choice(["q", "effort"]))
     values = np.array(getattr(case.recording, name))

@@ -13,7 +13,7 @@ from armid.doctor.downsample import downsample
 from armid.doctor.earlier_run_links import KnownLinks
 from armid.doctor.fitted_log import LogState
 from armid.doctor.remedy_trial import RemedyTrial, try_remedy
-from armid.doctor.stuck_channels import stuck_stretches, without_stuck
+from armid.doctor.stuck_channels import stuck_segments, without_stuck
 from armid.errors import Finding
 from armid.maths.median import median
 from armid.measurement.log_format import LogFormat
@@ -125,11 +125,11 @@ class LogEvidence:
 
     @cached_property
     def stuck(self) -> tuple[tuple[int, str, int, int], ...]:
-        """Joint, quantity, first and last row of each stretch in which a channel is stuck."""
+        """Joint, quantity, first and last row of each segment in which a channel is stuck."""
         recording = self.recording
         if recording is None or recording.consecutive is False:
             return ()
-        return stuck_stretches(recording, self.rate)
+        return stuck_segments(recording, self.rate)
 
     @property
     def counted(self) -> Recording:

@@ -18,7 +18,7 @@ from armid.measurement.processing.differentiation import differentiate
 from armid.measurement.processing.options import ProcessingOptions
 from armid.measurement.processing.row_mask import moving, run_of, separate_rows
 from armid.measurement.processing.standstill import position_noise, standing
-from armid.measurement.processing.uniform_runs import Stretch, resample_uniform, stretches
+from armid.measurement.processing.uniform_runs import Segment, cut_at_gaps, resample_uniform
 from armid.measurement.recording import Recording
 from armid.model.motion import Motion
 
@@ -128,54 +128,56 @@ def downsample(recording: Recording, cutoff: float | None = None) -> Downsampled
         values = {name: getattr(recording, name) for name in ("q", "dq", "ddq", "effort", "valid")}
         thinned = {name: None if x is None else x[few] for name, x in values.items()}
         whole = replace(recording, time=None, rate=1.0, number=None, **thinned)
-        piece = stretches(whole, None)[0][0]
+        segment = cut_at_gaps(whole, None)[0][0]
         processing = ProcessingOptions(family="none", derivatives="given")
-        run = separate_rows(piece, differentiate(piece, processing, given=True), processing)
+        run = separate_rows(segment, differentiate(segment, processing, given=True), processing)
         return DownsampledLog((run,), Band(), 1.0, 1.0, np.zeros(recording.q.shape[1]))
-    pieces, _ = stretches(recording, CUTOFFS[0])
-    noise = np.max([position_noise(piece.q, piece.time) for piece in pieces], axis=0)
-    longest = max(range(len(pieces)), key=lambda k: pieces[k].samples)
-    rate = pieces[longest].rate
-    even = [resample_uniform(piece, None, 0.0, each=False) for piece in pieces]
+    segments, _ = cut_at_gaps(recording, CUTOFFS[0])
+    noise = np.max([position_noise(segment.q, segment.time) for segment in segments], axis=0)
+    longest = max(range(len(segments)), key=lambda k: segments[k].samples)
+    rate = segments[longest].rate
+    even = [resample_uniform(segment, None, 0.0, each=False) for segment in segments]
     if cutoff is None:
         cutoff = min(max(automatic_cutoff(even[longest].q, rate), CUTOFFS[0]), CUTOFFS[1])
     cutoff = min(cutoff, 0.1 * rate)
     processing = ProcessingOptions(cutoff=cutoff, decimate=ROWS_RATE * cutoff, derivatives="central", trim=0.25)
     runs: list[ObservedRun] = []
     still: list[NDArray[np.bool_]] = []
-    for piece in _ends(even):
-        step = max(1, int(piece.rate / (THIN_RATE * cutoff)))
-        if -(-piece.samples // step) < 10 * int(piece.rate / step / cutoff):
+    for segment in _ends(even):
+        step = max(1, int(segment.rate / (THIN_RATE * cutoff)))
+        if -(-segment.samples // step) < 10 * int(segment.rate / step / cutoff):
             continue
-        few = _decimated(piece, step)
+        few = _decimated(segment, step)
         run = run_of(few, differentiate(few, processing, given=False), processing)
         if run is not None:
             runs.append(run)
-            still.append(_any_near(standing(piece.q, piece.rate, noise), step))
+            still.append(_any_near(standing(segment.q, segment.rate, noise), step))
     runs, _ = moving(runs, still, processing)
     return DownsampledLog(tuple(runs), processing.band, cutoff, rate, noise)
 
 
-def _ends(pieces: Sequence[Stretch]) -> list[Stretch]:
+def _ends(segments: Sequence[Segment]) -> list[Segment]:
     """First and last half minute of a log, if it is long."""
-    begin, end = float(pieces[0].time[0]), float(pieces[-1].time[-1])
+    begin, end = float(segments[0].time[0]), float(segments[-1].time[-1])
     if end - begin <= 1.25 * LONGEST:
-        return list(pieces)
-    result: list[Stretch] = []
+        return list(segments)
+    result: list[Segment] = []
     for low, high in ((begin, begin + LONGEST / 2), (end - LONGEST / 2, end)):
-        for piece in pieces:
-            first, stop = np.searchsorted(piece.time, (low, high))
+        for segment in segments:
+            first, stop = np.searchsorted(segment.time, (low, high))
             if stop - first > 1:
-                result.append(piece.cut(int(first), int(stop)))
+                result.append(segment.cut(int(first), int(stop)))
     return result
 
 
-def _decimated(piece: Stretch, step: int) -> Stretch:
+def _decimated(segment: Segment, step: int) -> Segment:
     if step == 1:
-        return piece
+        return segment
     taps = decimation_filter(step, attenuation=60.0)
-    rows = piece.time[::step]
-    return piece.changed(lambda x: decimate(x, taps, step), rows, piece.rate / step, lambda bad: _any_near(bad, step))
+    rows = segment.time[::step]
+    return segment.changed(
+        lambda x: decimate(x, taps, step), rows, segment.rate / step, lambda bad: _any_near(bad, step)
+    )
 
 
 def _any_near(flags: NDArray[np.bool_], step: int) -> NDArray[np.bool_]:

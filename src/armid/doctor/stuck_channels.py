@@ -15,18 +15,18 @@ STUCK_SECONDS, STUCK_SAMPLES = 0.2, 20
 """Shortest time at one value while the arm moves from which a channel counts as stuck, in seconds and samples."""
 
 USUAL = 6.0
-"""Smallest ratio of a stuck stretch to the next longest stretch at one value; coarse converters repeat values at
+"""Smallest ratio of a stuck segment to the next longest segment at one value; coarse converters repeat values at
 every reversal."""
 
 SWING = 0.1
 """Share of its span by which at least one joint must move while a channel is stuck."""
 
 JUMP = 5.0
-"""Smallest jump of a position at an end of a stuck stretch, in usual steps."""
+"""Smallest jump of a position at an end of a stuck segment, in usual steps."""
 
 
-def stuck_stretches(recording: Recording, rate: float) -> tuple[tuple[int, str, int, int], ...]:
-    """Finds stuck stretches: joint, quantity (`q` or `effort`), first and last row of each.
+def stuck_segments(recording: Recording, rate: float) -> tuple[tuple[int, str, int, int], ...]:
+    """Finds stuck segments: joint, quantity (`q` or `effort`), first and last row of each.
 
     Args:
         recording: Recording in the robot's convention, with consecutive rows.
@@ -49,16 +49,16 @@ def stuck_stretches(recording: Recording, rate: float) -> tuple[tuple[int, str, 
     return tuple(stuck)
 
 
-def without_stuck(recording: Recording, stretches: tuple[tuple[int, str, int, int], ...]) -> Recording:
-    """The recording without the rows of stuck stretches."""
+def without_stuck(recording: Recording, segments: tuple[tuple[int, str, int, int], ...]) -> Recording:
+    """The recording without the rows of stuck segments."""
     valid = recording.valid.copy()
-    for _, _, a, b in stretches:
+    for _, _, a, b in segments:
         valid[a : b + 1] = False
-    return replace(recording, valid=valid) if stretches else recording
+    return replace(recording, valid=valid) if segments else recording
 
 
 def _stuck(values: Array, valid: NDArray[np.bool_], rate: float) -> tuple[int, int] | None:
-    """First and last row of a stretch at one value that is far longer than any other; `None` if there is none."""
+    """First and last row of a segment at one value that is far longer than any other; `None` if there is none."""
     if np.ptp(values) == 0.0:
         return None
     same = (values[1:] == values[:-1]) & valid[1:] & valid[:-1]
@@ -80,7 +80,7 @@ def _at_extreme(values: Array, row: int) -> bool:
 
 
 def _breaks(q: Array, a: int, b: int) -> bool:
-    """True if a position jumps at the beginning or the end of the stretch, which is impossible for a joint."""
+    """True if a position jumps at the beginning or the end of the segment, which is impossible for a joint."""
     step = np.abs(np.diff(q))
     usual = float(np.quantile(step[step > 0.0], 0.5)) if (step > 0.0).any() else 0.0
     if b + 1 < len(q) and step[b] > JUMP * usual:

@@ -66,7 +66,7 @@ def folds(information: Information, count: int = FOLDS) -> NDArray[np.int64]:
     for group in _long_runs(information.run, rows, count):
         share = rows[group].sum() / max(rows.sum(), 1.0)
         parts = min(max(1, round(count * share)), max(1, int(np.count_nonzero(rows[group]))))
-        fold[group] = first + _stretches(rows[group], parts)
+        fold[group] = first + _consecutive_parts(rows[group], parts)
         first += parts
     return fold
 
@@ -172,7 +172,7 @@ def _parts_of_each(information: Information, rows: Array, count: int) -> NDArray
     for parts in range(count, 1, -1):
         fold = np.zeros(information.blocks, dtype=np.int64)
         for recording in recordings:
-            fold[recording] = _stretches(rows[recording], parts)
+            fold[recording] = _consecutive_parts(rows[recording], parts)
         if all(_trains(information, recording, fold, parts) for recording in recordings):
             return fold
     raise EstimationError(
@@ -211,7 +211,7 @@ def _long_runs(run: NDArray[np.int64], rows: Array, count: int) -> list[NDArray[
     return groups
 
 
-def _stretches(rows: Array, parts: int) -> NDArray[np.int64]:
+def _consecutive_parts(rows: Array, parts: int) -> NDArray[np.int64]:
     """Part of each block, if blocks are divided into `parts` consecutive parts with about equal rows."""
     counted = np.flatnonzero(rows)
     if not len(counted):

@@ -1,9 +1,9 @@
 """Information of observations, computed in one pass without storing the regressor at the full sampling rate.
 
 Without a filter, the rows of all samples are added to the factors directly. With a filter, the torque and all columns
-of the regressor pass the same filter: first a linear-phase decimation in the kernel, then the sharp filter. Both work
-on one segment after another, so the memory does not grow with the length of the recording. Hysteresis states are
-computed before filtering, once for the whole run at the full sampling rate.
+of the regressor pass the same filter: first a linear-phase decimation in the kernel, then the sharp filter. Both
+process one batch of rows after another, so the memory does not grow with the length of the recording. Hysteresis
+states are computed before filtering, once for the whole run at the full sampling rate.
 """
 
 from __future__ import annotations
@@ -161,10 +161,10 @@ def _collect(
 def _of_run(source: ColumnSource, run: ObservedRun, index: int, factors: list[Array], method: str) -> Information:
     """Information of one run from the factors of its joints; the list `factors` is emptied."""
     borders = _borders(run)
-    names, stretches = np.unique(run.block[borders[:-1]], return_inverse=True)
+    names, which = np.unique(run.block[borders[:-1]], return_inverse=True)
     rows = np.zeros((len(names), source.tree.n), dtype=np.int64)
     masked = not run.mask.all()  # counting takes milliseconds; most runs have no mask
-    for k, (begin, end) in zip(stretches, pairwise(borders), strict=True):
+    for k, (begin, end) in zip(which, pairwise(borders), strict=True):
         rows[k] += run.mask[begin:end].sum(axis=0) if masked else end - begin
     return Information(
         source.names,
@@ -177,7 +177,7 @@ def _of_run(source: ColumnSource, run: ObservedRun, index: int, factors: list[Ar
 
 
 def _borders(run: ObservedRun) -> NDArray[np.intp]:
-    """First row of each stretch of rows in one block, and the end of the last stretch, shape (stretches + 1,)."""
+    """First row of each series of rows in one block, and the number of rows of the run; shape (k + 1,)."""
     changes = np.flatnonzero(run.block[1:] != run.block[:-1]) + 1
     return np.concatenate([[0], changes, [len(run.block)]])
 

@@ -1,4 +1,4 @@
-"""Rows of the regressor of a run, computed in segments in a second pass over the samples.
+"""Rows of the regressor of a run, computed in batches in a second pass over the samples.
 
 Robust weights, tests of whiteness and noise spectra need single rows, which cannot be obtained from the factors. The
 rows are filtered and on the output grid; they are the same rows from which the factors were computed. They are never
@@ -19,12 +19,12 @@ from armid.information.hysteresis_states import with_hysteresis_states
 from armid.measurement.low_pass_band import Band
 from armid.measurement.observations import ObservedRun
 
-SEGMENT = 8192
+BATCH = 8192
 """Number of rows in memory at a time: 14 MB for a seven-joint arm."""
 
 
 def rows(source: ColumnSource, run: ObservedRun, band: Band) -> Iterator[tuple[int, Array]]:
-    """Filtered regressor columns and torque of every joint on the output grid, in segments.
+    """Filtered regressor columns and torque of every joint on the output grid, in batches.
 
     The mask is not applied. For a model with hysteresis, the mask of the run must also exclude the rows with unknown
     states: pass a run from `armid.information.hysteresis_states.with_hysteresis_states` and use its mask.
@@ -36,7 +36,7 @@ def rows(source: ColumnSource, run: ObservedRun, band: Band) -> Iterator[tuple[i
         band: Filter of torque and columns, or of the torque only if `band.columns` is false.
 
     Yields:
-        First row of the segment, and its columns, shape (columns, M).
+        First row of the batch, and its columns, shape (columns, M).
 
     Raises:
         ArmidError: The model has hysteresis, and the samples of the run are not consecutive.
@@ -46,8 +46,8 @@ def rows(source: ColumnSource, run: ObservedRun, band: Band) -> Iterator[tuple[i
         yield from filtered_columns(source, run, band)
         return
     torque = run.torque if band.is_open or not run.consecutive else filtered_torque(run, band)
-    for begin in range(0, len(run.rows), SEGMENT):
-        chosen = run.rows[begin : begin + SEGMENT]
+    for begin in range(0, len(run.rows), BATCH):
+        chosen = run.rows[begin : begin + BATCH]
         motion = run.motion[slice(int(chosen[0]), int(chosen[-1]) + 1, run.step)]
         terms = source.term_rows(motion)
         yield (

@@ -20,7 +20,7 @@ from armid.maths.signals.zero_phase_filters import low_pass, periodic_filter, se
 from armid.measurement.low_pass_band import Band
 from armid.measurement.observations import ObservedRun
 
-SEGMENT = 8192
+BATCH = 8192
 """Number of rows that the sharp filter processes at a time: 14 MB for a seven-joint arm."""
 
 CHUNK = 16384
@@ -44,14 +44,14 @@ def filtered_torque(run: ObservedRun, band: Band) -> Array:
 
 
 def filtered_columns(source: ColumnSource, run: ObservedRun, band: Band) -> Iterator[tuple[int, Array]]:
-    """Filtered regressor columns and torque on the output grid, in segments.
+    """Filtered regressor columns and torque on the output grid, in batches.
 
     The sharp filter is applied to the decimated ("early") rows. The step between early rows is a divisor of the step
     of the output grid. If the output grid is denser than the band needs, the step between early rows is larger
     instead, and the filtered columns are interpolated.
 
     Yields:
-        First row of the segment, and its columns, shape (columns, rows).
+        First row of the batch, and its columns, shape (columns, rows).
     """
     early = decimation_step(run.rate, band.cutoff, run.step)
     factor = _rows_between(run, band) if early == run.step else 1
@@ -67,13 +67,13 @@ def filtered_columns(source: ColumnSource, run: ObservedRun, band: Band) -> Iter
         x = columns.periodic()
         whole = run.motion.samples % early == 0
         x = (periodic_filter if whole else zero_phase)(filter, x, axis=1)
-        for begin in range(0, rows, SEGMENT):
-            yield begin, _rows(x, lead, late, factor, begin, min(begin + SEGMENT, rows), periodic=True)
+        for begin in range(0, rows, BATCH):
+            yield begin, _rows(x, lead, late, factor, begin, min(begin + BATCH, rows), periodic=True)
         return
     overlap = settling_samples(filter) + OVERLAP
-    segment = max(1, SEGMENT // late) * factor
-    for start in range(0, rows, segment):
-        stop = min(start + segment, rows)
+    batch = max(1, BATCH // late) * factor
+    for start in range(0, rows, batch):
+        stop = min(start + batch, rows)
         a = max(0, lead + start * late // factor - overlap)
         b = min(columns.available, lead + (stop - 1) * late // factor + 1 + overlap)
         if factor == 1:
@@ -81,8 +81,8 @@ def filtered_columns(source: ColumnSource, run: ObservedRun, band: Band) -> Iter
             yield start, np.ascontiguousarray(x[:, : stop - start])
             continue
         x = zero_phase(filter, columns.between(a, b), axis=1)
-        for begin in range(start, stop, SEGMENT):
-            yield begin, _rows(x, lead - a, late, factor, begin, min(begin + SEGMENT, stop), periodic=False)
+        for begin in range(start, stop, BATCH):
+            yield begin, _rows(x, lead - a, late, factor, begin, min(begin + BATCH, stop), periodic=False)
 
 
 def _rows_between(run: ObservedRun, band: Band) -> int:

@@ -1,6 +1,6 @@
 """Information from weighted rows, computed in a further pass over the samples for each change of the weights.
 
-Every pass computes the rows again, in segments. The rows are stored between passes only if all of them fit into
+Every pass computes the rows again, in batches. The rows are stored between passes only if all of them fit into
 `KEPT` bytes. The memory therefore does not grow with the length of the recordings, and short recordings are filtered
 only once.
 """
@@ -26,7 +26,7 @@ KEPT = 64_000_000
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Segment:
+class Batch:
     """Consecutive filtered rows of a run on its output grid.
 
     Attributes:
@@ -45,12 +45,12 @@ class Segment:
     block: NDArray[np.int64]
 
 
-Weigh = Callable[[Segment, int], Array]
-"""Function that returns the weight of each row of a segment for one joint, shape (M,). Masked rows are never used."""
+Weigh = Callable[[Batch, int], Array]
+"""Function that returns the weight of each row of a batch for one joint, shape (M,). Masked rows are never used."""
 
 
 class WeightedRows:
-    """Iterable over the segments of all rows of observations; it can be iterated several times.
+    """Iterable over the batches of all rows of observations; it can be iterated several times.
 
     Attributes:
         source: Source of the columns.
@@ -61,29 +61,29 @@ class WeightedRows:
         self.source = source
         runs = tuple(with_hysteresis_states(source.model, run, observations.band) for run in observations.runs)
         self.observations = Observations(runs, observations.band)
-        self._kept: list[Segment] | None = None
+        self._kept: list[Batch] | None = None
 
-    def __iter__(self) -> Iterator[Segment]:
+    def __iter__(self) -> Iterator[Batch]:
         if self._kept is not None:
             yield from self._kept
             return
-        kept: list[Segment] | None = []
+        kept: list[Batch] | None = []
         room = KEPT
-        for segment in self._made():
-            room -= segment.x.nbytes
+        for batch in self._made():
+            room -= batch.x.nbytes
             if kept is not None:
-                kept.append(segment)
+                kept.append(batch)
             if room < 0:
                 kept = None
-            yield segment
+            yield batch
         self._kept = kept
 
-    def _made(self) -> Iterator[Segment]:
-        """Segments, computed from the samples."""
+    def _made(self) -> Iterator[Batch]:
+        """Batches, computed from the samples."""
         for index, run in enumerate(self.observations.runs):
             for begin, x in rows(self.source, run, self.observations.band):
                 end = begin + x.shape[1]
-                yield Segment(index, begin, x, run.mask[begin:end], run.block[begin:end])
+                yield Batch(index, begin, x, run.mask[begin:end], run.block[begin:end])
 
 
 def weighted_information(every: WeightedRows, weigh: Weigh, *, blocks: bool = True) -> Information:
@@ -101,21 +101,19 @@ def weighted_information(every: WeightedRows, weigh: Weigh, *, blocks: bool = Tr
     names = [np.unique(run.block) if blocks else np.zeros(1, dtype=np.int64) for run in runs]
     widths = every.source.layout.widths
     factors = [[np.zeros((len(own), width, width)) for width in widths] for own in names]
-    for segment in every:
-        number = np.searchsorted(names[segment.run], segment.block) if blocks else np.zeros_like(segment.block)
-        _add(every.source, segment, weigh, number, factors[segment.run])
+    for batch in every:
+        number = np.searchsorted(names[batch.run], batch.block) if blocks else np.zeros_like(batch.block)
+        _add(every.source, batch, weigh, number, factors[batch.run])
     return merge([_of_run(every.source, *each) for each in zip(range(len(runs)), runs, names, factors, strict=True)])
 
 
-def _add(
-    source: ColumnSource, segment: Segment, weigh: Weigh, number: NDArray[np.int64], factors: list[Array]
-) -> None:
-    """Adds the rows of a segment to the factors of their blocks."""
+def _add(source: ColumnSource, batch: Batch, weigh: Weigh, number: NDArray[np.int64], factors: list[Array]) -> None:
+    """Adds the rows of a batch to the factors of their blocks."""
     bounds = np.concatenate([[0], np.flatnonzero(np.diff(number)) + 1, [len(number)]])
     for j, whole in enumerate(factors):
         a, b = source.layout.offset[j], source.layout.offset[j + 1]
-        root = np.sqrt(weigh(segment, j) * segment.mask[:, j])
-        pieces = kernel.factor_columns(segment.x[a:b] * root, bounds)
+        root = np.sqrt(weigh(batch, j) * batch.mask[:, j])
+        pieces = kernel.factor_columns(batch.x[a:b] * root, bounds)
         for k, R in zip(number[bounds[:-1]], pieces, strict=True):
             whole[k] = kernel.factor_columns(np.vstack([whole[k], R]).T)[0] if whole[k].any() else R
 

@@ -37,7 +37,7 @@ VALIDATE = "use one recording for validation only."
 NOTES = {
     "validation": "on the validation recordings",
     "cross-validation": (
-        "on stretches of the training data that are left out in turn, with the weight of the prior that was "
+        "on segments of the training data that are left out in turn, with the weight of the prior that was "
         "determined on all data"
     ),
     "none": "not known, since friction and the prior's weight were chosen on all training data: " + VALIDATE[:-1],

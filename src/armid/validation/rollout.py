@@ -78,7 +78,7 @@ class Feedback:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Windows:
-    """Windows of a recording: W stretches of S samples, with a sample time of `step` seconds.
+    """Windows of a recording: W segments of S samples, with a sample time of `step` seconds.
 
     Attributes:
         q: Positions, shape (W, S, n) [rad or m].

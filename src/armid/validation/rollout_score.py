@@ -100,7 +100,7 @@ def score_motion(
         path: The recording.
 
     Raises:
-        ArmidError: Length or tolerance is not positive, no window fits into a contiguous stretch of the recording, or
+        ArmidError: Length or tolerance is not positive, no window fits into a contiguous segment of the recording, or
             the sample rates of its runs differ.
     """
     if not (seconds > 0.0 and tolerance > 0.0):
@@ -150,7 +150,7 @@ def _cut(model: DynamicsModel, observations: Observations, seconds: float) -> Wi
         ]
     if not parts or length < 2:
         raise ArmidError(
-            f"The rollout needs a stretch of {seconds:g} s without a gap or a masked row, but the recording has "
+            f"The rollout needs a segment of {seconds:g} s without a gap or a masked row, but the recording has "
             "none.",
             remedy="choose a shorter window, or a recording with consecutive rows.",
         )

@@ -1,4 +1,4 @@
-"""Folds are stretches of one run, and the error of parameters on a fold is that of its rows."""
+"""Folds are segments of one run, and the error of parameters on a fold is that of its rows."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def information_of(*seconds: float) -> Information:
     return accumulate_information(ARM[0], ARM[1], raw(*runs))
 
 
-def test_folds_are_stretches_of_one_run_with_about_the_same_rows():
+def test_folds_are_segments_of_one_run_with_about_the_same_rows():
     information = information_of(12.0, 30.0, 8.0)
     fold = folds(information)
     assert (np.diff(fold) >= 0).all() and len(np.unique(fold)) == fold.max() + 1 == 5
@@ -110,8 +110,8 @@ def test_every_fold_trains_on_each_recording_that_has_parameters_of_its_own(seco
     fold = folds(information)
     assert len(np.unique(fold)) >= 2
     for recording in range(len(seconds)):
-        stretch = fold[information.recording == recording]
-        assert (np.diff(stretch) >= 0).all() and len(np.unique(stretch)) == len(np.unique(fold))
+        segment = fold[information.recording == recording]
+        assert (np.diff(segment) >= 0).all() and len(np.unique(segment)) == len(np.unique(fold))
     for part in split(information, fold):
         A, _ = stack(part.training)
         assert (np.abs(A).max(axis=0) > 0.0).all()  # no parameter is judged that no row has shown

@@ -58,7 +58,7 @@ def recorded(model: DynamicsModel, seconds: float = 24.0, seed: int = 5) -> Obse
     return raw(one_run(motion, torque + 0.1 * rng.normal(size=torque.shape), RATE, step=2, block_rows=25))
 
 
-def test_a_gain_is_what_the_error_on_the_stretch_loses():
+def test_a_gain_is_what_the_error_on_the_segment_loses():
     model, observations = arm(), recorded(arm())
     base = find_base_parameters(model)
     wide = candidate_model(model, base, [frozenset({Candidate("stribeck", 0.1), Candidate("ripple", 3.0)})] * 3)
@@ -66,38 +66,36 @@ def test_a_gain_is_what_the_error_on_the_stretch_loses():
     b = information.count
     weights = np.array([1.0, 2.0, 0.5])
     fold = np.arange(information.blocks) // 6
-    stretches = make_folds(information, fold, weights, GainPrior(np.zeros(b), np.zeros((b, b))))
+    segments = make_folds(information, fold, weights, GainPrior(np.zeros(b), np.zeros((b, b))))
     kept = np.flatnonzero(wide.in_model)
-    reduced = stretches.reduced(kept, np.zeros(b), refit_all=True)
+    reduced = segments.reduced(kept, np.zeros(b), refit_all=True)
     for joint in range(3):
         columns = wide.columns[joint, Candidate("ripple", 3.0)]
         gains = reduced.gains(joint, columns, 0.0)
         assert gains is not None
-        with_ = stretches.errors(np.sort(np.append(kept, columns)), np.zeros(b)) * weights**2
-        without = stretches.errors(kept, np.zeros(b)) * weights**2
+        with_ = segments.errors(np.sort(np.append(kept, columns)), np.zeros(b)) * weights**2
+        without = segments.errors(kept, np.zeros(b)) * weights**2
         np.testing.assert_allclose(without, reduced.squares, rtol=EXACT)
         lost = without - with_
         assert np.abs(gains[0] - lost[:, joint]).max() < EXACT * without[:, joint].max()
         assert np.abs(gains[1] - lost.sum(axis=1)).max() < EXACT * without.sum(axis=1).max()
 
 
-def test_a_stretch_and_its_neighbours_do_not_train():
+def test_a_segment_and_its_neighbours_do_not_train():
     model, observations = arm(), recorded(arm())
     base = find_base_parameters(model)
     information = accumulate_information(model, base, observations)
     fold = np.arange(information.blocks) // 6
     b = information.count
-    stretches = make_folds(information, fold, np.ones(3), GainPrior(np.zeros(b), np.zeros((b, b))))
+    segments = make_folds(information, fold, np.ones(3), GainPrior(np.zeros(b), np.zeros((b, b))))
     kept, none = np.arange(b), np.zeros(b)
     others = np.flatnonzero((np.arange(information.blocks) < 5) | (np.arange(information.blocks) > 12))
-    alone = make_folds(
-        select(information, others), np.zeros(len(others), dtype=np.int64), np.ones(3), stretches.prior
-    )
+    alone = make_folds(select(information, others), np.zeros(len(others), dtype=np.int64), np.ones(3), segments.prior)
     values = alone.solve(alone.whole, kept, none)
-    found = stretches.solve(stretches.training[1], kept, none)
+    found = segments.solve(segments.training[1], kept, none)
     np.testing.assert_allclose(found, values, rtol=1e-5, atol=1e-7)
     np.testing.assert_allclose(
-        stretches.errors(kept, none)[1], held_out_squares(select(information, fold == 1), values), rtol=1e-5
+        segments.errors(kept, none)[1], held_out_squares(select(information, fold == 1), values), rtol=1e-5
     )
 
 

@@ -12,7 +12,7 @@ from armid.information import weighted_rows
 from armid.information.accumulate import accumulate_information
 from armid.information.base_regressor_layout import column_source
 from armid.information.information import total
-from armid.information.weighted_rows import Segment, WeightedRows, weighted_information
+from armid.information.weighted_rows import Batch, WeightedRows, weighted_information
 from armid.measurement.low_pass_band import Band
 from armid.measurement.observations import Observations
 from informed import EXACT, RATE, assert_products, assert_says, branching_arm, dense, recorded
@@ -22,13 +22,13 @@ ARM = branching_arm()
 MODEL, BASE, _ = ARM
 
 FILTERED = 1e-9
-"""Relative difference of factors of filtered rows made in other segments."""
+"""Relative difference of factors of filtered rows made in other batches."""
 
 
-def once(segment: Segment, joint: int) -> Array:
+def once(batch: Batch, joint: int) -> Array:
     """Every row counts."""
     del joint
-    return np.ones(len(segment.block))
+    return np.ones(len(batch.block))
 
 
 def observations(band: Band | None = None) -> Observations:
@@ -58,8 +58,8 @@ def test_rows_are_multiplied_by_the_roots_of_their_weights():
     run = one_run(motion, torque, RATE)
     weights = np.random.default_rng(2).random((len(run.block), MODEL.n))
 
-    def weigh(segment: Segment, joint: int) -> Array:
-        return weights[segment.begin : segment.begin + len(segment.block), joint]
+    def weigh(batch: Batch, joint: int) -> Array:
+        return weights[batch.begin : batch.begin + len(batch.block), joint]
 
     found = weighted_information(WeightedRows(column_source(MODEL, BASE), raw(run)), weigh)
     assert_says(found, dense(ARM, run) * np.sqrt(weights)[:, :, None], EXACT)
@@ -77,13 +77,13 @@ def test_a_run_as_one_block_says_the_same():
 def test_rows_are_kept_only_while_they_are_few(monkeypatch: pytest.MonkeyPatch):
     source, given = column_source(MODEL, BASE), observations()
     few = WeightedRows(source, given)
-    assert [id(segment) for segment in few] == [id(segment) for segment in few]
+    assert [id(batch) for batch in few] == [id(batch) for batch in few]
     monkeypatch.setattr(weighted_rows, "KEPT", 1000)
     many = WeightedRows(source, given)
     first = weighted_information(many, once)
-    assert {id(segment.x) for segment in list(many)}.isdisjoint({id(segment.x) for segment in list(few)})
+    assert {id(batch.x) for batch in list(many)}.isdisjoint({id(batch.x) for batch in list(few)})
     assert first.joints[0].R.tobytes() == weighted_information(few, once).joints[0].R.tobytes()
-    assert [segment.x.tobytes() for segment in many] == [segment.x.tobytes() for segment in few]
+    assert [batch.x.tobytes() for batch in many] == [batch.x.tobytes() for batch in few]
 
 
 def test_a_pass_that_was_broken_off_keeps_nothing():

@@ -8,7 +8,7 @@ import pytest
 from armid.errors import RecordingError
 from armid.measurement.processing.pipeline import ProcessingOptions, process_recording
 from armid.measurement.processing.repetitions import average, windows
-from armid.measurement.processing.uniform_runs import Stretch, stretches
+from armid.measurement.processing.uniform_runs import Segment, cut_at_gaps
 from motions import PERIOD, clock, codes, motion, one, recording
 
 
@@ -98,7 +98,7 @@ def test_a_fraction_of_a_sample_a_period_is_taken_up_by_the_alignment():
 def test_a_delay_is_recovered_exactly_from_windows_that_close():
     t = clock(PERIOD)
     pieces = [
-        Stretch(t, 100.0, motion(t - d)[0], None, None, motion(t - d)[1], np.zeros((1000, 2), dtype=bool))
+        Segment(t, 100.0, motion(t - d)[0], None, None, motion(t - d)[1], np.zeros((1000, 2), dtype=bool))
         for d in (0.0, 0.0123, -0.5)
     ]
     mean, findings = average([(piece, 0) for piece in pieces], PERIOD, "log")
@@ -109,8 +109,8 @@ def test_a_delay_is_recovered_exactly_from_windows_that_close():
 
 def test_a_wrong_period_is_a_warning_or_refused():
     log = recording(clock(40.0))
-    (stretch,), _ = stretches(log, None)
-    _, findings = average([(stretch, begin) for begin in windows(stretch, 9.0, 0.0)], 9.0, "log")
+    (segment,), _ = cut_at_gaps(log, None)
+    _, findings = average([(segment, begin) for begin in windows(segment, 9.0, 0.0)], 9.0, "log")
     assert codes(findings) == ["period-misaligned"] and findings[0].severity == "warning"
     with pytest.raises(RecordingError, match=r"ends .* from where it began"):
         process_recording(log, ProcessingOptions(edges="periodic"), period=9.0)
@@ -163,7 +163,7 @@ def test_rows_go_round_a_period_of_any_length():
 
 
 def test_a_log_that_lacks_its_last_sample_still_has_its_last_repetition():
-    stretch, _ = stretches(recording(clock(20.0)[:-1]), None)
-    assert windows(stretch[0], PERIOD, 0.0) == [0, 999]
-    assert windows(stretch[0], PERIOD, 2.0) == [200]
-    assert windows(stretch[0], 30.0, 0.0) == []
+    segment, _ = cut_at_gaps(recording(clock(20.0)[:-1]), None)
+    assert windows(segment[0], PERIOD, 0.0) == [0, 999]
+    assert windows(segment[0], PERIOD, 2.0) == [200]
+    assert windows(segment[0], 30.0, 0.0) == []

@@ -200,7 +200,7 @@ def test_bad_samples_go_round_a_periodic_run():
     assert np.array_equal(run.rows[~run.mask[:, 0]], [0, 4, 8, 988, 992, 996])
 
 
-def test_specks_that_count_for_no_joint_are_bridged_and_long_stretches_masked():
+def test_specks_that_count_for_no_joint_are_bridged_and_long_segments_masked():
     t = clock(10.0, 1000.0)
     valid = np.ones(10000, dtype=bool)
     valid[3000:3015] = False  # 16 ms, less than a tenth of a period of 5 Hz

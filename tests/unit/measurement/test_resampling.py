@@ -9,7 +9,7 @@ from armid.errors import RecordingError
 from armid.measurement.log_format import LogFormat
 from armid.measurement.processing.pipeline import ProcessingOptions, process_recording
 from armid.measurement.processing.row_checks import clean
-from armid.measurement.processing.uniform_runs import Stretch, is_even, jitter, uniform
+from armid.measurement.processing.uniform_runs import Segment, is_even, jitter, uniform
 from armid.measurement.recording import Recording
 from motions import clock, codes, motion, one, recording
 
@@ -143,7 +143,7 @@ def test_uniform_marks_samples_beside_a_bad_one():
     bad = np.zeros((6, 1), dtype=bool)
     bad[3] = True
     x = t[:, None]
-    even = uniform(Stretch(t, 1.0, x, x, None, x, bad), 1.0)
+    even = uniform(Segment(t, 1.0, x, x, None, x, bad), 1.0)
     assert np.array_equal(np.flatnonzero(even.bad), [2, 3, 4])
     np.testing.assert_allclose(even.q[:, 0], np.arange(7.0), atol=1e-12)
     assert even.ddq is None and even.dq is not None

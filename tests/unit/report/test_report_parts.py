@@ -90,7 +90,7 @@ def test_a_thinned_band_lies_about_its_extremes():
     assert (np.nanmin(band.y), np.nanmax(band.y), band.role) == (low.min(), high.max(), "band")
 
 
-def test_a_band_is_a_closed_polygon_for_each_stretch_between_gaps():
+def test_a_band_is_a_closed_polygon_for_each_segment_between_gaps():
     x = np.arange(9.0)
     high = np.array([1.0, 2.0, 3.0, np.nan, 4.0, 5.0, np.nan, np.nan, 6.0])
     band = spread(x, -high, high, "band")

@@ -140,7 +140,7 @@ def test_few_rows_are_remarked_with_what_to_record():
     assert "record 1 s or more instead of 0.4 s" in found.remedy
 
 
-def test_few_blocks_are_remarked_where_stretches_would_have_to_be_left_out():
+def test_few_blocks_are_remarked_where_segments_would_have_to_be_left_out():
     assert (found := weak(3.0, "log-det")) is not None
     assert "3 blocks of rows" in found.evidence and "the weight of the prior" in found.evidence
     assert "at least 5 are needed" in found.evidence and "record 5 s" in found.remedy

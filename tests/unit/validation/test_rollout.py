@@ -197,7 +197,7 @@ def test_what_cannot_be_scored_is_refused(wrong):
 
 
 def test_rows_that_do_not_follow_each_other_are_no_motion():
-    with pytest.raises(ArmidError, match="needs a stretch"):
+    with pytest.raises(ArmidError, match="needs a segment"):
         score_motion(small_model(), TRUTH, observed(consecutive=False))
 
 

@@ -37,7 +37,7 @@ from armid.estimation.problem import EstimationProblem
 from armid.estimation.uncertainty.covariance import scale_covariance
 from armid.information.base_regressor_layout import column_source
 from armid.information.information import Information, JointFactors, stack, total
-from armid.information.weighted_rows import Segment, WeightedRows, weighted_information
+from armid.information.weighted_rows import Batch, WeightedRows, weighted_information
 from armid.maths.median import median
 from armid.remedy import Remedy, setting
 from armid.threads import one_blas_thread
@@ -180,12 +180,12 @@ class _Passes:
         self.floor[torque == 0.0] = 1.0  # a joint without rows in use may have any scale
         self.free = 1.0 - problem.information.count / max(float(rows.sum()), problem.information.count + 1.0)
 
-    def residual(self, segment: Segment, j: int, values: Array) -> Array:
+    def residual(self, batch: Batch, j: int, values: Array) -> Array:
         """Residuals (M,) of one joint's rows."""
-        layout, recording = self.every.source.layout, self.every.observations.runs[segment.run].recording
+        layout, recording = self.every.source.layout, self.every.observations.runs[batch.run].recording
         numbers = self._numbers(recording)[layout.parameters[j]]
         a, b = layout.offset[j], layout.offset[j + 1]
-        return segment.x[b - 1] - values[numbers] @ segment.x[a : b - 1]
+        return batch.x[b - 1] - values[numbers] @ batch.x[a : b - 1]
 
     def _numbers(self, recording: int) -> NDArray[np.intp]:
         """Position of each base parameter, or of its copy for a recording, among the information's parameters."""
@@ -200,9 +200,9 @@ class _Passes:
     def scale(self, values: Array) -> Array:
         """Scale (n,) of each joint's residuals, from the median of |r_j|, corrected for the degrees of freedom."""
         sizes: list[list[Array]] = [[] for _ in self.floor]
-        for segment in self.every:
+        for batch in self.every:
             for j, own in enumerate(sizes):
-                own.append(np.abs(self.residual(segment, j, values))[segment.mask[:, j]])
+                own.append(np.abs(self.residual(batch, j, values))[batch.mask[:, j]])
         joined = [np.concatenate(own) for own in sizes]
         middle = np.array([float(median(own)) if len(own) else 0.0 for own in joined])
         return np.maximum(middle / (NORMAL_MEDIAN * np.sqrt(self.free)), self.floor)
@@ -216,8 +216,8 @@ class _Passes:
     def weighted(self, state: _State, loss: _Loss, *, blocks: bool) -> Information:
         """Factors of the weighted rows, with the parameters of the problem's information."""
 
-        def weigh(segment: Segment, j: int) -> Array:
-            return loss.weight(self.residual(segment, j, state.values) / state.scale[j])
+        def weigh(batch: Batch, j: int) -> Array:
+            return loss.weight(self.residual(batch, j, state.values) / state.scale[j])
 
         return separate_by_recording(weighted_information(self.every, weigh, blocks=blocks), self.own)
 
@@ -253,9 +253,9 @@ class _Passes:
     def _means(self, state: _State, loss: _Loss) -> tuple[Array, Array, NDArray[np.int64]]:
         """For each joint: κ; mean ψ² / mean weight, corrected for freedom; number of rows with small weights."""
         sums = np.zeros((len(self.floor), 4))
-        for segment in self.every:
+        for batch in self.every:
             for j, row in enumerate(sums):
-                u = self.residual(segment, j, state.values)[segment.mask[:, j]] / state.scale[j]
+                u = self.residual(batch, j, state.values)[batch.mask[:, j]] / state.scale[j]
                 weight = loss.weight(u)
                 row += [loss.slope(u).sum(), weight.sum(), ((weight * u) ** 2).sum(), (weight < SLIGHT).sum()]
         kappa = np.maximum(sums[:, 0] / np.maximum(sums[:, 1], 1.0), FLATTEST)

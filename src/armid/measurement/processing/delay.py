@@ -22,7 +22,7 @@ USUAL = 2.5
 """Step, in median steps, up to which a gap is always bridged: one lost sample and some jitter."""
 
 FEWEST = 4
-"""Smallest number of samples for a cubic spline; shorter stretches between gaps are masked."""
+"""Smallest number of samples for a cubic spline; shorter segments between gaps are masked."""
 
 
 def compensate_delay(recording: Recording, log_format: LogFormat) -> Recording:

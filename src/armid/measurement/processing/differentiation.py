@@ -11,7 +11,7 @@ from armid.maths.signals.zero_phase_filters import (
     zero_phase,
 )
 from armid.measurement.processing.options import ProcessingOptions
-from armid.measurement.processing.uniform_runs import Stretch
+from armid.measurement.processing.uniform_runs import Segment
 from armid.model.motion import Motion
 
 
@@ -21,32 +21,32 @@ def motion_filter(processing: ProcessingOptions, rate: float) -> Array | None:
     return low_pass(processing.family, processing.order, cutoff, rate)
 
 
-def differentiate(stretch: Stretch, processing: ProcessingOptions, *, given: bool) -> Motion:
+def differentiate(segment: Segment, processing: ProcessingOptions, *, given: bool) -> Motion:
     """Positions, velocities and accelerations at full rate.
 
     Args:
-        stretch: Stretch; it has a uniform rate, unless derivatives are given.
+        segment: Segment; it has a uniform rate, unless derivatives are given.
         processing: Options with a cut-off in Hz; filter, derivatives and edges are used.
         given: True if the recorded derivatives are used, together with the recorded positions.
     """
-    if given and stretch.dq is not None and stretch.ddq is not None:
-        return Motion(stretch.time, stretch.q, stretch.dq, stretch.ddq)
+    if given and segment.dq is not None and segment.ddq is not None:
+        return Motion(segment.time, segment.q, segment.dq, segment.ddq)
     periodic = processing.edges == "periodic"
-    low = motion_filter(processing, stretch.rate)
+    low = motion_filter(processing, segment.rate)
     if low is not None and processing.derivatives == "filter":
-        q, dq, ddq = filtered_derivatives(low, stretch.q, stretch.rate, periodic=periodic)
-        return Motion(stretch.time, q, dq, ddq)
-    q = stretch.q
+        q, dq, ddq = filtered_derivatives(low, segment.q, segment.rate, periodic=periodic)
+        return Motion(segment.time, q, dq, ddq)
+    q = segment.q
     if low is not None:
         q = periodic_filter(low, q) if periodic else zero_phase(low, q)
-    recorded = stretch.dq if processing.derivatives in (None, "velocity") else None
+    recorded = segment.dq if processing.derivatives in (None, "velocity") else None
     if recorded is not None:
         dq = recorded
         if low is not None:
             dq = periodic_filter(low, dq) if periodic else zero_phase(low, dq)
-        ddq = central_difference(dq, stretch.rate, periodic=periodic)
+        ddq = central_difference(dq, segment.rate, periodic=periodic)
     elif processing.derivatives == "periodic":
-        dq, ddq = (periodic_derivative(q, stretch.rate, order) for order in (1, 2))
+        dq, ddq = (periodic_derivative(q, segment.rate, order) for order in (1, 2))
     else:
-        dq, ddq = (central_difference(q, stretch.rate, order, periodic=periodic) for order in (1, 2))
-    return Motion(stretch.time, q, dq, ddq)
+        dq, ddq = (central_difference(q, segment.rate, order, periodic=periodic) for order in (1, 2))
+    return Motion(segment.time, q, dq, ddq)

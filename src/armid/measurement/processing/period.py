@@ -2,7 +2,7 @@
 
 A motion repeats with a lag L if q(t + L) = q(t) for every joint that moves, except during the moves to the start pose
 and back. Candidates for L come from the autocorrelation of the whole recording. Each candidate is refined to a
-fraction of a sample. It is accepted if the longest stretch on which both sides agree contains at least two whole
+fraction of a sample. It is accepted if the longest segment on which both sides agree contains at least two whole
 repetitions and most of all motion. The difference of both sides is compared with the distance that a joint moves
 within a time L, so slow motions and random motions do not count as repeated.
 """
@@ -20,7 +20,7 @@ from armid.checked_array import Array
 from armid.errors import Finding
 from armid.maths.median import median
 from armid.measurement.processing.standstill import position_noise
-from armid.measurement.processing.uniform_runs import Stretch
+from armid.measurement.processing.uniform_runs import Segment
 from armid.measurement.remedy_builders import lines
 from armid.remedy import Remedy, setting
 
@@ -101,7 +101,7 @@ class Repetition:
 
 
 def period_of(
-    pieces: Sequence[Stretch],
+    segments: Sequence[Segment],
     stated: float | Literal["find"] | None,
     start: float | None,
     source: str,
@@ -110,34 +110,36 @@ def period_of(
     """Period and start [s] of the motion of a recording: as stated, after a check, or as found in the positions.
 
     Args:
-        pieces: Stretches of the recording between its gaps.
+        segments: Segments of the recording between its gaps.
         stated: Stated period [s]; `find` if it is to be found, `None` if the motion does not repeat.
         start: Stated time of the first period [s], if any.
         source: Path of the recording.
         findings: List to which a finding about the repetitions is added.
     """
     if stated == "find":
-        return find_period(pieces, source, findings)
+        return find_period(segments, source, findings)
     if stated is not None:
-        check_period(pieces, stated, start, source, findings)
+        check_period(segments, stated, start, source, findings)
     return stated, start
 
 
-def find_period(pieces: Sequence[Stretch], source: str, findings: list[Finding]) -> tuple[float | None, float | None]:
+def find_period(
+    segments: Sequence[Segment], source: str, findings: list[Finding]
+) -> tuple[float | None, float | None]:
     """Period and start [s] of the motion of a recording without gaps; `None` if the motion does not repeat.
 
     Args:
-        pieces: Stretches of the recording between its gaps.
+        segments: Segments of the recording between its gaps.
         source: Path of the recording.
         findings: List to which a finding about the repetitions is added.
     """
-    if len(pieces) != 1:
+    if len(segments) != 1:
         return None, None
-    piece = pieces[0]
-    found = repetition(piece.time, piece.q, piece.rate)
+    segment = segments[0]
+    found = repetition(segment.time, segment.q, segment.rate)
     if found is None:
         return None, None
-    begin, end = float(piece.time[0]), float(piece.time[-1]) + 1.0 / piece.rate
+    begin, end = float(segment.time[0]), float(segment.time[-1]) + 1.0 / segment.rate
     before, after = max(0.0, found.start - begin), max(0.0, end - found.start - found.count * found.period)
     ends = f"{before:.3g} s before and {after:.3g} s after the repetitions"
     outside = f" {ends} are not used." if before + after > OUTSIDE else ""
@@ -159,28 +161,28 @@ def find_period(pieces: Sequence[Stretch], source: str, findings: list[Finding])
 
 
 def check_period(
-    pieces: Sequence[Stretch], period: float, start: float | None, source: str, findings: list[Finding]
+    segments: Sequence[Segment], period: float, start: float | None, source: str, findings: list[Finding]
 ) -> None:
     """Adds a finding if the motion of a recording without gaps does not repeat with the stated period.
 
     Args:
-        pieces: Stretches of the recording between its gaps.
+        segments: Segments of the recording between its gaps.
         period: The stated period [s].
         start: Stated time of the first period [s], if any.
         source: Of the recording.
         findings: What was found is added.
     """
-    if len(pieces) != 1:
+    if len(segments) != 1:
         return
-    piece = pieces[0]
-    begin = 0 if start is None else int(np.searchsorted(piece.time, start))
-    time, q = piece.time[begin:], piece.q[begin:]
-    lag = round(period * piece.rate)
+    segment = segments[0]
+    begin = 0 if start is None else int(np.searchsorted(segment.time, start))
+    time, q = segment.time[begin:], segment.q[begin:]
+    lag = round(period * segment.rate)
     if len(time) < 2 * lag or lag < 1:
         return  # it is not run twice
     moves = q.std(axis=0) > MOVES
     apart = ((q[lag:] - q[:-lag])[:, moves] ** 2).mean(axis=0) / (2.0 * q[:, moves].var(axis=0))
-    found = repetition(time, q, piece.rate)
+    found = repetition(time, q, segment.rate)
     if not moves.any() or (float(apart.mean()) <= LIKELY and (found is None or _multiple(period, found.period))):
         return
     if found is None:
@@ -229,7 +231,7 @@ def repetition(time: Array, q: Array, rate: float) -> Repetition | None:
 
 @dataclass(frozen=True, slots=True)
 class _Agreed:
-    """Lag [samples], first sample and end of the stretch that repeats after one lag, and the remaining difference."""
+    """Lag [samples], first sample and end of the segment that repeats after one lag, and the remaining difference."""
 
     lag: float
     first: int
@@ -296,7 +298,7 @@ def _ahead(x: Array, first: NDArray[np.int64], lag: float) -> tuple[Array, Array
 
 
 def _longest(good: NDArray[np.bool_], bridged: int) -> tuple[int, int]:
-    """First sample and end of the longest stretch of true flags; holes up to a given length are ignored."""
+    """First sample and end of the longest segment of true flags; holes up to a given length are ignored."""
     ends = np.flatnonzero(np.diff(np.concatenate([[False], good, [False]]))).reshape(-1, 2)
     if not len(ends):
         return 0, 0

@@ -24,13 +24,13 @@ from armid.measurement.processing.row_mask import edge_margin, moving, run_of, s
 from armid.measurement.processing.saturation import without_saturated
 from armid.measurement.processing.standstill import position_noise, standstill_findings, sticks_and_rests
 from armid.measurement.processing.uniform_runs import (
-    Stretch,
+    Segment,
+    cut_at_gaps,
     gather,
     is_brief,
     is_even,
     jitter,
     resample_uniform,
-    stretches,
 )
 from armid.measurement.processing.unusable_runs import brief_run, no_run_left, unusable_run
 from armid.measurement.recording import Recording
@@ -116,27 +116,27 @@ def process_recording(
     if recording.consecutive is False:
         run = _separate(recording, processing, given, index, findings)
         return (run,), tuple(findings)
-    pieces, gaps = stretches(recording, _highest_cutoff(processing))
+    segments, gaps = cut_at_gaps(recording, _highest_cutoff(processing))
     findings.extend(gaps)
-    noise = np.max([position_noise(piece.q, piece.time) for piece in pieces], axis=0)
+    noise = np.max([position_noise(segment.q, segment.time) for segment in segments], axis=0)
     found = period == "find"
-    period, start = period_of(pieces, period, start, recording.source, findings)
-    start = float(pieces[0].time[0]) if period is not None and start is None else start
-    pieces = _on_a_grid(pieces, processing, given, period, recording.source, findings)
+    period, start = period_of(segments, period, start, recording.source, findings)
+    start = float(segments[0].time[0]) if period is not None and start is None else start
+    segments = _on_a_grid(segments, processing, given, period, recording.source, findings)
     if processing.edges == "periodic":
-        pieces = _circles(pieces, processing, period, start, recording.source, findings)
+        segments = _circles(segments, processing, period, start, recording.source, findings)
     repeats = None if period is None or start is None or processing.average else (period, start)
     runs, still = list[ObservedRun](), list[tuple[NDArray[np.bool_], NDArray[np.bool_]]]()
-    for piece in _long_enough(pieces, processing, recording.source, findings):
-        margin, run = edge_margin(processing, piece.rate), None
-        if piece.samples >= max(SHORTEST, 2 * margin + 1):
-            motion = differentiate(piece, processing, given=given)
-            run = run_of(piece, motion, processing, repeats, index, found=found)
+    for segment in _long_enough(segments, processing, recording.source, findings):
+        margin, run = edge_margin(processing, segment.rate), None
+        if segment.samples >= max(SHORTEST, 2 * margin + 1):
+            motion = differentiate(segment, processing, given=given)
+            run = run_of(segment, motion, processing, repeats, index, found=found)
         if run is None:
-            findings.append(unusable_run(piece, margin, recording.source))
+            findings.append(unusable_run(segment, margin, recording.source))
         else:
             runs.append(run)
-            still.append(sticks_and_rests(piece.q, piece.rate, noise, every=processing.standstill == "moving"))
+            still.append(sticks_and_rests(segment.q, segment.rate, noise, every=processing.standstill == "moving"))
     if not runs:
         raise no_run_left(recording, findings)
     return _moving(runs, still, processing, recording, findings), tuple(findings)
@@ -153,9 +153,9 @@ def resolve_options(processing: ProcessingOptions, recordings: Sequence[Recordin
     found: list[float] = []
     for recording in recordings:
         if recording.consecutive is not False:
-            piece = max(stretches(recording, None)[0], key=lambda piece: piece.samples)
-            piece = resample_uniform(piece, None, 0.0, each=False)
-            found.append(automatic_cutoff(piece.q, piece.rate))
+            segment = max(cut_at_gaps(recording, None)[0], key=lambda segment: segment.samples)
+            segment = resample_uniform(segment, None, 0.0, each=False)
+            found.append(automatic_cutoff(segment.q, segment.rate))
     if not found:
         return replace(processing, cutoff=0.0, family="none")
     return replace(processing, cutoff=max(found))
@@ -185,14 +185,14 @@ def _highest_cutoff(processing: ProcessingOptions) -> float | None:
 
 
 def _long_enough(
-    pieces: Sequence[Stretch], processing: ProcessingOptions, source: str, findings: list[Finding]
-) -> list[Stretch]:
-    """Stretches that are long enough for the filters; a finding is added about each of the other stretches."""
+    segments: Sequence[Segment], processing: ProcessingOptions, source: str, findings: list[Finding]
+) -> list[Segment]:
+    """Segments that are long enough for the filters; a finding is added about each of the other segments."""
     if processing.family == "none":
-        return list(pieces)
+        return list(segments)
     lowest = min(float(processing.cutoff), processing.motion_cutoff or np.inf)
-    findings.extend(brief_run(piece, lowest, source) for piece in pieces if is_brief(piece, lowest))
-    return [piece for piece in pieces if not is_brief(piece, lowest)]
+    findings.extend(brief_run(segment, lowest, source) for segment in segments if is_brief(segment, lowest))
+    return [segment for segment in segments if not is_brief(segment, lowest)]
 
 
 def _moving(
@@ -238,113 +238,115 @@ def _separate(
 
 
 def _on_a_grid(
-    pieces: Sequence[Stretch],
+    segments: Sequence[Segment],
     processing: ProcessingOptions,
     given: bool,
     period: float | None,
     source: str,
     findings: list[Finding],
-) -> list[Stretch]:
-    """Moves stretches to uniform grids if something is filtered or differentiated."""
+) -> list[Segment]:
+    """Moves segments to uniform grids if something is filtered or differentiated."""
     if processing.edges == "periodic" or processing.family != "none" or not given:
-        return [_even(piece, processing, period, source, findings) for piece in pieces]
-    findings.extend(_left_uneven(piece, source) for piece in pieces if not is_even(piece.time, piece.number))
-    return list(pieces)
+        return [_even(segment, processing, period, source, findings) for segment in segments]
+    findings.extend(
+        _left_uneven(segment, source) for segment in segments if not is_even(segment.time, segment.number)
+    )
+    return list(segments)
 
 
 def _even(
-    piece: Stretch, processing: ProcessingOptions, period: float | None, source: str, findings: list[Finding]
-) -> Stretch:
-    """Stretch on a uniform grid; if the motion is periodic, with a whole number of samples per period."""
+    segment: Segment, processing: ProcessingOptions, period: float | None, source: str, findings: list[Finding]
+) -> Segment:
+    """Segment on a uniform grid; if the motion is periodic, with a whole number of samples per period."""
     span = None
     if processing.edges == "periodic":
-        span = period if period is not None else piece.samples / piece.rate
+        span = period if period is not None else segment.samples / segment.rate
     rows = 0.0 if processing.family == "none" else processing.decimate
-    moved = resample_uniform(piece, span, rows, each=processing.average)
-    if moved is piece:
-        return piece
-    if moved.rate == piece.rate and is_even(piece.time, piece.number):
-        findings.append(_filled(piece, moved, source))
+    moved = resample_uniform(segment, span, rows, each=processing.average)
+    if moved is segment:
+        return segment
+    if moved.rate == segment.rate and is_even(segment.time, segment.number):
+        findings.append(_filled(segment, moved, source))
     else:
-        steps = np.diff(piece.time) / (1 if piece.number is None else np.diff(piece.number))
-        off = jitter(piece.time, piece.number)
-        samples = "" if span is None else f"; {span:.6g} s are {span * piece.rate:.6g} samples"
+        steps = np.diff(segment.time) / (1 if segment.number is None else np.diff(segment.number))
+        off = jitter(segment.time, segment.number)
+        samples = "" if span is None else f"; {span:.6g} s are {span * segment.rate:.6g} samples"
         findings.append(
             Finding(
                 "clock-jitter",
                 "info",
                 source,
-                f"The clock is not uniform from t = {piece.time[0]:.6g} to {piece.time[-1]:.6g} s: its steps "
+                f"The clock is not uniform from t = {segment.time[0]:.6g} to {segment.time[-1]:.6g} s: its steps "
                 f"are {steps.min():.3g} to {steps.max():.3g} s, and it differs by {off:.2g} steps (standard "
-                f"deviation) from a uniform clock of {piece.rate:.5g} Hz{samples}.",
+                f"deviation) from a uniform clock of {segment.rate:.5g} Hz{samples}.",
                 f"The samples were interpolated at {moved.rate:.6g} Hz by a cubic spline.",
             )
         )
     return moved
 
 
-def _filled(piece: Stretch, whole: Stretch, source: str) -> Finding:
+def _filled(segment: Segment, whole: Segment, source: str) -> Finding:
     return Finding(
         "rows-filled",
         "info",
         source,
-        f"{whole.samples - piece.samples} of {whole.samples} samples are missing on a uniform clock of "
-        f"{piece.rate:.5g} Hz.",
+        f"{whole.samples - segment.samples} of {whole.samples} samples are missing on a uniform clock of "
+        f"{segment.rate:.5g} Hz.",
         "The missing samples were interpolated by a cubic spline; the other samples are unchanged.",
     )
 
 
-def _left_uneven(piece: Stretch, source: str) -> Finding:
+def _left_uneven(segment: Segment, source: str) -> Finding:
     return Finding(
         "clock-jitter",
         "info",
         source,
-        f"The clock differs by {jitter(piece.time, piece.number):.2g} steps (standard deviation) from a "
-        f"uniform clock of {piece.rate:.5g} Hz.",
+        f"The clock differs by {jitter(segment.time, segment.number):.2g} steps (standard deviation) from a "
+        f"uniform clock of {segment.rate:.5g} Hz.",
         "The samples were not interpolated, because nothing is filtered or differentiated.",
     )
 
 
 def _circles(
-    pieces: Sequence[Stretch],
+    segments: Sequence[Segment],
     processing: ProcessingOptions,
     period: float | None,
     start: float | None,
     source: str,
     findings: list[Finding],
-) -> list[Stretch]:
-    """Cuts each stretch to whole repetitions, or replaces all repetitions by their mean."""
+) -> list[Segment]:
+    """Cuts each segment to whole repetitions, or replaces all repetitions by their mean."""
     name = source or "The recording"
     if period is None or start is None:
-        if len(pieces) > 1:
+        if len(segments) > 1:
             raise RecordingError(
                 f'{name}: edges = "periodic" needs one run without gaps or a given period, but a gap splits the run.',
                 remedy=Remedy("give the period of the motion, or use ", setting("edges", "drop"), "."),
             )
-        check_closed(pieces[0], source)
+        check_closed(segments[0], source)
         if processing.average:
             evidence = (
-                f"No period is given, so the whole run of {pieces[0].samples / pieces[0].rate:.6g} s is taken "
+                f"No period is given, so the whole run of {segments[0].samples / segments[0].rate:.6g} s is taken "
                 "as one period."
             )
             remedy = "if the motion repeats within the run, give its period, so that the repetitions are averaged."
             findings.append(Finding("period-unknown", "warning", source, evidence, remedy))
-        return list(pieces)
-    found = [(piece, windows(piece, period, start)) for piece in pieces]
-    found = [(piece, begins) for piece, begins in found if begins]
+        return list(segments)
+    found = [(segment, windows(segment, period, start)) for segment in segments]
+    found = [(segment, begins) for segment, begins in found if begins]
     if not found:
-        length = max(piece.samples / piece.rate for piece in pieces)
+        length = max(segment.samples / segment.rate for segment in segments)
         raise RecordingError(
             f"{name}: the recording contains no whole period of {period:g} s after t = {start:g} s; its "
             f"longest run has {length:g} s.",
             remedy="check the keys `period` and `start`.",
         )
     if processing.average:
-        mean, late = average([(piece, b) for piece, begins in found for b in begins], period, source)
+        mean, late = average([(segment, b) for segment, begins in found for b in begins], period, source)
         findings.extend(late)
         circles = [mean]
     else:
-        circles = [whole_periods(piece, begins, round(period * piece.rate)) for piece, begins in found]
+        circles = [whole_periods(segment, begins, round(period * segment.rate)) for segment, begins in found]
     for circle in circles:
         check_closed(circle, source)
     return circles

@@ -9,7 +9,7 @@ import numpy as np
 from armid.checked_array import Array
 from armid.errors import Finding, RecordingError
 from armid.maths.signals.delay import periodic_delay, periodic_shift
-from armid.measurement.processing.uniform_runs import Stretch
+from armid.measurement.processing.uniform_runs import Segment
 from armid.remedy import Remedy, setting
 
 SHORT = 1.0
@@ -29,41 +29,41 @@ JUMP = 2.0
 """Largest step of a position between two periods, divided by the largest step inside a period."""
 
 
-def windows(stretch: Stretch, period: float, start: float) -> list[int]:
-    """Index of the first sample of each whole repetition in a stretch.
+def windows(segment: Segment, period: float, start: float) -> list[int]:
+    """Index of the first sample of each whole repetition in a segment.
 
     Args:
-        stretch: Stretch at a uniform rate, with a whole number of samples per period.
+        segment: Segment at a uniform rate, with a whole number of samples per period.
         period: Of the motion [s].
         start: Time of the first repetition on the recording's clock [s].
     """
-    samples = round(period * stretch.rate)
-    room = stretch.samples - samples
+    samples = round(period * segment.rate)
+    room = segment.samples - samples
     if room < 0 or samples < 1:
         return []
-    first = int(np.ceil((float(stretch.time[0]) - start) / period - SHORT / samples))
+    first = int(np.ceil((float(segment.time[0]) - start) / period - SHORT / samples))
     result: list[int] = []
-    for k in range(max(first, 0), max(first, 0) + stretch.samples // max(samples - 1, 1) + 2):
-        begin = round((start + k * period - float(stretch.time[0])) * stretch.rate)
+    for k in range(max(first, 0), max(first, 0) + segment.samples // max(samples - 1, 1) + 2):
+        begin = round((start + k * period - float(segment.time[0])) * segment.rate)
         if -SHORT <= begin <= room + SHORT:
             result.append(min(max(begin, 0), room))
     return result
 
 
-def whole_periods(stretch: Stretch, begins: Sequence[int], samples: int) -> Stretch:
-    """Part of a stretch from its first whole repetition to the end of its last, K times `samples` long."""
-    count = min(len(begins), (stretch.samples - begins[0]) // samples)
-    return stretch.cut(begins[0], begins[0] + count * samples)
+def whole_periods(segment: Segment, begins: Sequence[int], samples: int) -> Segment:
+    """Part of a segment from its first whole repetition to the end of its last, K times `samples` long."""
+    count = min(len(begins), (segment.samples - begins[0]) // samples)
+    return segment.cut(begins[0], begins[0] + count * samples)
 
 
-def average(found: Sequence[tuple[Stretch, int]], period: float, source: str) -> tuple[Stretch, list[Finding]]:
+def average(found: Sequence[tuple[Segment, int]], period: float, source: str) -> tuple[Segment, list[Finding]]:
     """Mean of the repetitions, each shifted to the time of the first one.
 
     The whole samples of a shift are applied by indices of the recording, the remaining fraction in the frequency
     domain.
 
     Args:
-        found: Stretch and first sample of each repetition.
+        found: Segment and first sample of each repetition.
         period: Of the motion [s].
         source: Of the recording, for the findings.
     """
@@ -72,29 +72,29 @@ def average(found: Sequence[tuple[Stretch, int]], period: float, source: str) ->
     sums = [np.array(x) for x in _signals(reference)]
     bad = np.array(reference.bad)
     delays = [0.0]
-    for stretch, begin in found[1:]:
-        first, rest = _aligned(reference.q, stretch, begin)
-        piece = stretch.cut(first, first + samples)
-        noise = np.sqrt(np.mean((piece.q - reference.q) ** 2, axis=0) / 2)
-        moves = abs(rest) * np.sqrt(np.mean(np.diff(piece.q, axis=0) ** 2, axis=0))
+    for segment, begin in found[1:]:
+        first, rest = _aligned(reference.q, segment, begin)
+        segment = segment.cut(first, first + samples)
+        noise = np.sqrt(np.mean((segment.q - reference.q) ** 2, axis=0) / 2)
+        moves = abs(rest) * np.sqrt(np.mean(np.diff(segment.q, axis=0) ** 2, axis=0))
         shift = bool((moves > NEGLIGIBLE * noise).any())
-        for total, x in zip(sums, _signals(piece), strict=True):
+        for total, x in zip(sums, _signals(segment), strict=True):
             total += periodic_shift(x, -rest) if shift else x
-        bad |= piece.bad
+        bad |= segment.bad
         delays.append(first - begin + rest)
     q, *others = (total / len(found) for total in sums)
     dq = others.pop(0) if reference.dq is not None else None
     ddq = others.pop(0) if reference.ddq is not None else None
-    mean = Stretch(reference.time, reference.rate, q, dq, ddq, others.pop(), bad)
+    mean = Segment(reference.time, reference.rate, q, dq, ddq, others.pop(), bad)
     return mean, _delay_findings(np.array(delays), samples, reference.rate, source)
 
 
-def _aligned(reference: Array, stretch: Stretch, begin: int) -> tuple[int, float]:
+def _aligned(reference: Array, segment: Segment, begin: int) -> tuple[int, float]:
     """First sample of the window that is aligned with the reference, and the remaining delay in samples."""
-    room = stretch.samples - len(reference)
+    room = segment.samples - len(reference)
     first, rest = begin, 0.0
     for _ in range(PASSES):
-        rest = periodic_delay(reference, stretch.q[first : first + len(reference)])
+        rest = periodic_delay(reference, segment.q[first : first + len(reference)])
         moved = min(max(first + round(rest), 0), room)
         if moved == first:
             break
@@ -102,8 +102,8 @@ def _aligned(reference: Array, stretch: Stretch, begin: int) -> tuple[int, float
     return first, rest
 
 
-def _signals(stretch: Stretch) -> list[Array]:
-    return [x for x in (stretch.q, stretch.dq, stretch.ddq, stretch.effort) if x is not None]
+def _signals(segment: Segment) -> list[Array]:
+    return [x for x in (segment.q, segment.dq, segment.ddq, segment.effort) if x is not None]
 
 
 def _delay_findings(delays: Array, samples: int, rate: float, source: str) -> list[Finding]:
@@ -125,14 +125,14 @@ def _delay_findings(delays: Array, samples: int, rate: float, source: str) -> li
     ]
 
 
-def check_closed(stretch: Stretch, source: str) -> None:
+def check_closed(segment: Segment, source: str) -> None:
     """Raises an error if the last sample of a run does not agree with the first, so that it is not periodic.
 
     Raises:
         RecordingError: Some joint jumps from the last sample to the first.
     """
-    jump = np.abs(stretch.q[0] - stretch.q[-1])
-    largest = np.abs(np.diff(stretch.q, axis=0)).max(axis=0)
+    jump = np.abs(segment.q[0] - segment.q[-1])
+    largest = np.abs(np.diff(segment.q, axis=0)).max(axis=0)
     joint = int(np.argmax(jump - JUMP * largest))
     if jump[joint] > JUMP * largest[joint]:
         raise RecordingError(

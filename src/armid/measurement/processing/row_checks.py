@@ -20,7 +20,7 @@ MIN_SAMPLES = 10
 """Smallest number of samples; fewer are not enough for derivatives at both ends and for residuals."""
 
 MOST_HOLES, LARGEST_HOLES = 8, 0.2
-"""Largest number of stretches with non-finite values, and largest share of rows in them, that are left out. With
+"""Largest number of segments with non-finite values, and largest share of rows in them, that are left out. With
 more, the channel is faulty."""
 
 REPEATED_RUN = 5

@@ -13,7 +13,7 @@ from armid.maths.signals.zero_phase_filters import edge_samples, low_pass
 from armid.measurement.observations import ObservedRun
 from armid.measurement.processing.differentiation import motion_filter
 from armid.measurement.processing.options import ProcessingOptions
-from armid.measurement.processing.uniform_runs import Stretch
+from armid.measurement.processing.uniform_runs import Segment
 from armid.model.motion import Motion
 
 TRIM = 0.5
@@ -21,7 +21,7 @@ TRIM = 0.5
 
 LOBE_HALF_WIDTH = 0.5
 """Half-width of the main lobe of a low-pass kernel, in periods of its cut-off. A bad sample affects the rows
-within this distance. A longer stretch of bad samples, such as a contact, affects rows as far away as the end of a
+within this distance. A longer segment of bad samples, such as a contact, affects rows as far away as the end of a
 run does."""
 
 STICKING = 3e-3
@@ -44,7 +44,7 @@ Flags = NDArray[np.bool_]
 
 
 def run_of(
-    stretch: Stretch,
+    segment: Segment,
     motion: Motion,
     processing: ProcessingOptions,
     repeats: tuple[float, float] | None = None,
@@ -52,23 +52,23 @@ def run_of(
     *,
     found: bool = False,
 ) -> ObservedRun | None:
-    """Run of a stretch and its motion, with rows, mask and blocks; `None` if no row can be used.
+    """Run of a segment and its motion, with rows, mask and blocks; `None` if no row can be used.
 
     Args:
-        stretch: The samples.
-        motion: Motion at the samples of the stretch.
+        segment: The samples.
+        motion: Motion at the samples of the segment.
         processing: Resolved.
         repeats: Period and start of the first repetition [s], if the motion repeats.
         recording: Index of the recording.
         found: True if the repetitions were detected and not stated. Blocks are then about one second long, because
             methods that leave out blocks need more blocks than there are repetitions.
     """
-    samples, rate = stretch.samples, stretch.rate
+    samples, rate = segment.samples, segment.rate
     periodic = processing.edges == "periodic"
     circle = samples if repeats is None else min(round(repeats[0] * rate), samples)
     step = _step(processing, rate, circle if periodic else None)
     rows = np.arange(0, samples, step)
-    mask = ~_spoiled(stretch.bad, rows, processing, rate, step, periodic=periodic)
+    mask = ~_spoiled(segment.bad, rows, processing, rate, step, periodic=periodic)
     margin = edge_margin(processing, rate)
     mask &= ((rows >= margin) & (rows < samples - margin))[:, None]
     mask &= np.abs(motion.dq[rows]) >= processing.slow
@@ -76,20 +76,20 @@ def run_of(
     if repeats is None:
         block = _blocks(rows, rate, samples)
     else:
-        repetition, inside = _repetitions(stretch, rows, repeats)
+        repetition, inside = _repetitions(segment, rows, repeats)
         mask &= inside[:, None]
-        block = _gapless(_parts(stretch.time[rows], repetition, repeats) if found else repetition)
+        block = _gapless(_parts(segment.time[rows], repetition, repeats) if found else repetition)
     if not mask.any():
         return None
     which = repetition if found and repetition is not None else None
-    return ObservedRun(motion, stretch.effort, rate, step, 0, mask, block, recording=recording, repetition=which)
+    return ObservedRun(motion, segment.effort, rate, step, 0, mask, block, recording=recording, repetition=which)
 
 
-def separate_rows(stretch: Stretch, motion: Motion, processing: ProcessingOptions, recording: int = 0) -> ObservedRun:
+def separate_rows(segment: Segment, motion: Motion, processing: ProcessingOptions, recording: int = 0) -> ObservedRun:
     """Run of separate samples: every row, unfiltered, with bad and slow rows masked."""
-    mask = ~stretch.bad & (np.abs(motion.dq) >= processing.slow)
-    block = np.arange(stretch.samples) // BLOCK_ROWS
-    return ObservedRun(motion, stretch.effort, stretch.rate, 1, 0, mask, block, False, recording)
+    mask = ~segment.bad & (np.abs(motion.dq) >= processing.slow)
+    block = np.arange(segment.samples) // BLOCK_ROWS
+    return ObservedRun(motion, segment.effort, segment.rate, 1, 0, mask, block, False, recording)
 
 
 def moving(
@@ -152,7 +152,7 @@ def _at_standstill(still: Flags, run: ObservedRun, processing: ProcessingOptions
 
 
 def _long(flags: Flags, length: int) -> Flags:
-    """Flags of stretches of at least a given length, joint by joint."""
+    """Flags of segments of at least a given length, joint by joint."""
     result = np.zeros_like(flags)
     for j in np.flatnonzero(flags.any(axis=0)):
         borders = np.flatnonzero(np.diff(np.concatenate([[False], flags[:, j], [False]])))
@@ -182,12 +182,12 @@ def _any_within(flags: Flags, rows: Rows, reach: int, *, periodic: bool) -> Flag
     return counts[high] > counts[low]
 
 
-def _repetitions(stretch: Stretch, rows: Rows, repeats: tuple[float, float]) -> tuple[Rows, Flags]:
-    """Repetition of each row, and mask of the rows that lie in a whole repetition inside the stretch."""
+def _repetitions(segment: Segment, rows: Rows, repeats: tuple[float, float]) -> tuple[Rows, Flags]:
+    """Repetition of each row, and mask of the rows that lie in a whole repetition inside the segment."""
     period, start = repeats
-    tick = 0.5 / stretch.rate  # half a sample: rows on the border belong to what follows
-    which = np.floor((stretch.time[rows] - start + tick) / period).astype(np.int64)
-    whole = np.floor((float(stretch.time[-1]) - start + 3 * tick) / period)
+    tick = 0.5 / segment.rate  # half a sample: rows on the border belong to what follows
+    which = np.floor((segment.time[rows] - start + tick) / period).astype(np.int64)
+    whole = np.floor((float(segment.time[-1]) - start + 3 * tick) / period)
     return which, (which >= 0) & (which < whole)
 
 

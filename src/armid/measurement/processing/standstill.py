@@ -1,14 +1,14 @@
 """Detection of standstill of joints, during which static friction can have any value up to its bound.
 
 A joint that reverses passes through rest quickly: with acceleration a, its speed is below v for a time 2 v / a. A
-joint that sticks stays at rest for longer, and moves fast soon afterwards. A stretch of slow samples is therefore
-standstill if an equally long stretch before or after it contains a speed that is too high for a smooth passage
+joint that sticks stays at rest for longer, and moves fast soon afterwards. A segment of slow samples is therefore
+standstill if an equally long segment before or after it contains a speed that is too high for a smooth passage
 through zero. If a joint sticks once in a recording, it may also stick at other times; for these a lower speed is
 sufficient.
 
 If all joints stand at the same time, the arm rests. Rests of a second or more occur before and after a motion and
 between poses, not because of sticking. The motion before the rest determines the sign of friction, and the torque
-shows the weight of the arm. Such stretches do not count as standstill, unless only one joint moves in the whole
+shows the weight of the arm. Such segments do not count as standstill, unless only one joint moves in the whole
 recording. In long rests, joints may creep.
 
 Rests of less than a second occur if one motion ends and the next begins, for instance if a designed motion is
@@ -59,9 +59,9 @@ LEAST = 3
 """Smallest number of samples of a standstill, for low sample rates."""
 
 STANDS = 25.0
-"""Smallest speed, divided by the limit of slow speed, that a joint must reach within the length of a slow stretch
+"""Smallest speed, divided by the limit of slow speed, that a joint must reach within the length of a slow segment
 before or after it, so that the joint stood still. The ratio is 3 at constant acceleration, 9 if the velocity
-touches zero, and 17 if the velocity just crosses zero and comes back; it is larger if the stretch has only a few
+touches zero, and 17 if the velocity just crosses zero and comes back; it is larger if the segment has only a few
 samples."""
 
 LINGERS = 6.0
@@ -69,11 +69,11 @@ LINGERS = 6.0
 acceleration."""
 
 RESTING = 0.5
-"""Share of a slow stretch during which all joints are slow, from which the whole arm counts as resting."""
+"""Share of a slow segment during which all joints are slow, from which the whole arm counts as resting."""
 
 LONG = 1.0
-"""Length of a slow stretch from which it is a long rest [s]; in a long rest, joints that creep also count as
-resting. In shorter stretches they do not: if a motion starts again, sticking joints come to rest one after another
+"""Length of a slow segment from which it is a long rest [s]; in a long rest, joints that creep also count as
+resting. In shorter segments they do not: if a motion starts again, sticking joints come to rest one after another
 within 0.25 s."""
 
 MOMENT = 0.02
@@ -148,7 +148,7 @@ def sticks_and_rests(
     several = seen.sum() > 1
     rests, creeps = ((speed[:, seen] < share * limit[seen]).all(axis=1) & several for share in (1.0, LINGERS))
     for j in np.flatnonzero(seen):
-        ends, departure = _slow_stretches(speed[:, j] / limit[j], max(LEAST, round(SHORTEST * rate)))
+        ends, departure = _slow_segments(speed[:, j] / limit[j], max(LEAST, round(SHORTEST * rate)))
         resting = [(creeps if end - begin >= LONG * rate else rests)[begin:end].mean() for begin, end in ends]
         alone = np.array(resting) < RESTING
         ends, departure = ends[alone], departure[alone]
@@ -284,7 +284,7 @@ def _moments(speed: Array, limit: Array, rate: float) -> NDArray[np.bool_]:
 
 
 def _around(speed: Array, begin: int, end: int) -> Callable[[float], tuple[int, int]]:
-    """Function that gives first sample and end of the surrounding stretch below a limit of speed."""
+    """Function that gives first sample and end of the surrounding segment below a limit of speed."""
 
     def below(limit: float) -> tuple[int, int]:
         before, after = np.flatnonzero(speed[:begin] >= limit), np.flatnonzero(speed[end:] >= limit)
@@ -293,8 +293,8 @@ def _around(speed: Array, begin: int, end: int) -> Callable[[float], tuple[int, 
     return below
 
 
-def _slow_stretches(speed: Array, shortest: int) -> tuple[NDArray[np.intp], Array]:
-    """First sample and end (K, 2) of stretches with speeds (N,) below 1, and the largest speed near each stretch."""
+def _slow_segments(speed: Array, shortest: int) -> tuple[NDArray[np.intp], Array]:
+    """First sample and end (K, 2) of segments with speeds (N,) below 1, and the largest speed near each segment."""
     slow = np.concatenate([[False], speed < 1.0, [False]])
     ends = np.flatnonzero(np.diff(slow)).reshape(-1, 2)
     ends = ends[ends[:, 1] - ends[:, 0] >= shortest]

@@ -1,4 +1,4 @@
-"""Contiguous stretches of a recording at a uniform rate."""
+"""Contiguous segments of a recording at a uniform rate."""
 
 from __future__ import annotations
 
@@ -45,12 +45,12 @@ so that the spline has points on both sides."""
 
 
 BRIEF = 1.0
-"""Number of periods of a cut-off below which a stretch is too short for the filter. The length of a filter follows
+"""Number of periods of a cut-off below which a segment is too short for the filter. The length of a filter follows
 from the sample rate, and between two stamps a billionth of a second apart that rate has no bound."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Stretch:
+class Segment:
     """Consecutive samples without a gap.
 
     Attributes:
@@ -84,20 +84,20 @@ class Stretch:
         time: Array,
         rate: float,
         bad: Callable[[NDArray[np.bool_]], NDArray[np.bool_]],
-    ) -> Stretch:
+    ) -> Segment:
         """Applies one transformation to every signal; in the result no sample is missing."""
         dq = None if self.dq is None else signals(self.dq)
         ddq = None if self.ddq is None else signals(self.ddq)
-        return Stretch(time, rate, signals(self.q), dq, ddq, signals(self.effort), bad(self.bad))
+        return Segment(time, rate, signals(self.q), dq, ddq, signals(self.effort), bad(self.bad))
 
-    def select(self, rows: slice | NDArray[np.bool_]) -> Stretch:
-        """Stretch with a selection of its samples."""
+    def select(self, rows: slice | NDArray[np.bool_]) -> Segment:
+        """Segment with a selection of its samples."""
         few = self.changed(lambda x: x[rows], self.time[rows], self.rate, lambda bad: bad[rows])
         number = np.arange(self.samples) if self.number is None else self.number
         return replace(few, number=number[rows])
 
-    def cut(self, first: int, stop: int) -> Stretch:
-        """Stretch of the samples `first` to `stop` - 1."""
+    def cut(self, first: int, stop: int) -> Segment:
+        """Segment of the samples `first` to `stop` - 1."""
         return self.select(slice(first, stop))
 
 
@@ -117,9 +117,9 @@ def is_even(time: Array, number: NDArray[np.int64] | None = None) -> bool:
     return float(np.std(off)) <= JITTER and float(np.abs(off).max(initial=0.0)) <= ASTRAY
 
 
-def is_brief(stretch: Stretch, cutoff: float) -> bool:
-    """Tests whether a stretch is too short for a filter with a cut-off [Hz]; if so, this filter cannot be made."""
-    return stretch.samples * cutoff < BRIEF * stretch.rate
+def is_brief(segment: Segment, cutoff: float) -> bool:
+    """Tests whether a segment is too short for a filter with a cut-off [Hz]; if so, this filter cannot be made."""
+    return segment.samples * cutoff < BRIEF * segment.rate
 
 
 def _unevenness(time: Array, number: NDArray[np.int64] | None) -> Array:
@@ -133,7 +133,7 @@ def _unevenness(time: Array, number: NDArray[np.int64] | None) -> Array:
     return (centred - step * index) / step
 
 
-def stretches(recording: Recording, cutoff: float | None) -> tuple[list[Stretch], list[Finding]]:
+def cut_at_gaps(recording: Recording, cutoff: float | None) -> tuple[list[Segment], list[Finding]]:
     """Cuts a recording at the gaps of its clock.
 
     Samples that are not finite, and short sequences of samples that are not valid for any joint, count as missing.
@@ -152,7 +152,7 @@ def stretches(recording: Recording, cutoff: float | None) -> tuple[list[Stretch]
     whole = _without_specks(whole, longest)
     steps = np.diff(whole.time)
     borders = [0, *(np.flatnonzero(steps > longest) + 1).tolist(), whole.samples]
-    pieces = [whole.cut(first, stop) for first, stop in pairwise(borders)]
+    segments = [whole.cut(first, stop) for first, stop in pairwise(borders)]
     findings = [
         Finding(
             "clock-gap",
@@ -164,10 +164,10 @@ def stretches(recording: Recording, cutoff: float | None) -> tuple[list[Stretch]
         )
         for border in borders[1:-1]
     ]
-    return [replace(piece, rate=_mean_rate(piece, median)) for piece in pieces], findings
+    return [replace(segment, rate=_mean_rate(segment, median)) for segment in segments], findings
 
 
-def _without_specks(whole: Stretch, longest: float) -> Stretch:
+def _without_specks(whole: Segment, longest: float) -> Segment:
     """Leaves out samples that are not valid for any joint, if the time step that results is short."""
     spoilt = whole.bad.all(axis=1)
     if not spoilt.any() or spoilt.all():
@@ -180,8 +180,8 @@ def _without_specks(whole: Stretch, longest: float) -> Stretch:
     return whole.select(keep)
 
 
-def gather(recording: Recording, *, clock: bool = True) -> tuple[Stretch, float]:
-    """All samples with finite values as one stretch, and the median step of its clock.
+def gather(recording: Recording, *, clock: bool = True) -> tuple[Segment, float]:
+    """All samples with finite values as one segment, and the median step of its clock.
 
     Args:
         recording: In robot order, SI units, joint side.
@@ -219,10 +219,10 @@ def gather(recording: Recording, *, clock: bool = True) -> tuple[Stretch, float]
             remedy="remove these samples, or exclude their interval (key `exclude`).",
         )
     quantities = recording.q, recording.dq, recording.ddq, recording.effort
-    stretch = Stretch(time, 1.0, *quantities, ~recording.valid, recording.number)
+    segment = Segment(time, 1.0, *quantities, ~recording.valid, recording.number)
     if not present.all():
-        stretch = stretch.select(present)
-    return stretch, _median_step(stretch.time, name)
+        segment = segment.select(present)
+    return segment, _median_step(segment.time, name)
 
 
 def _median_step(time: Array, name: str) -> float:
@@ -238,21 +238,21 @@ def _median_step(time: Array, name: str) -> float:
     return float(median(steps))
 
 
-def _mean_rate(piece: Stretch, step: float) -> float:
+def _mean_rate(segment: Segment, step: float) -> float:
     """Mean rate of a clock [Hz], rounded to the digits that are certain for the resolution of its time stamps."""
-    time, number = piece.time, piece.number
+    time, number = segment.time, segment.number
     steps = len(time) - 1 if number is None else int(number[-1] - number[0])
     mean = steps / float(time[-1] - time[0]) if len(time) > 1 else 1.0 / step
     return float(f"{mean:.{DIGITS}g}")
 
 
-def resample_uniform(stretch: Stretch, span: float | None, rows: float, *, each: bool) -> Stretch:
-    """Stretch on a uniform grid: on its own grid if its clock is uniform enough, otherwise on a grid for the rows.
+def resample_uniform(segment: Segment, span: float | None, rows: float, *, each: bool) -> Segment:
+    """Segment on a uniform grid: on its own grid if its clock is uniform enough, otherwise on a grid for the rows.
 
     On its own grid, only missing samples are interpolated, by a cubic spline; all other samples are unchanged.
 
     Args:
-        stretch: Stretch whose time stamps need not be uniform.
+        segment: Segment whose time stamps need not be uniform.
         span: Period [s] that must be a whole number of samples; `None` if there is none.
         rows: Rate of the output rows [Hz]; the new rate is a multiple of it. If it is 0, the new rate is not
             restricted.
@@ -260,59 +260,59 @@ def resample_uniform(stretch: Stretch, span: float | None, rows: float, *, each:
     """
     missed = 0.0
     if span is not None:
-        samples = span * stretch.rate
-        missed = abs(samples - round(samples)) * (1.0 if each else max(1.0, stretch.samples / samples))
-    if is_even(stretch.time, stretch.number) and missed <= WHOLE:
-        return _filled(stretch)
+        samples = span * segment.rate
+        missed = abs(samples - round(samples)) * (1.0 if each else max(1.0, segment.samples / samples))
+    if is_even(segment.time, segment.number) and missed <= WHOLE:
+        return _filled(segment)
     length = 1.0 if span is None else span
     unit = 1.0 if span is not None else 0.0  # samples that the new rate must be a multiple of, in each span
     if rows:
         unit = rows if span is None else float(max(1, round(span * rows)))
-    wanted = stretch.rate * length
+    wanted = segment.rate * length
     wanted = unit * np.ceil(wanted / unit * (1.0 - 1e-9)) if unit else wanted
-    return uniform(stretch, float(wanted) / length, span)
+    return uniform(segment, float(wanted) / length, span)
 
 
-def _filled(stretch: Stretch) -> Stretch:
-    """Interpolates the missing samples of a uniform stretch; a new sample next to a bad sample is marked as bad."""
-    if stretch.number is None:
-        return stretch
-    place = stretch.number - stretch.number[0]
+def _filled(segment: Segment) -> Segment:
+    """Interpolates the missing samples of a uniform segment; a new sample next to a bad sample is marked as bad."""
+    if segment.number is None:
+        return segment
+    place = segment.number - segment.number[0]
     every = np.arange(place[-1] + 1)
     if len(every) == len(place):
-        return stretch
-    time = np.interp(every, place, stretch.time)
+        return segment
+    time = np.interp(every, place, segment.time)
     before = np.searchsorted(place, every, side="right") - 1
     behind = np.searchsorted(place, every)
 
     def signals(x: Array) -> Array:
-        whole = resample(stretch.time, x, time)
+        whole = resample(segment.time, x, time)
         whole[place] = x
         return whole
 
-    return stretch.changed(signals, time, stretch.rate, lambda bad: bad[before] | bad[behind])
+    return segment.changed(signals, time, segment.rate, lambda bad: bad[before] | bad[behind])
 
 
-def uniform(stretch: Stretch, rate: float, period: float | None = None) -> Stretch:
-    """Resamples a stretch on a uniform grid from its first sample; samples next to a bad sample are marked as bad.
+def uniform(segment: Segment, rate: float, period: float | None = None) -> Segment:
+    """Resamples a segment on a uniform grid from its first sample; samples next to a bad sample are marked as bad.
 
     Args:
-        stretch: Stretch whose time stamps need not be uniform.
+        segment: Segment whose time stamps need not be uniform.
         rate: Rate of the uniform grid [Hz].
         period: Period of the motion, if it repeats [s]. The grid then also contains the time between the last sample
             and the end of the period; the samples one period earlier are used for it.
     """
-    time, end = stretch.time, float(stretch.time[-1])
+    time, end = segment.time, float(segment.time[-1])
     order = np.arange(len(time))
     if period is not None:
         again = np.searchsorted(time, end - period, side="right") + np.arange(CONTINUED)
         order = np.append(order, again[again < len(time)])
-        time = np.append(time, stretch.time[order[len(time) :]] + period)
-        end = min(end + (1.0 - 1e-9) / stretch.rate, float(time[-1]))
+        time = np.append(time, segment.time[order[len(time) :]] + period)
+        end = min(end + (1.0 - 1e-9) / segment.rate, float(time[-1]))
     grid = time[0] + np.arange(int((end - time[0]) * rate * (1 + 1e-12)) + 1) / rate
     before = np.clip(np.searchsorted(time, grid, side="right") - 1, 0, len(time) - 2)
 
     def bad(flags: NDArray[np.bool_]) -> NDArray[np.bool_]:
         return flags[order[before]] | flags[order[before + 1]]
 
-    return stretch.changed(lambda x: resample(time, x[order], grid), grid, rate, bad)
+    return segment.changed(lambda x: resample(time, x[order], grid), grid, rate, bad)

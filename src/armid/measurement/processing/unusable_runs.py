@@ -5,30 +5,30 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from armid.errors import Finding, RecordingError
-from armid.measurement.processing.uniform_runs import Stretch
+from armid.measurement.processing.uniform_runs import Segment
 from armid.measurement.recording import Recording
 
 
-def brief_run(piece: Stretch, cutoff: float, source: str) -> Finding:
+def brief_run(segment: Segment, cutoff: float, source: str) -> Finding:
     """Finding about a run that is shorter than a period of the cut-off [Hz]."""
     return Finding(
         "run-short",
         "warning",
         source,
-        f"The run from t = {piece.time[0]:.6g} s has {piece.samples} samples in {piece.samples / piece.rate:.3g} s, "
-        f"less than a period of the cut-off of {cutoff:g} Hz.",
+        f"The run from t = {segment.time[0]:.6g} s has {segment.samples} samples in "
+        f"{segment.samples / segment.rate:.3g} s, less than a period of the cut-off of {cutoff:g} Hz.",
         "The run was left out.",
     )
 
 
-def unusable_run(piece: Stretch, margin: int, source: str) -> Finding:
+def unusable_run(segment: Segment, margin: int, source: str) -> Finding:
     """Finding about a run without usable rows: `margin` samples at each end are left out, the others are masked."""
     return Finding(
         "run-short",
         "warning",
         source,
-        f"No row of the run of {piece.samples / piece.rate:.3g} s from t = {piece.time[0]:.6g} s can be used: "
-        f"{margin / piece.rate:.3g} s at each end are left out, and {piece.bad.mean():.0%} of its samples are "
+        f"No row of the run of {segment.samples / segment.rate:.3g} s from t = {segment.time[0]:.6g} s can be used: "
+        f"{margin / segment.rate:.3g} s at each end are left out, and {segment.bad.mean():.0%} of its samples are "
         "masked, because they are excluded, repeated or saturated.",
         "The run was left out.",
     )

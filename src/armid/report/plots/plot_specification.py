@@ -158,7 +158,7 @@ def points(role: str, x: Array, y: Array, name: str, most: int = MAX_POINTS) -> 
 
 
 def spread(x: Array, low: Array, high: Array, name: str) -> PlotTrace:
-    """Area between two lines: a polygon for each stretch without gaps, thinned so that it keeps its extremes."""
+    """Area between two lines: a polygon for each segment without gaps, thinned so that it keeps its extremes."""
     known = np.isfinite(x) & np.isfinite(low) & np.isfinite(high)
     ends = np.flatnonzero(np.diff(known, prepend=False, append=False)).reshape(-1, 2)
     sides: list[tuple[Array, Array]] = []

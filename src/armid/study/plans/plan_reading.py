@@ -168,13 +168,13 @@ def _pose(values: Sequence[float] | None) -> np.ndarray[Any, np.dtype[np.float64
 
 def _moves(record: Mapping[str, Any], path: Path) -> Moves:
     try:
-        stretches = record["stretches"]
+        segments = record["stretches"]
         return Moves(
             tuple(record["joints"]),
             np.array(record["poses"], dtype=np.float64),
-            np.array([each["seconds"] for each in stretches], dtype=np.float64),
+            np.array([each["seconds"] for each in segments], dtype=np.float64),
             np.array(record["speeds"], dtype=np.float64),
-            tuple(str(each["kind"]) for each in stretches),
+            tuple(str(each["kind"]) for each in segments),
         )
     except (KeyError, TypeError, ValueError) as error:
         raise ArmidError(f"{path} is no plan: {error}.", remedy="design the plan again with armid excite.") from error

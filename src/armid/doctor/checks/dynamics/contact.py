@@ -79,7 +79,7 @@ def explain(state: LogState) -> Explanation | None:
         ", ".join(names[j] for j in felt),
         f"At t = {time[peak]:.2f} s the residual is {size[peak].max():.0f} times its usual size, on "
         f"{len(felt)} joints at the same time. The arm probably touched something.",
-        lambda evidence: excluding(evidence.reading, _stretches(near_burst, time, run)),
+        lambda evidence: excluding(evidence.reading, _segments(near_burst, time, run)),
         after,
     )
 
@@ -90,8 +90,8 @@ def _around(hit: NDArray[np.bool_], time: Array, run: NDArray[np.int64]) -> NDAr
     return near.any(axis=1)
 
 
-def _stretches(rows: NDArray[np.bool_], time: Array, run: NDArray[np.int64]) -> list[tuple[float, float]]:
-    """Begin and end of each stretch of consecutive rows [s]."""
+def _segments(rows: NDArray[np.bool_], time: Array, run: NDArray[np.int64]) -> list[tuple[float, float]]:
+    """Begin and end of each segment of consecutive rows [s]."""
     which = np.flatnonzero(rows)
     cuts = np.flatnonzero((np.diff(which) > 1) | (np.diff(run[which]) != 0)) + 1
     return [(float(time[part[0]]), float(time[part[-1]])) for part in np.split(which, cuts)]

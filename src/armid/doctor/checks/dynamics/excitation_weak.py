@@ -149,7 +149,7 @@ def _too_short(evidence: LogEvidence) -> list[Finding]:
     if left_out > MUCH * recording.samples:
         text = (
             f"{left_out} of {length} are left out for one joint or more, because they are excluded, repeated, stuck "
-            "or saturated. A filter needs long stretches without gaps, and the remaining rows are too few to fit a "
+            "or saturated. A filter needs long segments without gaps, and the remaining rows are too few to fit a "
             f"model; {unchecked}"
         )
         remedy = (

@@ -13,7 +13,7 @@ from armid.doctor.downsample import downsample
 from armid.doctor.remedy_trial import RemedyTrial, try_remedy
 from armid.errors import Finding
 from armid.maths.median import median
-from armid.measurement.processing.uniform_runs import Stretch, is_even, jitter, stretches
+from armid.measurement.processing.uniform_runs import Segment, cut_at_gaps, is_even, jitter
 from armid.measurement.recording import Recording
 from armid.measurement.remedy_builders import lines, naming
 from armid.remedy import Remedy
@@ -32,13 +32,13 @@ def check(evidence: LogEvidence) -> list[Finding]:
     if recording is None or recording.time is None or recording.consecutive is False:
         return []
     # Use the clock as logged: leaving out repeated rows must not create gaps.
-    pieces, gaps = stretches(_as_logged(evidence.raw) or _clock_alone(recording), CUTOFF)
+    segments, gaps = cut_at_gaps(_as_logged(evidence.raw) or _clock_alone(recording), CUTOFF)
     remedy = "record it again if the rows near the gap are needed; armid cuts the log into two parts at the gap"
     findings = [replace(gap, channel="time", remedy=remedy) for gap in gaps]
-    uneven = [piece for piece in pieces if not is_even(piece.time, piece.number)]
+    uneven = [segment for segment in segments if not is_even(segment.time, segment.number)]
     if uneven:
-        steps = np.concatenate([np.diff(piece.time) for piece in uneven])
-        offset = max(jitter(piece.time, piece.number) for piece in uneven)
+        steps = np.concatenate([np.diff(segment.time) for segment in uneven])
+        offset = max(jitter(segment.time, segment.number) for segment in uneven)
         lost = _missing(uneven)
         missing = f"; about {lost} rows are missing, because steps are multiples of the median" if lost else ""
         steps_text = (
@@ -47,7 +47,7 @@ def check(evidence: LogEvidence) -> list[Finding]:
             "steps "
             "(standard deviation)."
         )
-        rate = _round_rate(pieces[0], offset)
+        rate = _round_rate(segments[0], offset)
         trial = None if gaps else _trial(evidence, rate)
         if trial is not None and trial.helps:
             note = "Hz; if the robot samples uniformly and only the time stamps jitter"
@@ -59,11 +59,11 @@ def check(evidence: LogEvidence) -> list[Finding]:
     return findings
 
 
-def _missing(pieces: Sequence[Stretch]) -> int:
+def _missing(segments: Sequence[Segment]) -> int:
     """Number of missing rows, if long steps are whole multiples of the median step; otherwise 0."""
     lost = 0
-    for piece in pieces:
-        steps = np.diff(piece.time) / (1 if piece.number is None else np.diff(piece.number))
+    for segment in segments:
+        steps = np.diff(segment.time) / (1 if segment.number is None else np.diff(segment.number))
         ratio = steps / median(steps)
         whole = np.round(ratio)
         long = whole > 1.0
@@ -85,11 +85,11 @@ def _clock_alone(recording: Recording) -> Recording:
     return replace(recording, q=still, dq=None, ddq=None, effort=still)
 
 
-def _round_rate(piece: Stretch, off: float) -> float:
+def _round_rate(segment: Segment, off: float) -> float:
     """Rate with the fewest digits that agrees with time stamps `off` steps away from a uniform clock [Hz]."""
-    doubt = 2.0 * off / piece.samples
-    rounded = (float(f"{piece.rate:.{digits}g}") for digits in range(2, 10))
-    return next((rate for rate in rounded if abs(rate / piece.rate - 1.0) < doubt), piece.rate)
+    doubt = 2.0 * off / segment.samples
+    rounded = (float(f"{segment.rate:.{digits}g}") for digits in range(2, 10))
+    return next((rate for rate in rounded if abs(rate / segment.rate - 1.0) < doubt), segment.rate)
 
 
 def _trial(evidence: LogEvidence, rate: float) -> RemedyTrial | None:

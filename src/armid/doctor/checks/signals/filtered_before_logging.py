@@ -17,7 +17,7 @@ from armid.doctor.torque_attenuation import half_frequency
 from armid.errors import Finding
 from armid.maths.median import median
 from armid.maths.signals.fourier_transform import power_spectrum
-from armid.measurement.processing.uniform_runs import resample_uniform, stretches
+from armid.measurement.processing.uniform_runs import cut_at_gaps, resample_uniform
 from armid.measurement.remedy_builders import lines
 from armid.remedy import Remedy
 
@@ -75,11 +75,11 @@ def check(evidence: LogEvidence) -> list[Finding]:
     recording = evidence.recording
     if recording is None or recording.effort is None or recording.consecutive is False:
         return []
-    piece = max(stretches(recording, 5.0)[0], key=lambda each: each.samples)
-    if piece.samples < 2 * SEGMENT:
+    longest = max(cut_at_gaps(recording, 5.0)[0], key=lambda each: each.samples)
+    if longest.samples < 2 * SEGMENT:
         return []
-    even = resample_uniform(piece, None, 0.0, each=False)
-    ends, rounded = _suspicions(even.effort, even.rate, piece.effort)
+    even = resample_uniform(longest, None, 0.0, each=False)
+    ends, rounded = _suspicions(even.effort, even.rate, longest.effort)
     falling = np.isfinite(ends)
     if (falling | rounded).sum() < MOST * recording.n:
         return []

@@ -9,7 +9,7 @@ from armid.doctor.check_definition import LogCheck
 from armid.doctor.check_input import LogEvidence
 from armid.errors import Finding
 from armid.measurement.processing.repetitions import windows
-from armid.measurement.processing.uniform_runs import resample_uniform, stretches
+from armid.measurement.processing.uniform_runs import cut_at_gaps, resample_uniform
 from armid.measurement.remedy_builders import lines
 
 LATE_SAMPLES, LATE_SECONDS = 1.5, 0.005
@@ -25,8 +25,8 @@ def check(evidence: LogEvidence) -> list[Finding]:
     recording, period = evidence.recording, evidence.reading.stated_period
     if recording is None or period is None or recording.effort is None or recording.consecutive is False:
         return []
-    piece = max(stretches(recording, 5.0)[0], key=lambda each: each.samples)
-    even = resample_uniform(piece, None, 0.0, each=True)
+    longest = max(cut_at_gaps(recording, 5.0)[0], key=lambda each: each.samples)
+    even = resample_uniform(longest, None, 0.0, each=True)
     start = evidence.reading.start if evidence.reading.start is not None else float(even.time[0])
     begins = windows(even, period, start)
     samples = round(period * even.rate)

@@ -13,7 +13,7 @@ from armid.errors import Finding
 from armid.maths.median import median
 from armid.maths.signals.derivatives import central_difference
 from armid.maths.signals.zero_phase_filters import edge_samples, low_pass, zero_phase
-from armid.measurement.processing.uniform_runs import is_brief, resample_uniform, stretches
+from armid.measurement.processing.uniform_runs import cut_at_gaps, is_brief, resample_uniform
 from armid.measurement.recording import Recording
 from armid.measurement.remedy_builders import naming
 
@@ -107,8 +107,8 @@ def _in_band(recording: Recording) -> tuple[Array, Array, Array, float]:
     derived: list[Array] = []
     slope: list[Array] = []
     rate = 1.0
-    for piece in stretches(recording, CUTOFF)[0]:
-        even = resample_uniform(piece, None, 0.0, each=False)
+    for segment in cut_at_gaps(recording, CUTOFF)[0]:
+        even = resample_uniform(segment, None, 0.0, each=False)
         rate = even.rate
         if is_brief(even, min(CUTOFF, 0.1 * rate)):
             continue
