@@ -1,4 +1,4 @@
-"""Real recordings, corrupted: what an identification says of each, and what it costs on clean motion.
+"""Findings and damage of an identification from real recordings that were corrupted.
 
     python benchmarks/corrupted.py [--arms NAME …] [--kinds TEXT …] [--settings …] [--verbose] [--json FILE]
 
@@ -82,7 +82,7 @@ class Case:
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """What one identification said.
+    """Answer of one identification to a corruption.
 
     Attributes:
         arm: Arm.
