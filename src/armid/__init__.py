@@ -89,7 +89,7 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    """Load a public name from the module that it lives in."""
+    """Loads a public name from the module in which it is defined."""
     if name in _HOMES:
         return getattr(import_module(f"armid.{_HOMES[name]}"), name)
     raise AttributeError(f"module 'armid' has no attribute {name!r}")

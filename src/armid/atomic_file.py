@@ -1,4 +1,4 @@
-"""Replacement of a file, completely or not at all; all writers of armid use it."""
+"""Writing of a file completely or not at all; all functions of armid that write files use it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Saving and loading of values.
+"""Saving of values to files, and loading of saved values.
 
 A value is a frozen dataclass whose fields are numbers, strings, arrays, other values, or tuples and dicts of these.
 `save` writes a value to one file (a NumPy archive with a JSON header, never a pickle), and `load` reads it.

@@ -45,7 +45,7 @@ class RecordingError(ArmidError):
         problem: What was asked and what was found instead, one sentence.
         possible: What would have been accepted.
         remedy: What to do, an imperative sentence.
-        source: File of the recording, which the message names first; `None` if the sentence names it.
+        source: File of the recording, with which the message begins; `None` if `problem` already names the file.
         code: Code of the doctor's finding for this fault; empty if there is none.
     """
 
@@ -71,7 +71,7 @@ class EstimationError(ArmidError):
 
 
 class UnsolvedError(EstimationError):
-    """A search that ended without a solution that passes its checks."""
+    """A numerical search that found no solution, or a solution that fails its checks."""
 
 
 class LabError(ArmidError):
@@ -106,7 +106,8 @@ class Finding:
         code: Short stable name, for instance `description-rounded`.
         severity: `error` if the work cannot continue, `warning` if the result may be wrong, `info` if it only
             explains the result.
-        channel: Joint, link, column or file that the finding concerns; empty if it concerns all.
+        channel: Joint, link, column or file that the finding concerns; empty if it concerns the robot or the
+            recording as a whole.
         evidence: Observation, with numbers.
         remedy: Action to take; empty if none is needed.
     """

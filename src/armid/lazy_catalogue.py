@@ -1,6 +1,7 @@
-"""Catalogue of objects of one kind: the single list of these objects, each of which is imported at first use.
+"""Catalogue: mapping from names to objects of one type, each of which is imported when it is first used.
 
-A row is a text: `package.module:Object`, or `package.module` if the module itself is the object. So the command line
+For instance, all estimators of armid are listed in one catalogue. Each row of a catalogue gives the object of one
+name as a text: `package.module:Object`, or `package.module` if the module itself is the object. So the command line
 can list and complete names without importing the objects.
 """
 
@@ -15,10 +16,10 @@ T = TypeVar("T")
 
 
 class Catalogue(Mapping[str, T], Generic[T]):
-    """Objects of one kind by name, in the order of the rows.
+    """Mapping from names to objects of one type, in the order of `rows`.
 
     Args:
-        rows: For each name, the module and the object as text, or the object itself.
+        rows: For each name, the text `package.module:Object`, or the object itself.
     """
 
     def __init__(self, rows: Mapping[str, str | T]) -> None:
@@ -39,7 +40,7 @@ class Catalogue(Mapping[str, T], Generic[T]):
 
     @contextmanager
     def extended(self, rows: Mapping[str, str | T]) -> Generator[None]:
-        """Context in which the catalogue has further rows at its end; a row with a known name replaces the old one.
+        """Context in which the catalogue has further rows at its end; a row with a known name replaces the old row.
 
         Args:
             rows: Further rows, in the form of those of the catalogue.
@@ -53,6 +54,6 @@ class Catalogue(Mapping[str, T], Generic[T]):
 
 
 def _load(row: str) -> Any:
-    """Module or object of a row."""
+    """Imports the module or the object that the text of a row names."""
     module, _, name = row.partition(":")
     return getattr(import_module(module), name) if name else import_module(module)

@@ -19,7 +19,7 @@ MOST_ROWS = 200
 """Largest number of rows of an HTML table; with more a notebook becomes slow."""
 
 FEW_ROWS = 6
-"""Largest number of rows of the text at a prompt. With title, titles of columns and notes, it has at most ten
+"""Largest number of table rows in the text at a prompt. With the titles and the note, the text has at most ten
 lines."""
 
 MOST_DIGITS = 15
@@ -31,7 +31,7 @@ WIDEST = 28
 
 @dataclass(frozen=True, slots=True)
 class Summary:
-    """Summary of a value.
+    """Summary of a value: a table with a title and a note.
 
     Attributes:
         title: Title, one line.
@@ -56,7 +56,7 @@ class Displayed:
 
     @abstractmethod
     def summary(self) -> Summary:
-        """Title, rows and note of the table."""
+        """Title, columns, rows and note of the table."""
 
     def _repr_html_(self) -> str:
         return html_of(self.summary())
@@ -66,7 +66,7 @@ class Displayed:
 
 
 def names_apart(paths: Iterable[str]) -> dict[str, str]:
-    """Distinct names of files by their paths: the shortest ends of the paths that differ."""
+    """Distinct short name of each path: the shortest end of the path that no other path has."""
     parts = {path: PurePath(path).parts for path in paths}
 
     def name(path: str) -> str:
@@ -79,7 +79,7 @@ def names_apart(paths: Iterable[str]) -> dict[str, str]:
 
 
 def spans(*channels: NDArray[np.float64]) -> tuple[tuple[str, ...], ...]:
-    """Ranges of the quantities as text, with one row for each joint.
+    """Smallest and largest value of each quantity as text, with one row for each joint.
 
     Args:
         channels: Quantities, each of shape (N, n); values that are not finite are ignored.
@@ -115,7 +115,7 @@ def text_of(kind: str, summary: Summary) -> str:
 
     Args:
         kind: Name of the value's type.
-        summary: Its table.
+        summary: Summary of the value.
     """
 
     def cut(text: str) -> str:
@@ -159,5 +159,5 @@ def interval_text(low: float, high: float, *, decimals: int | None = None, digit
 
 
 def plural(count: int, noun: str) -> str:
-    """A number with its noun, `1 joint` and `2 joints`."""
+    """Text of a number with its noun in singular or plural, for instance `1 joint` and `2 joints`."""
     return f"{count} {noun}{'' if count == 1 else 's'}"

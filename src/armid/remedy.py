@@ -12,13 +12,13 @@ from armid.text_stored_value import TextValue
 from armid.toml_writing import toml_line
 
 NOTE = "  # "
-"""Beginning of the comment behind lines of a study."""
+"""Beginning of the comment that follows the lines of a study."""
 
 TABLE = re.compile(r"in \[(\w+)\](?:: (.*))?")
 """Pattern of a comment that names the table of the study to which the lines belong; more text may follow."""
 
 ASSIGNMENT = re.compile(r'\b[a-z_]+ = (?:"[^"]*"|[-+.\de]*\d|\[[^\[\]]*\]|\{[^{}]*\})')
-"""A key of a study with its value, within a sentence."""
+"""Pattern of a key of a study with its value, within a sentence."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,13 +40,14 @@ def setting(key: str, value: Any) -> Assignment:
 
 
 class Remedy(str, TextValue):
-    """Action to take: a string that also knows the settings of a study in its text.
+    """Action to take: a string that also stores the settings of a study that its text contains.
 
     Attributes:
         parts: Sentences and settings, in their order; a remedy of lines of a study consists of settings only.
         note: Comment after the lines of a study.
         table: Table of the study to which the lines belong, if it is not `[[recording]]`.
-        judged: True if the finding states the result of the test of the remedy on left-out motion.
+        judged: True if the remedy was tested on motion that was left out of the fit, and the finding states the
+            result of this test.
     """
 
     __slots__ = ("judged", "note", "parts", "table")
@@ -57,7 +58,7 @@ class Remedy(str, TextValue):
     judged: bool
 
     def __new__(cls, *parts: str | Assignment, note: str = "", table: str = "", judged: bool = False) -> Remedy:
-        """Makes the string from its parts."""
+        """Makes a remedy from its sentences and settings."""
         texts = [part.text if isinstance(part, Assignment) else str(part) for part in parts]
         lines = all(isinstance(part, Assignment) for part in parts)
         remedy = super().__new__(cls, ("\n" if lines else "").join(texts) + _comment(note, table))
@@ -65,12 +66,12 @@ class Remedy(str, TextValue):
         return remedy
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Parts of the remedy, from which copies and pickles are made."""
+        """Function and arguments with which `copy` and `pickle` make an equal remedy."""
         return _remedy, (self.parts, self.note, self.table, self.judged)
 
     @classmethod
     def read(cls, text: str) -> Remedy:
-        """Makes the remedy from the text of a stored finding."""
+        """Restores a remedy from its text, which is stored with a finding."""
         if isinstance(text, Remedy):
             return text
         code, _, note = text.partition(NOTE)
@@ -88,7 +89,7 @@ class Remedy(str, TextValue):
 
     @classmethod
     def joined(cls, remedies: Iterable[str]) -> Remedy:
-        """Joins several remedies; equal ones occur once."""
+        """Joins several remedies into one; of equal remedies, only the first is used."""
         every = list(dict.fromkeys(remedies))
         if len(every) == 1:
             return cls.read(every[0])
@@ -108,7 +109,7 @@ class Remedy(str, TextValue):
         return keys
 
     def marked(self) -> Remedy:
-        """The same remedy for a finding that gives the result of its test on left-out motion (`judged`)."""
+        """Copy of the remedy with `judged` set to true."""
         return Remedy(*self.parts, note=self.note, table=self.table, judged=True)
 
 

@@ -60,7 +60,7 @@ def keep_freed_memory() -> None:
 
 
 def one_blas_thread(stage: Callable[P, R]) -> Callable[P, R]:
-    """Decorator that runs a function with one BLAS thread and restores the caller's number afterwards."""
+    """Decorator that runs a function with one BLAS thread and restores the number of threads afterwards."""
 
     @wraps(stage)
     def run(*args: P.args, **kwargs: P.kwargs) -> R:
@@ -78,7 +78,10 @@ def one_blas_thread(stage: Callable[P, R]) -> Callable[P, R]:
 
 @cache
 def _controller(scipy: bool) -> ThreadpoolController:
-    """Controller of the BLAS libraries of this process; SciPy loads a separate one, hence the argument."""
+    """Controller of the BLAS libraries of this process, cached separately for processes with and without SciPy.
+
+    SciPy loads a BLAS library of its own, so the controller must be made again after SciPy was imported.
+    """
     del scipy
     from threadpoolctl import ThreadpoolController
 

@@ -8,10 +8,10 @@ from typing import Any
 
 
 def to_toml(record: Mapping[str, Any]) -> str:
-    """TOML text of tables by name; a list of tables becomes an array of tables.
+    """TOML text of named tables; a list of tables becomes an array of tables.
 
-    Null and empty values are left out, except empty texts, because an empty name of a channel means that the channel
-    is not used.
+    `None`, empty lists and empty tables are left out. Empty texts are kept, because an empty name of a channel means
+    that the channel is not used.
     """
     parts: list[str] = []
     for name, table in record.items():

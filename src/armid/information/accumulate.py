@@ -30,7 +30,7 @@ from armid.model.dynamics_model import DynamicsModel
 from armid.threads import one_blas_thread
 
 Progress = Callable[[int, int], None]
-"""Callback for progress. Its arguments are the number of processed samples and the number of all samples."""
+"""Function that is called to report progress, with the number of processed samples and the number of all samples."""
 
 CHUNK = 8192
 """Number of samples whose columns of torque terms are in memory at a time: 1 MB for a seven-joint arm."""
@@ -66,7 +66,7 @@ def accumulate_information(
         base: Base parameters of the model.
         observations: Contiguous runs and the band of their filter.
         threads: Number of threads for the blocks of unfiltered runs.
-        progress: Callback for progress.
+        progress: Function that is called to report progress.
 
     Raises:
         ArmidError: The observations have another number of joints than the model, or no row is in use. For a model
@@ -120,14 +120,14 @@ def _inform(
     *,
     by_gram: bool,
 ) -> Information:
-    """Information of all runs; the blocks are numbered through all runs."""
+    """Information of all runs; the blocks of all runs are numbered consecutively."""
     samples = sum(run.motion.samples for run in observations.runs)
     done = 0
     parts: list[Information] = []
     for index, given in enumerate(observations.runs):
         run = with_hysteresis_states(source.model, given, observations.band)
         raw = _is_raw(run, observations.band)
-        pieces = (
+        computed = (
             _raw_blocks(source, run, observations.band, threads, by_gram=by_gram)
             if raw
             else _filtered_blocks(source, run, observations.band)
@@ -135,7 +135,7 @@ def _inform(
         names = np.unique(run.block[_borders(run)[:-1]])
         factors = [np.zeros((len(names), width, width)) for width in source.layout.widths]
         filled = np.zeros(len(names), dtype=np.bool_)
-        for R, block, samples_done in pieces:
+        for R, block, samples_done in computed:
             _collect(kernel.unpack_factors(source.layout, R), np.searchsorted(names, block), factors, filled)
             if progress is not None:
                 progress(done + samples_done, samples)
@@ -148,13 +148,20 @@ def _inform(
 
 
 def _collect(
-    pieces: tuple[Array, ...], blocks: NDArray[np.intp], factors: list[Array], filled: NDArray[np.bool_]
+    new: tuple[Array, ...], blocks: NDArray[np.intp], factors: list[Array], filled: NDArray[np.bool_]
 ) -> None:
-    """Stores the factors of all joints and pieces by block; pieces of the same block are merged."""
-    for piece, k in enumerate(blocks):
-        for joint, R in enumerate(pieces):
+    """Stores the factors of ranges of rows by block; the factors of several ranges of one block are merged.
+
+    Args:
+        new: For each joint, the factor of each range of rows.
+        blocks: Index of the block to which each range belongs.
+        factors: For each joint, the factor of each block; it is changed.
+        filled: True for blocks that already have factors; it is changed.
+    """
+    for number, k in enumerate(blocks):
+        for joint, R in enumerate(new):
             whole = factors[joint]
-            whole[k] = kernel.factor_columns(np.vstack([whole[k], R[piece]]).T)[0] if filled[k] else R[piece]
+            whole[k] = kernel.factor_columns(np.vstack([whole[k], R[number]]).T)[0] if filled[k] else R[number]
         filled[k] = True
 
 
@@ -183,47 +190,47 @@ def _borders(run: ObservedRun) -> NDArray[np.intp]:
 
 
 @dataclass(frozen=True, slots=True)
-class _Piece:
-    """Rows `begin` to `end - 1` of the output grid, which belong to one block."""
+class _RowRange:
+    """Range of rows of the output grid, `begin` to `end - 1`, which belong to one block."""
 
     begin: int
     end: int
     block: int
 
 
-def _pieces(run: ObservedRun) -> list[_Piece]:
-    """Pieces of the output grid, cut at the borders of blocks and, in long blocks, after every CHUNK rows."""
+def _row_ranges(run: ObservedRun) -> list[_RowRange]:
+    """Cuts the output grid into ranges of rows: at the borders of blocks and, in long blocks, every CHUNK rows."""
     return [
-        _Piece(a, min(a + CHUNK, end), int(run.block[begin]))
+        _RowRange(a, min(a + CHUNK, end), int(run.block[begin]))
         for begin, end in pairwise(_borders(run).tolist())
         for a in range(begin, end, CHUNK)
     ]
 
 
-def _chunks(pieces: list[_Piece]) -> Iterator[list[_Piece]]:
-    """Groups of neighbouring pieces with at most CHUNK rows together."""
-    group: list[_Piece] = []
-    for piece in pieces:
-        if group and piece.end - group[0].begin > CHUNK:
-            yield group
-            group = []
-        group.append(piece)
-    if group:
-        yield group
+def _batches(ranges: list[_RowRange]) -> Iterator[list[_RowRange]]:
+    """Batches: groups of successive ranges of rows with at most CHUNK rows together."""
+    batch: list[_RowRange] = []
+    for rows in ranges:
+        if batch and rows.end - batch[0].begin > CHUNK:
+            yield batch
+            batch = []
+        batch.append(rows)
+    if batch:
+        yield batch
 
 
 def _raw_blocks(
     source: ColumnSource, run: ObservedRun, band: Band, threads: int, *, by_gram: bool
 ) -> Iterator[tuple[Array, NDArray[np.int64], int]]:
-    """Factors of pieces of an unfiltered run, the block of each piece, and the number of processed samples."""
+    """Yields factors of ranges of rows of an unfiltered run, their blocks, and the number of samples so far."""
     one_sided = run.consecutive and not band.is_open and not band.columns
     torque = filtered_torque(run, band) if one_sided else run.torque
     masked = not run.mask.all()
-    for group in _chunks(_pieces(run)):
-        a, b = group[0].begin, group[-1].end
+    for batch in _batches(_row_ranges(run)):
+        a, b = batch[0].begin, batch[-1].end
         rows = slice(run.offset + a * run.step, run.offset + (b - 1) * run.step + 1, run.step)
         motion = run.motion[rows]
-        bounds = np.array([a, *(piece.end for piece in group)]) - a
+        bounds = np.array([a, *(each.end for each in batch)]) - a
         R = kernel.factor(
             source.tree,
             source.layout,
@@ -237,13 +244,13 @@ def _raw_blocks(
             by_gram=by_gram,
             threads=threads,
         )
-        yield R, np.array([piece.block for piece in group]), rows.stop
+        yield R, np.array([each.block for each in batch]), rows.stop
 
 
 def _filtered_blocks(
     source: ColumnSource, run: ObservedRun, band: Band
 ) -> Iterator[tuple[Array, NDArray[np.int64], int]]:
-    """Factors of pieces of a filtered run, the block of each piece, and the number of processed samples."""
+    """Yields factors of ranges of rows of a filtered run, their blocks, and the number of samples so far."""
     widths = source.layout.widths.astype(np.int64)
     for begin, x in filtered_columns(source, run, band):
         mask, block = run.mask[begin : begin + x.shape[1]], run.block[begin : begin + x.shape[1]]

@@ -1,8 +1,8 @@
 """Rows of the regressor of a run, computed in batches in a second pass over the samples.
 
 Robust weights, tests of whiteness and noise spectra need single rows, which cannot be obtained from the factors. The
-rows are filtered and on the output grid; they are the same rows from which the factors were computed. They are never
-all in memory at the same time.
+rows are filtered and lie on the output grid; the factors were computed from the same rows. Only one batch of rows is
+in memory at a time.
 """
 
 from __future__ import annotations

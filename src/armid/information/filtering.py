@@ -86,7 +86,7 @@ def filtered_columns(source: ColumnSource, run: ObservedRun, band: Band) -> Iter
 
 
 def _rows_between(run: ObservedRun, band: Band) -> int:
-    """Number of rows of the output grid for each row that the band needs.
+    """Number of rows of the output grid for each row that the cut-off of the band requires.
 
     If the edges are periodic, it is a divisor of the number of rows of a period.
     """

@@ -19,7 +19,8 @@ from armid.measurement.observations import Observations, ObservedRun
 from armid.model.dynamics_model import DynamicsModel
 
 NOTABLE = 0.2
-"""Share of the rows of a joint with unknown states above which there is a finding: one second of five."""
+"""Share of the rows of a joint in which the states are unknown, above which a finding is reported: one second of
+five."""
 
 
 def with_hysteresis_states(model: DynamicsModel, run: ObservedRun, band: Band) -> ObservedRun:
@@ -27,7 +28,7 @@ def with_hysteresis_states(model: DynamicsModel, run: ObservedRun, band: Band) -
 
     Args:
         model: Arm and torque terms.
-        run: One contiguous run at the full sampling rate.
+        run: Contiguous run at the full sampling rate.
         band: Filter of the columns.
 
     Returns:

@@ -67,7 +67,7 @@ class JointFactors:
 
 @dataclass(frozen=True, eq=False, slots=True, repr=False)
 class Information(Displayed):
-    """Triangular factors of all joints and blocks.
+    """Information: triangular factors of all joints and blocks of recordings.
 
     Attributes:
         names: Names of the base parameters, b of them.
@@ -129,7 +129,7 @@ class Information(Displayed):
 
 
 def merge(parts: Sequence[Information]) -> Information:
-    """Information with the blocks of all parts, in order; the operation is associative.
+    """Joins several informations about the same base parameters; the result has the blocks of all, in order.
 
     Raises:
         ArmidError: There are no parts, or the parts have different base parameters.

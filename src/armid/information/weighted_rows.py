@@ -27,7 +27,7 @@ KEPT = 64_000_000
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Batch:
-    """Consecutive filtered rows of a run on its output grid.
+    """Batch of consecutive filtered rows of a run on its output grid, which are computed together.
 
     Attributes:
         run: Index of the run.
@@ -54,7 +54,7 @@ class WeightedRows:
 
     Attributes:
         source: Source of the columns.
-        observations: The samples; rows with unknown hysteresis states are masked.
+        observations: The runs with their samples; rows with unknown hysteresis states are masked.
     """
 
     def __init__(self, source: ColumnSource, observations: Observations) -> None:
@@ -79,7 +79,7 @@ class WeightedRows:
         self._kept = kept
 
     def _made(self) -> Iterator[Batch]:
-        """Batches, computed from the samples."""
+        """Yields all batches, computed from the samples."""
         for index, run in enumerate(self.observations.runs):
             for begin, x in rows(self.source, run, self.observations.band):
                 end = begin + x.shape[1]
@@ -90,7 +90,7 @@ def weighted_information(every: WeightedRows, weigh: Weigh, *, blocks: bool = Tr
     """Information of rows that are multiplied by the square roots of their weights.
 
     Args:
-        every: The rows.
+        every: All rows of the observations.
         weigh: Function that returns the weight of each row, for one joint at a time.
         blocks: If true, the blocks stay separate; otherwise every run is one block, which is faster.
 
@@ -121,7 +121,7 @@ def _add(source: ColumnSource, batch: Batch, weigh: Weigh, number: NDArray[np.in
 def _of_run(
     source: ColumnSource, index: int, run: ObservedRun, names: NDArray[np.int64], factors: list[Array]
 ) -> Information:
-    """Information of one run."""
+    """Information of one run from the factors of its joints and blocks."""
     number = np.searchsorted(names, run.block) if len(names) > 1 else np.zeros(len(run.block), dtype=np.intp)
     counted = np.zeros((len(names), source.tree.n), dtype=np.int64)
     np.add.at(counted, number, run.mask)

@@ -70,7 +70,7 @@ def states_of(tree: Tree, *arrays: ArrayLike) -> list[Array]:
 
 
 def _output(out: Array | None, shape: tuple[int, ...]) -> Array:
-    """Output array: `out`, or a new one."""
+    """Output array: `out` after a check of its shape, or a new array."""
     if out is None:
         return np.empty(shape)
     if out.shape != shape or out.dtype != np.float64 or not out.flags.c_contiguous or not out.flags.writeable:
@@ -156,7 +156,7 @@ def columns(
         ddq: Joint accelerations, shape (N, n).
         torque: Joint torques, shape (N, n).
         terms: Regressor columns of the torque terms that are kept, one in each row, shape (e, N).
-        out: Array to which the result is written; a new one if not given.
+        out: Array to which the result is written; a new array if not given.
         chosen: Build of the kernel.
     """
     q, dq, ddq, torque = states_of(tree, q, dq, ddq, torque)

@@ -26,7 +26,7 @@ needs at least this many."""
 
 @lru_cache(maxsize=64)
 def _parameter(layout: ColumnLayout) -> NDArray[np.int32]:
-    """Chosen parameter of every column; the result is stored for each layout."""
+    """Index of the parameter of every column of a layout; the result is cached for each layout."""
     return layout.parameter
 
 
@@ -40,7 +40,7 @@ def columns_adjoint(
     *,
     chosen: str | None = None,
 ) -> tuple[Array, Array, Array]:
-    """Gradients of Σ cotangent · columns by joint positions, velocities and accelerations, shape (N, n) each.
+    """Gradients of the sum of all products `cotangent` · column entry by q, dq and ddq, shape (N, n) each.
 
     Only the rigid-body columns are differentiated. The entries of `cotangent` for other terms and for torques are
     ignored.
@@ -97,7 +97,7 @@ def information(
         ddq: Joint accelerations, shape (N, n).
         terms: Regressor columns of the torque terms that are kept, one in each row, shape (e, N).
         weights: Weight of each joint's rows, shape (n,).
-        count: Number of chosen parameters.
+        count: Number of parameters of the layout.
         chosen: Build of the kernel.
     """
     q, dq, ddq = states_of(tree, q, dq, ddq)

@@ -13,7 +13,7 @@ from armid.kernel.tree import Tree
 
 @dataclass(frozen=True, eq=False, slots=True)
 class ColumnLayout:
-    """Layout of the columns of each joint: columns of the links that it carries, of its torque terms, and torque.
+    """Layout of the columns of each joint: those of the links that the joint carries, its torque terms, and torque.
 
     Joint j has columns `offset[j]` to `offset[j + 1] - 1`. The last of these columns is the torque; the others are
     the regressor columns of `parameters[j]`, in ascending order.
@@ -21,8 +21,8 @@ class ColumnLayout:
     Attributes:
         offset: First column of each joint, and the number of all columns, shape (n + 1,).
         target: Column, counted from the first column of joint j, of each inertial parameter of link i, for all pairs
-            of a link i and a joint j that carries it (links in order, joints from the base). Shape (10 pairs,); -1 if
-            the column is not kept; empty without rigid bodies.
+            of a link i and a joint j that carries link i (links in order, joints from the base). Shape (10 pairs,);
+            -1 if the column is not kept; empty without rigid bodies.
         term: Column of each kept regressor column of the torque terms, shape (e,).
         kept: Indices of the kept columns among all columns of the torque terms of the model, shape (e,).
         parameters: Indices of the chosen parameters that the torque of each joint depends on, one array for each

@@ -22,7 +22,7 @@ _UNIT_BODIES = np.array([spatial_inertia(e) for e in np.eye(10)])
 
 @dataclass(slots=True)
 class _Link:
-    """Link at N samples: rotation R_0i, origin in the base frame, and J, D, G as above."""
+    """Link i at N samples: its rotation and origin in the base frame, its Jacobian J_i, D_i, and gravity G_i."""
 
     rotation: Array  # (N, 3, 3)
     origin: Array  # (N, 3)
@@ -42,7 +42,11 @@ def regressor(tree: Tree, q: Array, dq: Array, ddq: Array) -> Array:
 
 
 def inverse_dynamics(tree: Tree, inertial: Array, q: Array, dq: Array, ddq: Array) -> Array:
-    """Joint torque (N, n) for inertial parameters (n, 10): Σ J_iᵀ (I a + v ×* I v)."""
+    """Joint torque (N, n) of rigid links with inertial parameters (n, 10).
+
+    It is the sum of J_iᵀ (I_i a_i + v_i ×* I_i v_i) over the links i, with the spatial inertia I_i, the spatial
+    velocity v_i, and the spatial acceleration a_i minus gravity.
+    """
     tau = np.zeros((len(q), tree.n))
     for link, inertia in zip(_links(tree, q, dq), map(spatial_inertia, inertial), strict=True):
         v, a = _velocity_acceleration(link, dq, ddq)
@@ -52,7 +56,7 @@ def inverse_dynamics(tree: Tree, inertial: Array, q: Array, dq: Array, ddq: Arra
 
 
 def mass_matrix(tree: Tree, inertial: Array, q: Array) -> Array:
-    """Mass matrix M(q) = Σ J_iᵀ I_i J_i, shape (N, n, n)."""
+    """Mass matrix M(q) = Σ J_iᵀ I_i J_i with the spatial inertia I_i of each link i, shape (N, n, n)."""
     M = np.zeros((len(q), tree.n, tree.n))
     for link, inertia in zip(_links(tree, q, np.zeros_like(q)), map(spatial_inertia, inertial), strict=True):
         M += _transpose(link.jacobian) @ inertia @ link.jacobian
@@ -60,7 +64,11 @@ def mass_matrix(tree: Tree, inertial: Array, q: Array) -> Array:
 
 
 def coriolis_matrix(tree: Tree, inertial: Array, q: Array, dq: Array) -> Array:
-    """Coriolis matrix C(q, q̇) = Σ J_iᵀ (I D_i + B J_i) with Christoffel symbols, shape (N, n, n) [Echeandia2021]."""
+    """Coriolis matrix C(q, q̇) with Christoffel symbols, shape (N, n, n) [Echeandia2021].
+
+    It is the sum of J_iᵀ (I_i D_i + B_i J_i) over the links i, with the spatial inertia I_i and a matrix B_i that is
+    linear in I_i and in the velocity of the link.
+    """
     C = np.zeros((len(q), tree.n, tree.n))
     for link, inertia in zip(_links(tree, q, dq), map(spatial_inertia, inertial), strict=True):
         v = _apply(link.jacobian, dq)
@@ -120,18 +128,18 @@ def _placement(tree: Tree, i: int, q: Array) -> tuple[Array, Array]:
 
 
 def _velocity_acceleration(link: _Link, dq: Array, ddq: Array) -> tuple[Array, Array]:
-    """Spatial velocity, and spatial acceleration minus gravity, shape (N, 6) each."""
+    """Spatial velocity of a link, and its spatial acceleration minus gravity, shape (N, 6) each."""
     acceleration = _apply(link.jacobian, ddq) + _apply(link.derivative, dq) - link.gravity
     return _apply(link.jacobian, dq), acceleration
 
 
 def _momentum_columns(v: Array) -> Array:
-    """Derivatives (N, 6, 10) of the momentum I v by the ten inertial parameters."""
+    """Derivatives (N, 6, 10) of the spatial momentum of a link with velocity v (N, 6) by its inertial parameters."""
     return np.einsum("kab,nb->nak", _UNIT_BODIES, v)
 
 
 def _motion_transform(R: Array, p: Array) -> Array:
-    """X (N, 6, 6): transform of spatial motion from the parent's frame to the frame at (R, p)."""
+    """Transforms (N, 6, 6) of spatial motion from the parent's frame to a frame with rotation R and origin p."""
     X = np.zeros((len(R), 6, 6))
     X[:, :3, :3] = X[:, 3:, 3:] = _transpose(R)
     X[:, 3:, :3] = -_transpose(R) @ skew(p)
@@ -152,7 +160,7 @@ def _cross_force(v: Array) -> Array:
 
 
 def _momentum_cross(f: Array) -> Array:
-    """Matrices f×̄*, shape (N, 6, 6), with (f×̄*) v = v ×* f."""
+    """Matrices f×̄* of spatial forces f (N, 6), shape (N, 6, 6), defined by (f×̄*) v = v ×* f."""
     X = np.zeros((len(f), 6, 6))
     X[:, :3, :3] = -skew(f[:, :3])
     X[:, :3, 3:] = X[:, 3:, :3] = -skew(f[:, 3:])

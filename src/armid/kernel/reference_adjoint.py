@@ -26,7 +26,7 @@ STEPS = ((1.0, 0.5),)
 def columns_adjoint(
     tree: Tree, layout: ColumnLayout, q: Array, dq: Array, ddq: Array, cotangent: Array
 ) -> tuple[Array, Array, Array]:
-    """Gradients (N, n) of Σ cotangent · columns by q, dq and ddq."""
+    """Gradients of the sum of all products `cotangent` · column entry by q, dq and ddq, shape (N, n) each."""
     bodies = np.zeros(layout.columns, dtype=np.bool_)
     pairs = [j for i in range(tree.n) for j in tree.ancestors(i)]
     for j, targets in zip(pairs, layout.target.reshape(-1, 10), strict=True):

@@ -29,7 +29,7 @@ def columns(tree: Tree, layout: ColumnLayout, q: Array, dq: Array, ddq: Array, t
 
 
 def factor_columns(x: Array, bounds: NDArray[np.int64]) -> Array:
-    """Triangular factor of each block of rows, shape (blocks, K, K)."""
+    """Triangular factor of each block of rows of K columns `x`, shape (blocks, K, K)."""
     K = len(x)
     out = np.zeros((len(bounds) - 1, K, K))
     for R, a, b in zip(out, bounds[:-1], bounds[1:], strict=True):
@@ -71,7 +71,10 @@ def decimate(
     first: int,
     out: Array,
 ) -> None:
-    """Adds Σ_s taps[s - first - r step] · column[s] to entry r of each column in `out`, shape (columns, rows)."""
+    """Adds to entry r of each row of `out` the sum of taps[s - first - r step] · column[s] over the samples s.
+
+    `out` has shape (columns, rows): one row for each regressor column.
+    """
     x = columns(tree, layout, q, dq, ddq, torque, terms)
     for r in range(out.shape[1]):
         start = first + r * step
@@ -90,7 +93,7 @@ def information(
     weights: Array,
     count: int,
 ) -> Array:
-    """Information matrix Σ_j weights_j X_jᵀ X_j, shape (count, count)."""
+    """Information matrix Σ_j weights_j X_jᵀ X_j of the columns X_j of each joint j, shape (count, count)."""
     x = columns(tree, layout, q, dq, ddq, np.zeros_like(q), terms)
     G = np.zeros((count, count))
     for weight, parameters, start in zip(weights, layout.parameters, layout.offset[:-1], strict=True):

@@ -9,8 +9,9 @@ from armid.checked_array import Array
 
 
 def play(x: Array, column: NDArray[np.int32], width: Array) -> tuple[Array, NDArray[np.int64]]:
-    """States z, shape (N, m), by z ← min(max(z, q - r), q + r), and the first sample with a known z, shape (m,).
+    """States z of play operators, shape (N, m), and the first sample at which each state is known, shape (m,).
 
+    From sample to sample, z ← min(max(z, q - r), q + r), with the half-width r and the coordinate q of the operator.
     The unknown initial state lies between q - r and q + r. The states are computed from both ends of this range; z is
     known from the first sample at which the two results are equal.
     """

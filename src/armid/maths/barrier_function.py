@@ -38,7 +38,7 @@ class LogDet:
         matrix: Coefficients of the variables in X, shape (m, m, variables).
         offset: Constant part of X, shape (m, m).
         cost: Linear cost, shape (variables,).
-        constant: Constant that is added.
+        constant: The term `constant` of the formula above.
         weight: Weight of the term, positive.
     """
 

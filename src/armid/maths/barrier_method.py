@@ -43,7 +43,8 @@ CENTRED = 0.02
 step makes this ratio less than 0.001 [Nesterov1994]."""
 
 PROVED = 1e-3
-"""The same limit as `CENTRED`, for the last μ."""
+"""Largest squared Newton decrement, divided by the weight of the barriers, at the end of the search with the last
+μ."""
 
 SMALL = 0.5
 """Largest squared Newton decrement, divided by the weight of the barriers, for which the decrement is a bound of the
@@ -157,7 +158,10 @@ def _finite(barriers: Barriers, x: Array) -> float:
 def _centre(
     barriers: Barriers, x: Array, weights: tuple[float, float], enough: float, most: int
 ) -> tuple[Array, float, int]:
-    """Minimises for one weight of the barriers by Newton's method.
+    """Minimises the objective with one weight of the barriers, by Newton's method.
+
+    The tuple `weights` contains the weight of the barriers for which x is a minimum, and the new weight μ. The
+    iteration ends if the squared Newton decrement is at most `enough`, or after `most` steps.
 
     Returns the minimum, the last squared Newton decrement and the number of steps.
     """

@@ -8,7 +8,10 @@ from armid.checked_array import Array
 
 
 def birge_ratio(values: Array, deviations: Array) -> float:
-    """Scatter of values about their weighted mean divided by the expected scatter; at least 1.
+    """Birge ratio of several measurements of one quantity, at least 1.
+
+    It is the scatter of the values about their weighted mean, divided by the scatter that is expected from their
+    standard deviations. For fewer than two measurements it is 1.
 
     Args:
         values: Measurements of one quantity, shape (k,).

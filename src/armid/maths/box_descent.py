@@ -21,7 +21,8 @@ FLAT = 1e-10
 """Largest entry of the projected gradient at which a point counts as a minimum."""
 
 NEAR = 1e-8
-"""The same limit for a search whose values no longer decrease: gradients from differences are not more accurate."""
+"""Largest entry of the projected gradient at which a point counts as a minimum if the value no longer decreases;
+gradients from finite differences are not more accurate."""
 
 SETTLED = 1e-14
 """Relative decrease of the value in one step below which a search has converged."""
@@ -97,7 +98,11 @@ def _step(x: Array, gradient: Array, curvature: Array, low: Array, high: Array) 
 def _searched(
     function: Function, x: Array, value: Array, gradient: Array, step: Array, low: Array, high: Array
 ) -> tuple[Array, Array, Array, NDArray[np.bool_]]:
-    """Points along the projected steps with enough decrease; values and gradients there; mask of those found."""
+    """Line search: halves each projected step until the value decreases enough.
+
+    Returns the points (K, n), their values (K,) and gradients (K, n), and a mask (K,) that is true if such a point
+    was found.
+    """
     found = np.zeros(len(x), dtype=bool)
     best, best_value, best_gradient = x.copy(), value.copy(), gradient.copy()
     share = 1.0
@@ -117,7 +122,7 @@ def _searched(
 
 
 def _updated(curvature: Array, s: Array, y: Array, plain: NDArray[np.bool_]) -> Array:
-    """Second derivatives after a step s with the change y of the gradient, by the formula of BFGS."""
+    """Updates the second derivatives (K, n, n) by the BFGS formula, for steps s and changes y of the gradient."""
     along = np.einsum("kn,kn->k", s, y)
     size = np.linalg.norm(s, axis=1) * np.linalg.norm(y, axis=1)
     known = along > CURVED * np.maximum(size, np.finfo(float).tiny)

@@ -52,11 +52,17 @@ class Cone:
     offset: Array
 
     def leaves(self, x: Array) -> float:
-        """Violation at x, divided by the size of the rows; zero or negative if the condition holds."""
+        """Relative violation of the condition at x; zero or negative if the condition holds.
+
+        The violation is divided by the largest absolute value of A x + b or by 1, whichever is larger.
+        """
         return self.outside(self.matrix @ x + self.offset)
 
     def outside(self, rows: Array) -> float:
-        """Violation of given rows or multipliers, divided by their size; each cone is its own dual."""
+        """Violation of the cone by given rows, divided by their largest absolute value or by 1, whichever is larger.
+
+        The rows may also be multipliers, because each cone is its own dual.
+        """
         size = max(1.0, float(np.abs(rows).max()))
         if self.kind == "nonnegative":
             return float(-rows.min()) / size
@@ -181,7 +187,7 @@ def solve_cones(cost: Array, cones: Sequence[Cone], squares: Array | None = None
 
 
 def _worst(cones: Sequence[Cone], x: Array, z: Array) -> float:
-    """Largest violation of a cone by variables, or by multipliers in the solver's scale."""
+    """Largest violation of the cones by the variables x or by the multipliers z, as they come from the solver."""
     worst, done = -math.inf, 0
     for cone in cones:
         own = z[done : done + len(cone.offset)]
@@ -203,7 +209,10 @@ def _for_solver(cone: Cone, clarabel: Any) -> tuple[Array, Array, Any]:
 
 
 def _scale(cone: Cone) -> Array:
-    """Solver's factors of an upper triangle's entries, which make its inner product that of the matrices."""
+    """Factors of the entries of an upper triangle in the solver: 1 on the diagonal, √2 elsewhere.
+
+    With these factors, the inner product of two triangles is that of the symmetric matrices.
+    """
     i, j = upper_triangle(_order(len(cone.offset)))
     return np.where(i == j, 1.0, math.sqrt(2.0))
 

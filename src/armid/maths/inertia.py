@@ -17,7 +17,7 @@ INERTIA_INDEX = ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))
 
 
 def _of_units() -> Array:
-    """Pseudo-inertias of the ten unit vectors of parameters, with Σ = ½ tr(I)·1 - I."""
+    """Pseudo-inertias (10, 4, 4) of the ten unit vectors of inertial parameters."""
     result = np.zeros((10, 4, 4))
     result[0, 3, 3] = 1.0
     for k in range(3):
@@ -34,40 +34,50 @@ PSEUDO_INERTIA_OF: Array = _of_units()
 
 
 def inertia_matrix(six: Array) -> Array:
-    """Symmetric matrices (..., 3, 3) from entries (..., 6) in parameter order [kg·m²]."""
+    """Inertia matrices (..., 3, 3) from their entries Ixx, Ixy, Iyy, Ixz, Iyz, Izz, shape (..., 6) [kg·m²]."""
     xx, xy, yy, xz, yz, zz = np.moveaxis(np.asarray(six), -1, 0)
     return np.stack([np.stack([xx, xy, xz], -1), np.stack([xy, yy, yz], -1), np.stack([xz, yz, zz], -1)], -2)
 
 
 def inertia_vector(matrix: Array) -> Array:
-    """Entries (..., 6) in parameter order from symmetric matrices (..., 3, 3)."""
+    """Entries Ixx, Ixy, Iyy, Ixz, Iyz, Izz, shape (..., 6), of inertia matrices (..., 3, 3)."""
     return np.stack([matrix[..., i, j] for i, j in INERTIA_INDEX], -1)
 
 
 def spatial_inertia(vector: Array) -> Array:
     """Spatial inertia (6, 6) about the origin of the frame, angular part first [Featherstone2008].
 
-    It is [[I_o, S(h)], [S(h)ᵀ, m·1]] with the inertia I_o about the origin, the first moment h and the mass m.
+    It is [[I_o, S(h)], [S(h)ᵀ, m·1]] with the inertia I_o about the origin, the first moment h, its cross-product
+    matrix S(h), and the mass m.
     """
     m, h, inertia = vector[0], vector[1:4], inertia_matrix(vector[4:])
     return np.block([[inertia, skew(h)], [skew(h).T, m * np.eye(3)]])
 
 
 def pseudo_inertia(vector: Array) -> Array:
-    """Pseudo-inertia (..., 4, 4) of parameters (..., 10): [[½ tr(I)·1 - I, h], [hᵀ, m]]."""
+    """Pseudo-inertias (..., 4, 4) of inertial parameters (..., 10).
+
+    A pseudo-inertia is [[½ tr(I)·1 - I, h], [hᵀ, m]] with the inertia I about the origin, the first moment h and the
+    mass m.
+    """
     vector = np.asarray(vector)
     return (vector @ PSEUDO_INERTIA_OF.reshape(10, 16)).reshape(*vector.shape[:-1], 4, 4)
 
 
 def vector_from_pseudo_inertia(J: Array) -> Array:
-    """Parameters (..., 10) from pseudo-inertias (..., 4, 4): I = tr(Σ)·1 - Σ."""
+    """Inertial parameters (..., 10) from pseudo-inertias (..., 4, 4).
+
+    The inertia about the origin is tr(Σ)·1 - Σ, with the upper left 3 x 3 block Σ of the pseudo-inertia.
+    """
     sigma = J[..., :3, :3]
     inertia = np.trace(sigma, axis1=-2, axis2=-1)[..., None, None] * np.eye(3) - sigma
     return np.concatenate([J[..., 3:, 3], J[..., :3, 3], inertia_vector(inertia)], -1)
 
 
 def transform(vector: Array, rotation: Array, translation: Array) -> Array:
-    """Parameters of the same body in another frame, by the pseudo-inertia J' = T J Tᵀ.
+    """Inertial parameters of the same body in another frame.
+
+    The pseudo-inertia J is transformed by J' = T J Tᵀ, with the homogeneous transform T between the frames.
 
     Args:
         vector: Parameters in frame B, shape (..., 10).
@@ -83,13 +93,13 @@ def transform(vector: Array, rotation: Array, translation: Array) -> Array:
 
 
 def com_inertia_to_vector(mass: float, com: Array, inertia_about_com: Array) -> Array:
-    """Parameters (10,) from mass [kg], centre of mass (3,) [m] and inertia (3, 3) about this point [kg·m²]."""
+    """Inertial parameters (10,) from mass [kg], centre of mass (3,) [m] and inertia (3, 3) about it [kg·m²]."""
     S = skew(np.asarray(com))
     return np.concatenate([[mass], mass * np.asarray(com), inertia_vector(inertia_about_com - mass * S @ S)])
 
 
 def vector_to_com_inertia(vector: Array) -> tuple[float, Array, Array]:
-    """Mass [kg], centre of mass (3,) [m] and inertia (3, 3) about it [kg·m²]; the mass must not be zero."""
+    """Mass [kg], centre of mass (3,) [m] and inertia (3, 3) about this point [kg·m²]; the mass must not be zero."""
     mass = float(vector[0])
     com = vector[1:4] / mass
     S = skew(com)
@@ -97,7 +107,7 @@ def vector_to_com_inertia(vector: Array) -> tuple[float, Array, Array]:
 
 
 def about_com(vector: Array) -> Array:
-    """Mass, centre of mass and inertia about it, shape (10,), in parameter order.
+    """Mass, centre of mass and inertia about the centre of mass, shape (10,), in parameter order.
 
     If the mass is zero, all values except the mass are NaN.
     """

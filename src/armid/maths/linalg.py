@@ -9,7 +9,8 @@ import numpy as np
 from armid.checked_array import Array
 
 LEAST = 1e-15
-"""Ratio of an eigenvalue to the largest eigenvalue below which it is rounding, after scaling of rows and columns."""
+"""Ratio of an eigenvalue to the largest eigenvalue below which the smaller one is a rounding error, after scaling of
+rows and columns."""
 
 FAR_FROM_LEAST = 1e5
 """Largest entry of the inverse Cholesky factor for which all eigenvalues are certainly above `LEAST`."""
@@ -24,9 +25,9 @@ would be correct."""
 
 
 def unit_columns(A: Array) -> tuple[Array, Array]:
-    """Columns scaled to unit length, and their lengths, shape (b,).
+    """Columns of a matrix scaled to unit length, and their lengths before the scaling, shape (b,).
 
-    A zero column is kept; its length is given as one.
+    A zero column is not changed; its length is given as 1.
     """
     length = np.linalg.norm(A, axis=0)
     length = np.where(length > 0.0, length, 1.0)
@@ -34,7 +35,7 @@ def unit_columns(A: Array) -> tuple[Array, Array]:
 
 
 def condition(A: Array) -> float:
-    """Condition number: ratio of the largest to the smallest singular value; infinite if the smallest is zero."""
+    """Condition number: ratio of the largest to the smallest singular value; infinite if the rank is deficient."""
     values = np.linalg.svd(A, compute_uv=False)
     return float(values[0] / values[-1]) if values[-1] > 0.0 and A.shape[0] >= A.shape[1] else float("inf")
 
@@ -58,9 +59,10 @@ def null_directions(A: Array, tolerance: float = RANK_TOLERANCE) -> Array:
 
 
 def orthonormal(A: Array) -> tuple[Array, Array, Array] | None:
-    """Factors Q (rows, b), R (b, b) and R⁻¹ of unit columns A = Q R; `None` unless all are clearly independent.
+    """QR factors Q (rows, b), R (b, b), and R⁻¹, of a matrix A; `None` unless its columns are clearly independent.
 
-    This is much faster than a singular value decomposition, which is needed only if the result is `None`.
+    The columns of A must have unit length. This is much faster than a singular value decomposition, which is needed
+    only if the result is `None`.
     """
     if len(A) < A.shape[1]:
         return None

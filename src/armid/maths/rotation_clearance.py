@@ -1,8 +1,9 @@
-"""Proof, by profiles, that two bodies keep a distance at all angles at which they rotate against each other.
+"""Proof that two bodies keep a distance from each other at all angles of a rotation about one axis.
 
-A point that turns about an axis keeps its radius r and its height z. The profile of a body is the set of all (r, z)
-of its surface; the distance of two profiles in this plane is a lower bound of the distance of the bodies at all
-angles. Each triangle is enclosed by a rectangle in this plane; for the faces of a flange, this is exact.
+A point that turns about the axis keeps its distance r from the axis (radius) and its coordinate z along the axis
+(height). The profile of a body is the set of all (r, z) of its surface; the distance of two profiles in this plane is
+a lower bound of the distance of the bodies at all angles. Each triangle is enclosed by a rectangle in this plane; for
+the faces of a flange, this is exact.
 """
 
 from __future__ import annotations

@@ -111,7 +111,7 @@ def spline(time: Array, x: Array, at: Array) -> Array:
 
 
 def _short(h: Array, chord: Array) -> Array:
-    """Slopes of the line through two samples, or of the parabola through three samples."""
+    """Slopes at two samples of the line through them, or at three samples of the parabola through them."""
     if len(h) == 1:
         return np.repeat(chord, 2, axis=0)
     bend = (chord[1] - chord[0]) / (h[0] + h[1])

@@ -27,7 +27,7 @@ class Publisher:
         names: Names of the joints, in the order of the first message.
         stamps: Time in the header of each message [ns].
         received: Time at which the bag received each message [ns].
-        values: Values of each message, by the names position, velocity and effort.
+        values: Values of each message for the keys position, velocity and effort.
     """
 
     names: tuple[str, ...]
@@ -58,7 +58,7 @@ class JointStates:
 def collect(
     publishers: dict[frozenset[str], Publisher], names: Sequence[str], at: tuple[int, int], values: Mapping[str, Any]
 ) -> None:
-    """Adds one message to the messages with the same joints; its values are sorted in the order of these messages.
+    """Adds one message to the messages with the same joints, and puts its values into the order of their joints.
 
     Args:
         publishers: Messages so far, by the joints that they contain.
@@ -179,7 +179,7 @@ def _stack(rows: Sequence[Any], names: tuple[str, ...], name: str, path: Path) -
 
 
 def _received(states: Sequence[JointStates]) -> Finding:
-    """Finding that the times of reception are used as time."""
+    """Finding that states that the times of reception are used as the clock, because messages have no time stamps."""
     step = np.diff(states[0].time) * 1e-6
     typical = float(median(step)) if step.size else 0.0
     spread = (
@@ -251,7 +251,7 @@ def _with_spare(first: JointStates, rest: Sequence[JointStates], spare: Sequence
 
 
 def _at(time: NDArray[np.int64], known: NDArray[np.int64], values: Array) -> Array:
-    """Values (M, n) at the times `known` (M,), interpolated linearly at the times `time` (N,) [ns]."""
+    """Interpolates values (M, n), given at the times `known` (M,), linearly at the times `time` (N,) [ns]."""
     if len(time) == len(known) and (time == known).all():
         return values
     # Relative to the first, or doubles would not hold the nanoseconds of an epoch.
@@ -260,7 +260,7 @@ def _at(time: NDArray[np.int64], known: NDArray[np.int64], values: Array) -> Arr
 
 
 def _farthest(time: NDArray[np.int64], known: NDArray[np.int64]) -> float:
-    """Largest distance of a time from the nearest known time [ms]."""
+    """Largest distance of one of the times `time` from the nearest of the times `known` [ms]."""
     after = np.clip(np.searchsorted(known, time), 1, max(len(known) - 1, 1))
     before = after - 1
     after = np.minimum(after, len(known) - 1)

@@ -99,8 +99,8 @@ class LogFormat:
         period: Period of the motion [s], or `none` if the motion does not repeat; detected from the positions if not
             given.
         start: Time of the first period on the recording's clock [s].
-        spikes: `keep` uses isolated samples of positions, velocities and torques that no arm can have, such as zeros
-            of a lost packet; they are left out if it is not given.
+        spikes: If not given, spikes are left out: isolated samples of positions, velocities and torques that no arm
+            can have, such as zeros of a lost packet. With `keep`, they are used.
     """
 
     rate: float | None = None

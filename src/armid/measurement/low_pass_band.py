@@ -52,8 +52,8 @@ class Band:
             )
         if self.family != "none" and not (self.cutoff > 0 and self.order >= 1):
             raise ArmidError(
-                f"A {self.family} filter needs a cut-off above zero and an order of at least one; found "
-                f"{self.cutoff} Hz and {self.order}."
+                f"A {self.family} filter needs a cut-off above zero and an order of at least one; found a cut-off of "
+                f"{self.cutoff} Hz and an order of {self.order}."
             )
 
     @property

@@ -15,7 +15,7 @@ from armid.model.motion import Motion
 
 @dataclass(frozen=True, eq=False, slots=True)
 class ObservedRun:
-    """Contiguous run of motion with the measured torque.
+    """Contiguous run: consecutive samples of motion and measured torque.
 
     The output grid has M rows: every `step`-th sample, beginning with sample `offset`. Masks and blocks have one
     entry for each row.
@@ -25,7 +25,7 @@ class ObservedRun:
         torque: Joint torque, shape (N, n) [N·m or N].
         rate: Samples per second [Hz].
         step: Samples from one row of the output grid to the next.
-        offset: Sample of the first row.
+        offset: Index of the sample of the first row.
         mask: True for the valid rows of each joint, shape (M, n).
         block: Block of each row, counted from 0 without gaps, shape (M,). A block is one period if a period is
             stated, otherwise about one second.

@@ -14,19 +14,19 @@ from armid.measurement.remedy_builders import lines
 from armid.robot.robot import Robot
 
 FAR = 0.5
-"""Excess over the limits of a joint, divided by their span, above which limits that are only inaccurate cannot be
-the cause."""
+"""Distance by which positions exceed the limits of a joint, divided by the range between the limits, above which the
+cause cannot be that the limits are inaccurate."""
 
 OVERSHOOT = 0.1
-"""Excess over the limits, divided by their span, up to which positions count as inside. On ten recorded arms a joint
-goes beyond its described limits by up to 0.03."""
+"""Distance by which positions may exceed the limits of a joint, divided by the range between the limits, so that they
+still count as inside. In recordings of ten arms this ratio is at most 0.03."""
 
 WIDEST = 7.0
 """Largest plausible angle of a joint, about one turn [rad]."""
 
 COMPARABLE = 0.25
-"""Smallest share of its limits that a joint in degrees moves over, relative to the share of the other joints in
-radians. Angles of another arm that are read in degrees hardly move: their relative share is some hundredths."""
+"""Smallest share of its range that a joint must use if its angles are in degrees, divided by the share that the other
+joints use in radians. Angles in radians that are wrongly taken as degrees use only some hundredths of this share."""
 
 
 def check_limits(recording: Recording, log_format: LogFormat, robot: Robot) -> tuple[Finding, ...]:
@@ -105,7 +105,10 @@ def in_degrees(robot: Robot, q: Array, read_so: NDArray[np.bool_]) -> NDArray[np
 
 
 def _beyond(robot: Robot, q: Array) -> tuple[Array, Array]:
-    """Largest excess of positions (N, n) over the limits and span of the limits, (n,) each; infinite if unknown."""
+    """Largest distance by which positions (N, n) exceed the limits, and range of the limits, (n,) each.
+
+    For unknown limits, the distance is -∞ and the range ∞.
+    """
     low, high = np.array([joint.position_limits for joint in robot.joints]).reshape(-1, 2).T
     known = np.isfinite(low) & np.isfinite(high) & (high > low)
     beyond = np.maximum(low - q.min(axis=0), q.max(axis=0) - high)

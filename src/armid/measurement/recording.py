@@ -104,7 +104,7 @@ class Recording(Displayed):
         return array(values, shape, name, finite=False)
 
     def summary(self) -> Summary:
-        """Range of each channel."""
+        """Table with the range of each quantity of each channel."""
         effort = "current" if self.effort_is_current else "effort"
         named = {"q": self.q, "dq": self.dq, "ddq": self.ddq, effort: self.effort}
         known = {name: values for name, values in named.items() if values is not None}

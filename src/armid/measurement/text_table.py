@@ -107,7 +107,7 @@ def table_of(text: str, path: Path) -> TextTable:
 
 
 def numbers_of(table: TextTable, wanted: Sequence[str], path: Path) -> dict[str, Array]:
-    """Columns as numbers; an empty field is NaN.
+    """Converts columns of a text table to numbers, by name; an empty field is NaN.
 
     Raises:
         RecordingError: A field is not a number, or two columns have the same name.

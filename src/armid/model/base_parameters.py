@@ -53,7 +53,7 @@ are used for laws that are nonlinear in the velocity. The range includes Stribec
 10."""
 
 LINEAR = frozenset({"add", "mul", "sign", "abs"})
-"""Functions of expressions that have no velocity scale."""
+"""Functions of expressions that contain no characteristic velocity, unlike tanh or exp."""
 
 
 @dataclass(frozen=True, eq=False, slots=True, repr=False)
@@ -155,7 +155,7 @@ def find_base_parameters(model: DynamicsModel) -> BaseParameters:
 
 @one_blas_thread
 def _find(model: DynamicsModel) -> BaseParameters:
-    """Base parameters of a model whose result is not stored."""
+    """Finds the base parameters of a model without use of the cache."""
     p, inertial = len(model.parameters), model.inertial_columns
     terms = np.delete(np.arange(p), inertial)
     kept, regrouping = np.arange(p), np.eye(p)
@@ -180,7 +180,7 @@ def _find(model: DynamicsModel) -> BaseParameters:
 
 
 def _columns(model: DynamicsModel, count: int, seed: int) -> Array:
-    """Columns (rows, p) of the regressor at enough random states to find the rank of `count` columns.
+    """Regressor (rows, p) at random states, with enough rows to find the rank of `count` columns.
 
     If a law needs the load and the model has no load parameters yet, random load parameters are used, because their
     values do not affect the dependence of the columns.
@@ -204,7 +204,7 @@ def _columns(model: DynamicsModel, count: int, seed: int) -> Array:
 
 
 def _dependence(columns: Array) -> tuple[NDArray[np.intp], Array]:
-    """Indices (r,) of the first independent columns, and the matrix E (r, c) that gives all columns by these."""
+    """Indices `kept` (r,) of the first independent columns, and E (r, c) with columns = columns[:, kept] · E."""
     unit = columns / _norms(columns)
     kept, E = echelon(unit, SPAN_TOLERANCE)
     for j in np.delete(np.arange(len(E.T)), kept):

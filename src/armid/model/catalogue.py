@@ -29,4 +29,4 @@ TERMS: Catalogue[type[Term]] = Catalogue(
         "load-viscous": "armid.model.terms.friction.load_viscous:LoadViscous",
     }
 )
-"""Terms by their names in a study. The options of a family of friction are tried in this order."""
+"""Terms by their names in a study. The automatic selection tries the friction laws of one family in this order."""

@@ -11,9 +11,10 @@ from armid.robot.robot import Robot
 
 
 def described_torque(robot: Robot) -> tuple[DynamicsModel, Array] | None:
-    """Model of the links and of the described rotor inertia and friction, with its standard parameters (p,).
+    """Dynamics model of the values in a description, with its standard parameters (p,).
 
-    The parameters of links of unknown inertia are zero. `None` if the description has no inertial parameters.
+    The model contains the links and, as far as the description gives them, rotor inertia and friction. The parameters
+    of links of unknown inertia are zero. The result is `None` if the description has no inertial parameters.
     """
     inertial = robot.inertial_vector
     if inertial is None:
@@ -37,7 +38,7 @@ def described_torque(robot: Robot) -> tuple[DynamicsModel, Array] | None:
 
 
 def described_drives(robot: Robot) -> dict[str, Array]:
-    """Described rotor inertia, viscous and Coulomb friction of each joint (n,), by the name of the torque term."""
+    """Rotor inertia, viscous and Coulomb friction of the description, (n,) each, by the name of the torque term."""
     drives = [joint.drive for joint in robot.joints]
     return {
         RotorInertia.name: np.array([drive.rotor_inertia for drive in drives]),
@@ -51,7 +52,8 @@ DRIVE_TERMS = {
     "viscous": ("viscous friction", ("N·m·s/rad", "N·s/m")),
     "coulomb": ("Coulomb friction", ("N·m", "N")),
 }
-"""Names of described values of drives, with their units at turning and at sliding joints."""
+"""Rotor inertia and friction by the name of the torque term: name in texts, units for revolute and prismatic
+joints."""
 
 
 def described_torque_text(robot: Robot) -> str:

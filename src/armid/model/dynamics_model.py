@@ -220,7 +220,7 @@ class DynamicsModel(Displayed):
         return TermColumns(joint, parameter, values)
 
     def _of_joints(self, motion: Motion, names: set[str]) -> dict[str, Array]:
-        """Values of the named symbols for each joint, shape (n, N), or for each node, shape (m, N)."""
+        """Values of the symbols `names`: `state` for each node, shape (m, N), all others for each joint, (n, N)."""
         found = {"q": motion.q, "dq": motion.dq, "ddq": motion.ddq}
         if "load" in names:
             found["load"] = self._load(motion)
@@ -253,7 +253,7 @@ class DynamicsModel(Displayed):
         return motion.memory
 
     def _environment(self, law: Law, of_joints: dict[str, Array]) -> dict[str, Array]:
-        """Values of the symbols of a law: of its coordinate and of its hysteresis state."""
+        """Values of the symbols of a law: position, velocity, … of its coordinate, and its hysteresis state."""
 
         def combined(x: Array) -> Array:
             parts = [x[j] if w == 1.0 else w * x[j] for j, w in law.coordinate]

@@ -46,7 +46,7 @@ class Play:
 
 @dataclass(frozen=True, slots=True)
 class MemoryNode:
-    """Node of a hysteresis state: an operator and the coordinate that drives it; laws may share it.
+    """Node of a hysteresis state: an operator and the coordinate that drives it; several laws may use one node.
 
     Attributes:
         coordinate: Coordinate that drives the state.

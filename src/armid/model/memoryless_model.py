@@ -1,4 +1,4 @@
-"""Model whose hysteresis elements all slip in the direction of motion: its torque depends on the states alone.
+"""Model whose hysteresis elements all slip in the direction of motion, so that it has no hysteresis states.
 
 Hysteresis depends on the earlier motion. As soon as a coordinate has moved by twice the width of an element, however,
 the deflection of the element is at its limit, like Coulomb friction. The torques with hysteresis and with slipping
@@ -30,7 +30,7 @@ class _Slipping:
     name: ClassVar[str] = "slipping"
 
     def laws(self, robot: Robot) -> tuple[Law, ...]:
-        """Laws of the original term, without states."""
+        """Laws of the original term, without hysteresis states."""
         return tuple(_slipping(law) for law in self.original.laws(robot))
 
 

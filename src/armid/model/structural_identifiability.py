@@ -188,7 +188,10 @@ def _joint(tree: Tree, i: int, length: float) -> _Joint:
 
 
 def _products(powers: list[Array]) -> list[Array]:
-    """Matrices (10, 10) that transform parameters, for all pairs of coefficients of T in J' = T J Tᵀ."""
+    """Matrices (10, 10) that transform inertial parameters, for all pairs of coefficients of a transform T.
+
+    The pseudo-inertia J is transformed by J' = T J Tᵀ, and T is a polynomial with these coefficients.
+    """
     result: list[Array] = []
     for T, U in combinations_with_replacement(powers, 2):
         moved = T @ PSEUDO_INERTIA_OF @ U.T

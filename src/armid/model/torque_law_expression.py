@@ -276,7 +276,7 @@ def latex(expression: Expression) -> str:
 
 
 def _operands(expression: Expression, write: Callable[[Expression], str], brackets: str) -> list[str]:
-    """Arguments as text.
+    """Arguments of an expression as text or LaTeX.
 
     The base of a power is put in brackets if the exponent would seem to apply only to a part of it.
     """

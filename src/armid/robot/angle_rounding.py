@@ -90,17 +90,17 @@ def rounded(robot: Robot, locked: Collection[str] = ()) -> tuple[Robot, Finding 
 
 
 def _angle_between(old: Array, new: Array) -> float:
-    """Angle [rad] between the orientations of two poses, shape (4, 4) each."""
+    """Angle of the rotation from one pose to another pose, shape (4, 4) each [rad]."""
     # The chord gives a small angle accurately, where the arc cosine of the trace loses digits.
     chord = float(np.linalg.norm(new[:3, :3] - old[:3, :3])) / math.sqrt(8.0)
     return 2.0 * math.asin(min(1.0, chord))
 
 
 def _without_broken_relations(robot: Robot, corrected: tuple[Joint, ...]) -> tuple[Joint, ...]:
-    """Corrected joints, but as described where the correction would break an exact relation of neighbouring axes.
+    """Undoes the correction of joints if it would break an exact relation of neighbouring axes.
 
-    A joint that stays as described can break the relation to its next neighbour, so the test is repeated until
-    no relation is broken.
+    If the correction of a joint is undone, the relation to its next neighbour may be broken, so the test is repeated
+    until no relation is broken.
     """
     joints = list(corrected)
     while True:
@@ -178,7 +178,7 @@ def snapped_axis(axis: Array) -> Array:
 
 
 def _snapped(angles: Array, at_least: int) -> Array:
-    """Angles [rad] within `ROUNDING` of multiples of 15° set to these multiples, if there are enough such angles."""
+    """Sets angles [rad] that are close to multiples of 15° to these multiples, if at least `at_least` are close."""
     multiples = np.round(angles / STEP) * STEP
     close = np.abs(angles - multiples) < ROUNDING
     return np.where(close, multiples, angles) if close.sum() >= at_least else angles

@@ -30,11 +30,11 @@ def missing_bodies(robot: Robot) -> list[Finding]:
 def with_bodies(
     robot: Robot, *, described: Collection[str] = (), markers: Sequence[Shape] = (), world: str = ""
 ) -> Robot:
-    """Robot in which links without collision geometry use their visual geometry, with findings about it.
+    """Robot in which links without collision geometry use their visual geometry; findings about this are added.
 
     Args:
         robot: The robot, with its collision and visual geometry.
-        described: Names of the links that have some geometry in the description.
+        described: Names of the links that have collision or visual geometry in the description.
         markers: Visual geometry that does not represent a body, such as targets in a scene.
         world: Name of the group of bodies that do not belong to a link. Each body of this group is examined
             separately.

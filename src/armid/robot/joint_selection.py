@@ -167,11 +167,17 @@ def _outside(joint: SelectedJoint, value: float) -> Finding | None:
     if not joint.is_simple or joint.lower > joint.upper or joint.lower <= value <= joint.upper:
         return None
     what = f"locked at {value:.4g}, outside of its limits {joint.lower:.4g} to {joint.upper:.4g}"
-    return Finding("lock-outside-limits", "warning", joint.name, what, "lock it where it is in the recordings.")
+    return Finding(
+        "lock-outside-limits",
+        "warning",
+        joint.name,
+        what,
+        f"lock it at its position in the recordings: --lock {joint.name}=POSITION.",
+    )
 
 
 def _fitting(outline: JointOutline, pattern: str, source: str, purpose: str) -> list[SelectedJoint]:
-    """Joint with a given name, or the joints that match a pattern."""
+    """Joint whose name is `pattern`, or the joints whose names match it; an error is raised if there are none."""
     found = matching(pattern, outline.names)
     if found:
         return [joint for joint in outline.joints if joint.name in found]

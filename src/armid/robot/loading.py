@@ -84,7 +84,7 @@ def held_of(
 
 
 def _values(lock: Locked) -> dict[str, float | None]:
-    """Positions by name or pattern; `None` if no position is given."""
+    """Positions [rad or m] by name or pattern of the joints to lock; `None` for a joint without a position."""
     if isinstance(lock, Mapping):
         return {name: float(value) for name, value in lock.items()}
     values: dict[str, float | None] = {}

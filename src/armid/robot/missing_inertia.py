@@ -9,15 +9,15 @@ from armid.checked_array import Array
 from armid.robot.robot import Robot
 
 PLACEHOLDER = 0.01
-"""Mass below which that of a moving link may be a placeholder [kg]: simulators refuse a mass of zero."""
+"""Mass below which the mass of a moving link may be a placeholder [kg], because simulators refuse a mass of zero."""
 
 NEGLIGIBLE = 0.01
-"""Ratio to the mass of the heaviest link below which a mass is a placeholder: links of small arms may weigh only
-grams."""
+"""Ratio of a mass to the mass of the heaviest link below which the mass may be a placeholder. This second condition
+is needed because real links of small arms may weigh only grams."""
 
 
 def placeholder_masses(masses: Array) -> NDArray[np.bool_]:
-    """Mask of the masses (K,) [kg] of an arm's links that are placeholders for unknown masses."""
+    """Mask (K,) of the masses of an arm's links (K,) [kg] that are placeholders for unknown masses."""
     return masses < min(PLACEHOLDER, NEGLIGIBLE * float(masses.max(initial=0.0)))
 
 

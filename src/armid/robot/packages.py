@@ -22,10 +22,11 @@ SCHEMES = ("package://", "model://")
 """Beginnings of the names of files that lie in a package."""
 
 LEVELS = 3
-"""Number of folders, from that of the description upwards, near which missing files are searched."""
+"""Number of folders in which missing files are searched: the folder of the description and those above it."""
 
 MOST_FOLDERS = 50
-"""Largest number of folders in a folder that are searched; more belong to no package."""
+"""Largest number of subfolders of a folder that is searched; a folder with more subfolders is no part of a
+package."""
 
 _given: ContextVar[Mapping[str, str]] = ContextVar("_given", default=MappingProxyType({}))
 

@@ -27,12 +27,12 @@ NO_STOP = 100.0
 its limits."""
 
 NO_SPEED = 100.0
-"""Velocity limit [rad/s or m/s] from which it counts as unknown: it is ten times that of the fastest arms.
-Descriptions for simulators have limits of 100 to 50 000 where the real ones were not known."""
+"""Velocity limit [rad/s or m/s] from which the limit counts as unknown: ten times the velocity of the fastest arms.
+Descriptions for simulators contain limits of 100 to 50 000 if the real limits were not known."""
 
 NO_EFFORT = 1000.0
-"""Effort limit [N·m or N] from which it counts as unknown beside an unknown velocity limit. Strong arms have such
-limits, but their velocity limits are known."""
+"""Effort limit [N·m or N] from which the limit counts as unknown if the velocity limit of the joint is unknown, too.
+Strong arms have such effort limits, but their velocity limits are known."""
 
 FLANGE_NAMES = ("tool0", "flange")
 """Names of the frame of the tool flange, in order of preference, by the convention REP 199 of ROS-Industrial."""
@@ -65,9 +65,10 @@ def limits_of(
 ) -> tuple[DescribedLimits, Finding | None]:
     """Limits of a joint from its description; placeholder values are treated as unknown limits.
 
-    Placeholders are a velocity or effort of zero, a position range of zero width, a position range of a rotating
-    joint that is wider than that of any real joint, and a velocity that no arm reaches. In the last case the effort
-    counts as a placeholder, too, if it is the same number or 1000 or more. All but zeros are reported in a finding.
+    Placeholders are a velocity or effort limit of zero, a position range of zero width, a position range of a
+    rotating joint that is wider than that of any real joint, and a velocity limit that no arm reaches. If the
+    velocity limit is one that no arm reaches, the effort limit also counts as a placeholder if it is the same number
+    or 1000 or more. All placeholders except zeros are reported in a finding.
 
     Args:
         joint: Name of the joint.
@@ -226,13 +227,16 @@ def find_tip(model: Any, locked: Collection[str]) -> Any:
 
 
 def _last_joint(model: Any, locked: Collection[str]) -> int:
-    """Index of the last movable joint of the longest chain."""
+    """Index of the last movable joint of the longest chain of joints; locked joints are not counted."""
     depth = [0] * model.njoints
     for i in range(1, model.njoints):
         depth[i] = depth[model.parents[i]] + (model.names[i] not in locked)
     moving = [i for i in range(1, model.njoints) if model.names[i] not in locked]
     if not moving:
-        raise RobotError("All joints are locked.", remedy="leave at least one joint free.")
+        raise RobotError(
+            "All joints are locked, so no joint can move.",
+            remedy="change --lock, --only or --tip so that at least one joint is not locked.",
+        )
     return max(moving, key=lambda i: (depth[i], i))
 
 

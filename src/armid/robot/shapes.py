@@ -122,7 +122,7 @@ def _naming(option: str) -> str:
 
 
 def _listed(bodies: Sequence[str]) -> str:
-    """Text with the first names of some bodies and the number of the other bodies."""
+    """Text with the names of the first bodies, and the number of the bodies that are not named."""
     return ", ".join(bodies[:NAMED]) + (f" and {len(bodies) - NAMED} more" if len(bodies) > NAMED else "")
 
 

@@ -87,7 +87,7 @@ def check_locked(locked: Iterable[str], known: Iterable[str], source: str) -> No
     """Raises an error if joints to be locked do not exist in the description.
 
     Raises:
-        RobotError: A joint does not exist; the message lists the existing ones.
+        RobotError: A joint does not exist; the message lists the existing joints.
     """
     names = list(known)
     missing = [name for name in locked if name not in names]

@@ -124,7 +124,7 @@ def test_one_letter_is_a_unit_of_time_behind_a_sign_alone():
 
 def test_a_clock_that_counts_no_known_unit_is_refused_by_its_rate(tmp_path):
     path = write_csv(tmp_path / "run.csv", {"t_ns": T * 1e-5, **BODY})
-    with pytest.raises(RecordingError, match=r"read in nanoseconds, that is 2\.5e\+16 Hz") as caught:
+    with pytest.raises(RecordingError, match=r"if it counts nanoseconds, the sample rate is 2\.5e\+16 Hz") as caught:
         read(path)
     assert caught.value.code == "clock-unit" and "time_unit" in caught.value.remedy
 

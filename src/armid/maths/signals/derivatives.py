@@ -29,7 +29,9 @@ def central_difference(x: Array, rate: float, order: int = 1, *, periodic: bool 
         forward, backward = np.roll(x, -1, axis=0), np.roll(x, 1, axis=0)
         return (forward - backward) * (rate / 2) if order == 1 else (forward - 2 * x + backward) * rate**2
     if len(x) < 4:
-        raise ArmidError(f"Central differences need at least 4 samples; found {len(x)}.")
+        raise ArmidError(
+            f"Central differences need at least 4 samples; found {len(x)}.", remedy="give a longer signal."
+        )
     result = np.empty_like(x)
     if order == 1:
         result[1:-1] = (x[2:] - x[:-2]) * (rate / 2)

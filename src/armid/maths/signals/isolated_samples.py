@@ -1,8 +1,10 @@
-"""Isolated samples: short runs of a signal that lie beyond the samples on both sides.
+"""Isolated samples: up to three successive samples of a signal that lie far from the samples on both sides.
 
-The height of a run is its distance from the interval between the medians of three samples before it and three samples
-after it. A step and a steady motion have no height, because their samples lie between those on both sides. A part of
-a longer run has none either, because the samples next to it lie with the run.
+Such a group of successive samples is called a run here. The height of a run is the distance of its samples from the
+interval between two medians: the median of the three samples before the run, and that of the three samples after it.
+At a step, or in a steady motion, this height is zero, because the samples lie between the two medians. For a run that
+is only a part of a longer group of outliers it is set to zero, because the samples directly beside the run are then
+far from the medians.
 """
 
 from __future__ import annotations
@@ -13,10 +15,10 @@ from numpy.typing import NDArray
 from armid.checked_array import Array
 
 SIDE = 3
-"""Number of samples on each side whose median a run is compared with; one of them may be an outlier itself."""
+"""Number of samples on each side of a run from which the median is computed; one of them may be an outlier itself."""
 
 FEWEST = 30
-"""Smallest number of samples in which isolated ones are searched."""
+"""Smallest number of samples of a signal in which isolated samples are searched."""
 
 WINDOW = 20
 """Number of steps on each side of a run from which the local noise is estimated."""
@@ -26,38 +28,41 @@ LOCAL = 30.0
 noise."""
 
 USUAL, QUANTILE = 15.0, 0.99
-"""Smallest height of a brief isolated run, divided by a quantile of the heights of the single samples of its channel
-where it changes, since jerks, impacts and sticking have short peaks, too. Rest does not count: an arm that rests most
-of the time would have a quantile of zero. Where motion is so smooth that the quantile is zero nevertheless, that of
-the second differences takes its place."""
+"""Smallest height of a brief isolated run, divided by the given quantile of the heights of single samples of the same
+channel. This condition is needed because jerks, impacts and sticking cause short peaks, too. Samples at which the
+channel does not change are not counted, since otherwise the quantile would be zero for an arm that rests most of the
+time. If motion is so smooth that the quantile is zero nevertheless, a quantile of the second differences is used
+instead."""
 
 BENT_QUANTILE = 1.0 - 3.0 * (1.0 - QUANTILE)
-"""Quantile of the second differences, of which an isolated sample has three."""
+"""Quantile of the second differences that is used instead; an isolated sample changes three second differences."""
 
 BRIEF = 2.5e-3
-"""Duration of a run from which it must be higher in proportion [s]. Where an arm stops abruptly, torque has a peak of
-10 ms: one sample at 100 Hz. On a recorded UR10e its height is 20 times the quantile; this requires 60 times."""
+"""Duration of a run above which the required height increases in proportion to the duration [s]. If an arm stops
+abruptly, the torque has a peak of 10 ms: one sample at 100 Hz. In a recording of a UR10e, the height of such a peak
+is 20 times the quantile; this rule requires 60 times."""
 
 RETURNS = 3.0
-"""Smallest height of an isolated run, divided by the difference between both of its sides. The velocity of an arm
-that stops overshoots by 1 to 2 times that difference."""
+"""Smallest height of an isolated run, divided by the difference between the medians on its two sides. If an arm
+stops, its velocity overshoots by 1 to 2 times this difference."""
 
 LONGEST = 3
 """Largest number of samples of an isolated run."""
 
 ROUGH = 10.0
-"""Largest second difference, divided by the mean one, up to which no sample can be isolated; that of white noise is
-6."""
+"""Ratio of the largest to the mean second difference up to which no sample can be isolated; for white noise the ratio
+is 6."""
 
 
 def heights(x: Array, length: int, *, ends: bool = False) -> tuple[Array, Array]:
-    """Heights of all runs of a given length, and the differences between both sides of each.
+    """Heights of all runs of a given length, and the difference between the medians on the two sides of each run.
 
     Args:
         x: Samples, shape (N,).
-        length: Samples of a run.
-        ends: True if runs at the ends have a height, too: the median of seven samples there takes the place of the
-            missing ones. A step near an end is then not told from a run. Otherwise the last sample is repeated.
+        length: Number of samples of a run.
+        ends: If true, runs at the ends of the signal have a height, too: the samples that are missing beyond an end
+            are replaced by the median of the seven samples next to it. A step near an end then also counts as a run.
+            If false, the first or the last sample is repeated.
 
     Returns:
         Heights and differences of the runs that begin at each sample, shape (N - length + 1,) each.
@@ -84,7 +89,7 @@ def marked(starts: NDArray[np.bool_], length: int, into: NDArray[np.bool_]) -> N
 
     Args:
         starts: Mask of the samples at which the runs begin, shape (N - length + 1,).
-        length: Samples of a run.
+        length: Number of samples of a run.
         into: Mask of samples that is changed, shape (N,).
     """
     for k in range(length):
@@ -92,7 +97,7 @@ def marked(starts: NDArray[np.bool_], length: int, into: NDArray[np.bool_]) -> N
 
 
 def smallest_step(steps: Array) -> float:
-    """Smallest step that is not zero, which is at least the resolution; 0 if all steps are zero."""
+    """Smallest of the steps that are not zero, which shows the resolution of a channel; 0 if all steps are zero."""
     return float(np.min(steps, where=steps > 0.0, initial=np.inf)) if steps.any() else 0.0
 
 
@@ -104,7 +109,7 @@ def isolated_samples(x: Array, seconds: float) -> NDArray[np.bool_]:
         seconds: Time from sample to sample [s].
 
     Returns:
-        Shape (N, n).
+        Mask, shape (N, n).
     """
     found = np.zeros(x.shape, dtype=np.bool_)
     if len(x) < FEWEST:
@@ -116,7 +121,10 @@ def isolated_samples(x: Array, seconds: float) -> NDArray[np.bool_]:
 
 
 def _mark_isolated(x: Array, seconds: float, found: NDArray[np.bool_]) -> None:
-    """Marks the isolated samples of one channel (N,) that is not constant; none if it has no usual height."""
+    """Marks the isolated samples of one channel (N,) that is not constant.
+
+    No sample is marked if the usual height of single samples is not known.
+    """
     steps = np.abs(np.diff(x))
     resolution = smallest_step(steps)
     usual = _usual_height(x, steps > 0.0)
@@ -136,7 +144,7 @@ def _mark_isolated(x: Array, seconds: float, found: NDArray[np.bool_]) -> None:
 
 
 def _usual_height(x: Array, changes: NDArray[np.bool_]) -> float:
-    """Usual height of the single samples of a channel (N,) that differ from a neighbour; 0 if it is not known.
+    """Usual height of the single samples of a channel (N,) that differ from a neighbour; 0 if it cannot be computed.
 
     Args:
         x: Samples, shape (N,).

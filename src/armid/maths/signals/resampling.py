@@ -29,7 +29,8 @@ def resample(time: Array, x: Array, grid: Array, *, longest: float = np.inf) -> 
     steps = np.diff(time)
     if not (steps > 0).all():
         raise ArmidError(
-            f"The time must increase from sample to sample; it does not after sample {int(np.argmin(steps > 0))}."
+            f"The time must increase from sample to sample; it does not after sample {int(np.argmin(steps > 0))}.",
+            remedy="remove the samples that are not in the order of time.",
         )
     if len(steps) and steps.max() > longest:
         raise ArmidError(

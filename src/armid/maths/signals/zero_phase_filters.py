@@ -266,7 +266,10 @@ def _aliased(transform: NDArray[np.complex128], samples: int, step: int) -> NDAr
 
 
 def _grid_gain(filter: Array, length: int) -> Array:
-    """Gain at the frequencies of a real FFT of `length` samples; longer taps wrap around. The last 16 are cached."""
+    """Gain at the frequencies of a real FFT of `length` samples; longer taps wrap around.
+
+    The last 16 results are cached.
+    """
     return _gain_of(filter.tobytes(), filter.shape, length)
 
 
@@ -282,7 +285,7 @@ def _gain_of(content: bytes, shape: tuple[int, ...], length: int) -> Array:
 
 
 def extended(x: Array, before: int, after: int, *, periodic: bool) -> Array:
-    """Signals (..., N) continued at both ends: periodically, or by odd reflection (repeated for short signals)."""
+    """Signals (..., N) continued at both ends: periodically, or by odd reflection, repeated if they are short."""
     samples = x.shape[-1]
     widths = [(0, 0)] * (x.ndim - 1) + [(before, after)]
     if periodic:

@@ -23,13 +23,15 @@ EVEN = 0.9
 """Smallest share of the steps of a uniform clock that differ from the median step by less than half of it."""
 
 LONGEST_STEP = 0.5
-"""Median step [s] from which a clock does not count seconds, because motion is not recorded at 2 Hz or slower."""
+"""Median step [s] from which the unit of a clock cannot be the second, because motion is not recorded at 2 Hz or
+slower."""
 
 UNITS = ((100.0, 1e-3, "milliseconds"), (1e5, 1e-6, "microseconds"), (np.inf, 1e-9, "nanoseconds"))
-"""Possible units of a clock that does not count seconds, by its step; each unit covers 10 Hz to 2 kHz."""
+"""Possible units of a clock that does not count seconds: upper end of its median step, length of the unit [s], and
+name of the unit. Each unit covers sample rates from 10 Hz to 2 kHz."""
 
 IN_STEP = 1e-3
-"""Relative difference up to which the spans of two clocks count as equal."""
+"""Relative difference up to which the total times of two clocks count as equal."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,12 +79,12 @@ def _grows(values: Array) -> bool:
 
 
 def evenly_growing(names: Sequence[str], used: Collection[str], values: Values) -> dict[str, float]:
-    """Columns that increase uniformly: each may be a clock, although neither name nor unit shows this.
+    """Columns that increase uniformly, so that they may be clocks, although neither name nor unit shows this.
 
     Args:
         names: All columns.
         used: Columns with another use.
-        values: Function that returns their numbers.
+        values: Function that returns the numbers of a column.
 
     Returns:
         Median step of each column that increases evenly from row to row.

@@ -17,7 +17,8 @@ MOTION = ("q", "dq", "ddq")
 Channel = str | int
 
 _Form = tuple[str, tuple[str, ...], bool, int]
-"""Key of a group of columns: quantity, words of the names, whether channels are numbers, and number of the copy."""
+"""Key of a group of columns: quantity, words of the names, true if the channels are numbers, and number of the group
+among those with equal names."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +41,7 @@ class Guess:
 
 @dataclass(frozen=True, slots=True)
 class _Group:
-    """Columns whose names differ only in the channel.
+    """Group of columns whose names differ only in the channel.
 
     Attributes:
         quantity: Quantity of the columns; a current is an effort.
@@ -120,7 +121,7 @@ def guess_columns(
 def _chosen(
     usable: Sequence[_Group], quantities: Sequence[str], joints: int, described: int, channels: int
 ) -> dict[str, _Group] | ClockRequest:
-    """Best group of columns of each quantity, or the ambiguous choices of all quantities."""
+    """Best group of columns of each quantity, or the ambiguous guesses if a quantity has several best groups."""
     chosen: dict[str, _Group] = {}
     requests: list[ClockRequest] = []
     for quantity in ("q", "dq", "ddq", "effort"):
@@ -198,7 +199,7 @@ def _is_whole(group: _Group, wanted: Sequence[str], *, matrices: bool) -> bool:
 
 
 def _goes_with(group: _Group, positions: _Group | None, channels: int) -> bool:
-    """Tests whether a group has the same channels as the positions and describes the same device."""
+    """Tests whether a group of columns has the same channels as the positions and belongs to the same device."""
     if positions is None:
         return not channels or "" in group.members or (not group.by_name and len(group.members) == channels)
     same = group.by_name if positions.by_name else set(group.members) == set(positions.members)
@@ -207,7 +208,7 @@ def _goes_with(group: _Group, positions: _Group | None, channels: int) -> bool:
 
 
 def _best(groups: Sequence[_Group], joints: int, described: int) -> list[_Group]:
-    """Best group of columns and all groups that are equally good."""
+    """Best group of columns, together with all groups that are equally good."""
 
     def key(group: _Group) -> tuple[bool, bool, int, bool, int]:
         role, motor = group.first.rank

@@ -35,7 +35,8 @@ UNITS: Mapping[str, tuple[str, float]] = {
     "amperes": ("current", 1.0),
     "rpm": ("rad", 2.0 * math.pi / 60.0),
 }
-"""Quantity of each unit and factor that converts it to armid's unit, by its name without signs and powers of time."""
+"""Quantity of each unit, and factor that converts the unit to that of armid, by name without signs and powers of
+time."""
 
 SECONDS: Mapping[str, float] = {
     "s": 1.0, "sec": 1.0, "secs": 1.0, "second": 1.0, "seconds": 1.0,
@@ -90,8 +91,8 @@ PAIRS: Mapping[tuple[str, str], str] = {
     ("torque", "axis"): "torque",
     ("vel", "axis"): "vel",
 }
-"""Pairs of words that together have the meaning of one word; those with `axis` are variables of KUKA's language, such
-as `$AXIS_ACT` and `$TORQUE_AXIS_ACT`."""
+"""Pairs of words that together have the meaning of one word; pairs with `axis` occur in variables of KUKA's language,
+such as `$AXIS_ACT` and `$TORQUE_AXIS_ACT`."""
 
 MEASURED = frozenset("actual act measured meas msr feedback fbk fb real is ai encoder enc sensor".split())
 COMMANDED = frozenset(
@@ -131,7 +132,8 @@ TAIL = re.compile(
 """Unit in brackets or after the last separator; a single letter after a separator is too ambiguous."""
 
 QUOTIENT = re.compile(r"(.*\d.*?|.+\s)/\s*((?:m?rad|deg|°)(?:/s(?:\^?2|²)?)?|[mck]?N[·.]?m|[cm]?m|rpm|m?A)")
-"""Unit behind a solidus, as tables of physics have it: `i1/A`, `tau 1 / N·m`; a path of a topic ends in a word."""
+"""Unit after a slash, as in tables of physics: `i1/A`, `tau 1 / N·m`. After the slash of a ROS topic there is a
+word."""
 
 TIME_TAIL = re.compile(rf"(.+?)(?:\s+in\s+|\s*/\s*|[_\s.-])({'|'.join(SECONDS)})", re.IGNORECASE)
 """Unit of time after a separator; it may be a single letter."""
@@ -154,10 +156,10 @@ class ColumnName:
     Attributes:
         column: Full name.
         quantity: `q`, `dq`, `ddq`, `effort` or `current`.
-        channel: Name of the joint, or its number; empty where the name has neither.
+        channel: Name or number of the joint; empty if the name of the column contains neither.
         form: Words of the name, with `*` for the channel.
-        rank: Two numbers; the column with the smallest ones is preferred. First number: 0 or 1 for measured, 2 for
-            commanded values. Second number: joint side or motor side.
+        rank: Two numbers; the column with the smallest numbers is preferred. First number: 0 or 1 for measured, 2 for
+            commanded values. Second number: smaller for the joint side than for the motor side.
         unit: Quantity of the unit in the name, and factor that converts the unit to the unit of armid; `None` without
             a unit.
     """

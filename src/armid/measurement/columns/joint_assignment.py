@@ -15,10 +15,11 @@ from armid.measurement.recording import Recording
 from armid.robot.robot import Held, Robot
 
 MOVES = {"rad": 0.01, "m": 1e-3}
-"""Position range above which a locked joint counts as moving; noise and the play of a brake stay below it."""
+"""Range of positions above which a locked joint counts as moving, by unit; noise and the play of a brake cause
+less."""
 
 ELSEWHERE = {"rad": 0.05, "m": 5e-3}
-"""Distance of a locked joint from its stated position above which gravity torques change noticeably."""
+"""Distance of a locked joint from its stated position above which gravity torques change noticeably, by unit."""
 
 LISTED = 20
 """Largest number of channel names in a finding; a humanoid robot can have fifty channels."""

@@ -31,7 +31,7 @@ LISTED = 12
 """Largest number of joints named in a message."""
 
 ANGLES = frozenset(("roll", "pitch", "yaw"))
-"""Words of angles of bodies that names of joints have, too."""
+"""Words for the orientation of a body that are also usual in names of joints."""
 
 GENERIC = frozenset("joint joints jnt axis axes arm robot motor motors link ch channel dof state states".split())
 """Words that do not identify an arm; words of fewer than three letters are ignored, too."""
@@ -202,7 +202,7 @@ def other_arm(columns: Sequence[str], labels: Sequence[str], robot: str) -> str:
 
 
 def _stem(name: str) -> str:
-    """Part of a name without its numbers."""
+    """Name without its numbers."""
     return re.sub(r"\d+", "#", name)
 
 

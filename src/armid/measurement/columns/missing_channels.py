@@ -1,4 +1,4 @@
-"""Columns that are missing in a set of numbered columns, with the joints to which they would belong."""
+"""Search for columns that are missing in a set of numbered columns, and for the joints to which they would belong."""
 
 from __future__ import annotations
 
@@ -32,11 +32,12 @@ def absent_columns(columns: Sequence[str], positions: Sequence[str]) -> dict[int
 
     Args:
         columns: Columns of a quantity, whose names differ only in one number.
-        positions: Columns of positions, likewise.
+        positions: Columns of positions, whose names also differ only in one number.
 
     Returns:
-        Empty if the columns are not numbered like the positions, or if that is not clear: beside positions from 0,
-        columns without a 0 may be numbered from 1.
+        Names of the missing columns. The result is empty if the columns are not numbered like the positions, or if
+            their numbering is not clear: if positions are numbered from 0 and no column has the number 0, the columns
+            may be numbered from 1.
     """
     own, every = _numbers(columns), _numbers(positions)
     if own is None or every is None or not set(own[2]) < set(every[2]) or _may_start_at_1(own[2], every[2]):
@@ -97,7 +98,7 @@ def uneven_channels(
 
 
 def with_joints(absent: Mapping[int, str], joints: Sequence[str]) -> str:
-    """Missing columns in a sentence, with their joints where these are known: `tau3 (elbow)`."""
+    """Text that lists missing columns, with their joints if these are known: `tau3 (elbow)`."""
     return ", ".join(f"{name} ({joints[k]})" if k < len(joints) else name for k, name in absent.items())
 
 
@@ -108,7 +109,7 @@ def remedy_of(
     joints: Sequence[str],
     log_format: LogFormat,
 ) -> Remedy:
-    """Remedy for missing columns of effort: log them, or lock their joints and leave out the other columns of these.
+    """Remedy for missing columns of effort: log them, or lock their joints and leave out all columns of these joints.
 
     Args:
         absent: Missing columns by index of the channel.
@@ -132,12 +133,12 @@ def remedy_of(
 
 
 def _may_start_at_1(numbers: Sequence[int], positions: Sequence[int]) -> bool:
-    """True if columns beside positions that are numbered from 0 may be numbered from 1."""
+    """True if columns may be numbered from 1 although the columns of positions are numbered from 0."""
     return 0 in positions and 0 not in numbers and {number - 1 for number in numbers} <= set(positions)
 
 
 def _numbers(columns: Sequence[str]) -> tuple[str, str, list[int]] | None:
-    """Text before and after the number in which names differ, and the numbers; `None` if they differ otherwise."""
+    """Text before and after the only number in which names differ, and the numbers; `None` if they differ in more."""
     for number in re.finditer(r"\d+", columns[0]) if columns else ():
         before, after = columns[0][: number.start()], columns[0][number.end() :]
         form = re.compile(re.escape(before) + r"(\d+)" + re.escape(after))

@@ -22,10 +22,10 @@ DEGREE = 0.017453292519943295
 
 
 CURRENT = re.compile(r"i([_\[]?\d+\]?)?|.*current.*", re.IGNORECASE)
-"""Names of columns with motor current, whatever else is in them: i1, i_1, i[0], actual_current_0."""
+"""Pattern of the names of columns with motor current: i1, i_1, i[0], actual_current_0."""
 
 AMPERE = re.compile(r".+[_\s.-]A")
-"""Name with an A behind the last separator: the unit, or the name of a joint or arm."""
+"""Pattern of a name that ends in the letter A after a separator: the unit ampere, or the name of a joint or arm."""
 
 
 def hold_current(effort: Sequence[str], q: Sequence[str] = ()) -> bool:

@@ -144,8 +144,8 @@ def _listing(names: Sequence[str], word: str) -> str:
 def ambiguous_columns(request: ClockRequest, q: Sequence[str], log_format: LogFormat, path: Path) -> RecordingError:
     """Error that asks for the columns of all quantities at once.
 
-    Of each quantity, the set is proposed whose names have most words in common with the positions, or with the first
-    set.
+    For each quantity, the remedy names one set: the set whose names have most words in common with the columns of
+    positions or, if these are unknown, with the first set.
 
     Args:
         request: Sets of columns by quantity.

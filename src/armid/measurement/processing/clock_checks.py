@@ -17,17 +17,18 @@ RATE_TOLERANCE = 0.1
 """Relative difference of two rates that is tolerated; a wrong rate differs by a large factor."""
 
 CLOCK_TIES = 0.01
-"""Largest share of rows with the same time stamp as the row before, for a coarse clock; more is another fault."""
+"""Largest share of rows with the same time stamp as the row before that a coarse clock can explain."""
 
 SCATTER = 5.0
-"""Largest distance of time stamps from an even clock, in steps, for which only the stamps scatter. A missing second,
-or rows of another recording, move the stamps much further."""
+"""Largest distance of time stamps from a uniform clock, in steps, that counts as scatter of the time stamps. A
+missing second, or rows of another recording, move the time stamps much further."""
 
 SHORTEST_STEP = 4e-5
-"""Median step [s] up to which no arm is recorded; the fastest loops of drives take 5e-5 s."""
+"""Median step [s] below which no arm is recorded; the fastest control loops of drives have a step of 5e-5 s."""
 
 COUNTED_STEPS = (5e-4, 0.5)
-"""Smallest and largest median step [s] by which the true unit is found of a clock that is read as too fast."""
+"""Smallest and largest plausible median step [s]; the true unit of a clock that seems too fast is searched so that
+its step lies between them."""
 
 UNITS = {1.0: "seconds", 1e-3: "milliseconds", 1e-6: "microseconds", 1e-9: "nanoseconds"}
 """Names of the units in which clocks count, by their length [s]."""
@@ -37,8 +38,8 @@ def check_clock(recording: Recording, log_format: LogFormat) -> None:
     """Raises an error if the clock runs backwards, has another unit than stated, or contradicts the rate.
 
     Args:
-        recording: As read.
-        log_format: How it was read.
+        recording: Recording as read from its file.
+        log_format: Log format with which it was read.
 
     Raises:
         RecordingError: The clock is wrong.
@@ -56,7 +57,8 @@ def check_clock(recording: Recording, log_format: LogFormat) -> None:
             "clock-rate",
             recording,
             f"the time column gives {1 / typical:.4g} Hz, but the key `rate` gives {recording.rate:g} Hz.",
-            "correct one of them: remove `rate`, or leave the time column out with an empty name.",
+            "correct one of the two: remove the key `rate`, or leave the time column out (an empty name of "
+            "`time` under `columns`).",
         )
 
 
@@ -108,13 +110,13 @@ def _check_unit(recording: Recording, step: float, unit: float) -> None:
         raise recording_error(
             "clock-unit",
             recording,
-            f"{moved}; read in {as_read}, that is {1.0 / step:.3g} Hz, at which no arm is recorded.",
+            f"{moved}; if it counts {as_read}, the sample rate is {1.0 / step:.3g} Hz, at which no arm is recorded.",
             "find out the unit of the time column, and give the length of this unit in seconds (time_unit = …).",
         )
 
 
 def _counted_unit(step: float, unit: float) -> float | None:
-    """Length of the unit [s] that a clock probably counts; `None` if it can be the unit in which it was read.
+    """Length [s] of the unit that a clock probably counts; `None` if the unit in which it was read is possible.
 
     Args:
         step: Median step as read [s].
@@ -130,7 +132,7 @@ def _counted_unit(step: float, unit: float) -> float | None:
 
 
 def without_ties(recording: Recording) -> tuple[Recording, tuple[Finding, ...]]:
-    """Drops rows with the time stamp of the row before, if the resolution of the clock is coarser than a step."""
+    """Drops rows with the time stamp of the row before, if the clock is coarser than the sample time."""
     if recording.time is None:
         return recording, ()
     tied = np.concatenate([[False], np.diff(recording.time) == 0])

@@ -15,11 +15,11 @@ from armid.measurement.log_format import LogFormat
 from armid.measurement.recording import Recording
 
 BRIDGED = 0.02
-"""Longest time step over which torque is interpolated [s]: a tenth of a period at 5 Hz. Steps up to `USUAL` median
-steps are always bridged."""
+"""Longest time step over which torque is interpolated [s]: a tenth of a period at 5 Hz. Over steps of up to `USUAL`
+median steps, torque is always interpolated."""
 
 USUAL = 2.5
-"""Step, in median steps, up to which a gap is always bridged: one lost sample and some jitter."""
+"""Longest time step, in median steps, over which torque is always interpolated: one lost sample and some jitter."""
 
 FEWEST = 4
 """Smallest number of samples for a cubic spline; shorter segments between gaps are masked."""

@@ -22,10 +22,10 @@ def motion_filter(processing: ProcessingOptions, rate: float) -> Array | None:
 
 
 def differentiate(segment: Segment, processing: ProcessingOptions, *, given: bool) -> Motion:
-    """Positions, velocities and accelerations at full rate.
+    """Filters and differentiates the positions of a segment at full rate.
 
     Args:
-        segment: Segment; it has a uniform rate, unless derivatives are given.
+        segment: Samples at a uniform rate; the rate need not be uniform if derivatives are given.
         processing: Options with a cut-off in Hz; filter, derivatives and edges are used.
         given: True if the recorded derivatives are used, together with the recorded positions.
     """

@@ -1,4 +1,4 @@
-"""Options of processing; keys of a study's `[processing]`."""
+"""Options for the processing of recordings; they are the keys of the table `[processing]` of a study."""
 
 from __future__ import annotations
 

@@ -1,10 +1,10 @@
 """Detection of the period of a repeated motion from the positions.
 
 A motion repeats with a lag L if q(t + L) = q(t) for every joint that moves, except during the moves to the start pose
-and back. Candidates for L come from the autocorrelation of the whole recording. Each candidate is refined to a
-fraction of a sample. It is accepted if the longest segment on which both sides agree contains at least two whole
-repetitions and most of all motion. The difference of both sides is compared with the distance that a joint moves
-within a time L, so slow motions and random motions do not count as repeated.
+and back. Possible lags come from the autocorrelation of the whole recording. Each possible lag is refined to a
+fraction of a sample. It is accepted if the longest segment on which q(t + L) and q(t) agree contains at least two
+whole repetitions and most of all motion. The difference between q(t + L) and q(t) is compared with the distance that
+a joint moves within a time L, so slow motions and random motions do not count as repeated.
 """
 
 from __future__ import annotations
@@ -43,7 +43,8 @@ SAME = 0.02
 to which motions are the same. The error of controllers is about 0.01."""
 
 ALIKE = 0.1
-"""The same limit as `SAME`, but at a single instant."""
+"""Difference of repetitions at a single instant, divided by the standard deviation of the joint's positions, up to
+which motions are the same at this instant."""
 
 AS_GOOD, GOOD = 2.0, 0.002
 """Difference up to which a shorter lag is taken as the period: relative to the difference of the best lag, and
@@ -56,10 +57,11 @@ FAR = 4.0
 """Squared difference, divided by its median, above which an instant is ignored in the alignment of repetitions."""
 
 MOST = 0.75
-"""Smallest share of the recording, and of all motion in it, that whole repetitions must contain."""
+"""Smallest share of the recording, and of all motion in the recording, that whole repetitions must contain."""
 
 MOVES = 1e-3
-"""Standard deviation of positions from which a joint counts as moving [rad or m]; a held pose has less."""
+"""Standard deviation of positions from which a joint counts as moving [rad or m]; a joint that holds a pose has
+less."""
 
 CLEAR = 30.0
 """Smallest ratio of the standard deviation of positions to their noise for a joint that moves."""
@@ -75,8 +77,8 @@ OUTSIDE = 0.05
 """Time before and after the repetitions above which this time is reported [s]."""
 
 OFF = 0.02
-"""Relative difference of a stated period from a whole number of found ones, or the reverse, up to which it is right:
-smaller differences are timing errors, which the doctor measures."""
+"""Largest relative difference between the stated period and a multiple of the found period, or the reverse, for which
+the stated period is right. Smaller differences are timing errors, which the doctor measures."""
 
 ROUNDS = 4
 """Number of corrections of a lag; each reduces its error to a tenth or less."""
@@ -169,8 +171,8 @@ def check_period(
         segments: Segments of the recording between its gaps.
         period: The stated period [s].
         start: Stated time of the first period [s], if any.
-        source: Of the recording.
-        findings: What was found is added.
+        source: Path of the recording.
+        findings: List to which the finding is added.
     """
     if len(segments) != 1:
         return
@@ -261,7 +263,7 @@ def _likely(x: Array, shortest: int) -> list[tuple[int, Array]]:
 
 
 def _agreement(x: Array, near: int, within: Array, noise: Array) -> _Agreed | None:
-    """Best agreement at a lag near the given lag; `None` if too few samples agree."""
+    """Lag near a given lag at which the signals agree best with themselves; `None` if too few samples agree."""
     lag, off = float(near), np.zeros(0)
     for _ in range(ROUNDS):
         ahead, speed = _ahead(x, np.arange(int(len(x) - lag)), lag)
@@ -298,7 +300,7 @@ def _ahead(x: Array, first: NDArray[np.int64], lag: float) -> tuple[Array, Array
 
 
 def _longest(good: NDArray[np.bool_], bridged: int) -> tuple[int, int]:
-    """First sample and end of the longest segment of true flags; holes up to a given length are ignored."""
+    """First sample and end of the longest segment of true flags; gaps of up to `bridged` false flags are ignored."""
     ends = np.flatnonzero(np.diff(np.concatenate([[False], good, [False]]))).reshape(-1, 2)
     if not len(ends):
         return 0, 0
@@ -310,7 +312,7 @@ def _longest(good: NDArray[np.bool_], bridged: int) -> tuple[int, int]:
 
 
 def _whole(grid: Array, x: Array, agreed: _Agreed, length: float, rate: float) -> Repetition | None:
-    """Repetitions in seconds; the period is the mean distance from the first to the last repetition."""
+    """Repetitions of a motion in seconds; the period is the mean time between successive repetitions."""
     step = float(grid[1] - grid[0])
     lag = agreed.lag
     count = int((agreed.last - agreed.first) / lag + 1.0 + CLOSE)
@@ -330,7 +332,7 @@ def _whole(grid: Array, x: Array, agreed: _Agreed, length: float, rate: float) -
 
 
 def _from_ends(x: Array, lag: float, first: int, count: int) -> float:
-    """Lag that is refined with the delay between the first and the last repetition."""
+    """Refines a lag by the delay between the first and the last repetition; lags are in samples."""
     for _ in range(ROUNDS):
         behind = (count - 1) * lag
         ahead, speed = _ahead(x, np.arange(first, min(first + int(lag), int(len(x) - behind))), behind)

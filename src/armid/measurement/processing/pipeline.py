@@ -38,7 +38,7 @@ from armid.model.motion import Motion
 from armid.remedy import Remedy, setting
 
 SHORTEST = 4
-"""Number of samples that one-sided differences at the ends of a run need."""
+"""Smallest number of samples of a run; one-sided differences at its ends need this number."""
 
 
 def process_recordings(
@@ -58,8 +58,10 @@ def process_recordings(
             it. If no periods are given, they are detected from the positions, because confidence intervals are
             computed from the scatter between periods.
         starts: Start of the first repetition on each recording's clock [s].
-        effort_limits: Effort limit of each joint, shape (n,) [N·m or N]; needed for `saturation`. Returns: The
-            observations, and the findings of recordings and processing.
+        effort_limits: Effort limit of each joint, shape (n,) [N·m or N]; needed for `saturation`.
+
+    Returns:
+        The observations, and the findings of recordings and processing.
 
     Raises:
         RecordingError: A recording cannot be processed with these options.
@@ -187,7 +189,7 @@ def _highest_cutoff(processing: ProcessingOptions) -> float | None:
 def _long_enough(
     segments: Sequence[Segment], processing: ProcessingOptions, source: str, findings: list[Finding]
 ) -> list[Segment]:
-    """Segments that are long enough for the filters; a finding is added about each of the other segments."""
+    """Segments that are long enough for the filters; a finding is added about each segment that is too short."""
     if processing.family == "none":
         return list(segments)
     lowest = min(float(processing.cutoff), processing.motion_cutoff or np.inf)
@@ -214,7 +216,7 @@ def _moving(
 def _separate(
     recording: Recording, processing: ProcessingOptions, given: bool, index: int, findings: list[Finding]
 ) -> ObservedRun:
-    """Run of separate samples: no filter, no derivatives, every row."""
+    """Run of a recording whose rows are not consecutive: all rows, neither filtered nor differentiated."""
     whole, _ = gather(recording, clock=False)
     if not given or whole.dq is None or whole.ddq is None:
         raise RecordingError(
@@ -245,7 +247,7 @@ def _on_a_grid(
     source: str,
     findings: list[Finding],
 ) -> list[Segment]:
-    """Moves segments to uniform grids if something is filtered or differentiated."""
+    """Resamples segments on uniform grids if something is filtered or differentiated."""
     if processing.edges == "periodic" or processing.family != "none" or not given:
         return [_even(segment, processing, period, source, findings) for segment in segments]
     findings.extend(
@@ -339,7 +341,7 @@ def _circles(
         raise RecordingError(
             f"{name}: the recording contains no whole period of {period:g} s after t = {start:g} s; its "
             f"longest run has {length:g} s.",
-            remedy="check the keys `period` and `start`.",
+            remedy="check the keys `period` and `start` of the recording, which are given in seconds.",
         )
     if processing.average:
         mean, late = average([(segment, b) for segment, begins in found for b in begins], period, source)

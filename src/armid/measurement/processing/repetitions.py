@@ -13,14 +13,16 @@ from armid.measurement.processing.uniform_runs import Segment
 from armid.remedy import Remedy, setting
 
 SHORT = 1.0
-"""Samples that the last repetition may lack: a log of K periods of m samples often ends with sample K m - 1."""
+"""Number of samples by which the last repetition may be too short: a log of K periods of m samples often ends with
+sample K m - 1."""
 
 PASSES = 4
-"""Number of passes; a window with a large delay contains part of the next window, and each pass reduces this
-error."""
+"""Number of times that all repetitions are aligned with the reference. If the delay of a window is large, the window
+contains a part of the next repetition; each repetition of the alignment reduces the error that this causes."""
 
 NEGLIGIBLE = 0.1
-"""Displacement, divided by the noise, below which a delay of a fraction of a sample is not corrected."""
+"""Displacement of the joints during a delay of a fraction of a sample, divided by the noise, below which the delay is
+not corrected."""
 
 LATE = 0.05
 """Delay as a share of the period above which the period or its start must be wrong."""
@@ -34,7 +36,7 @@ def windows(segment: Segment, period: float, start: float) -> list[int]:
 
     Args:
         segment: Segment at a uniform rate, with a whole number of samples per period.
-        period: Of the motion [s].
+        period: Period of the motion [s].
         start: Time of the first repetition on the recording's clock [s].
     """
     samples = round(period * segment.rate)
@@ -51,7 +53,7 @@ def windows(segment: Segment, period: float, start: float) -> list[int]:
 
 
 def whole_periods(segment: Segment, begins: Sequence[int], samples: int) -> Segment:
-    """Part of a segment from its first whole repetition to the end of its last, K times `samples` long."""
+    """Part of a segment from its first to its last whole repetition, a multiple of `samples` long."""
     count = min(len(begins), (segment.samples - begins[0]) // samples)
     return segment.cut(begins[0], begins[0] + count * samples)
 
@@ -64,8 +66,8 @@ def average(found: Sequence[tuple[Segment, int]], period: float, source: str) ->
 
     Args:
         found: Segment and first sample of each repetition.
-        period: Of the motion [s].
-        source: Of the recording, for the findings.
+        period: Period of the motion [s].
+        source: Path of the recording, for the findings.
     """
     samples = round(period * found[0][0].rate)
     reference = found[0][0].cut(found[0][1], found[0][1] + samples)
@@ -120,7 +122,9 @@ def _delay_findings(delays: Array, samples: int, rate: float, source: str) -> li
             source,
             f"Repetition {worst + 1} of {len(delays)} is shifted by {late / rate:+.4g} s ({late:+.1f} samples) from "
             "its expected time.",
-            "Check the period and its start." if wrong else "The repetitions were aligned before averaging.",
+            "Check the keys `period` and `start` of the recording."
+            if wrong
+            else "The repetitions were aligned before averaging.",
         )
     ]
 
@@ -139,5 +143,7 @@ def check_closed(segment: Segment, source: str) -> None:
             f'{source or "The recording"}: edges = "periodic", but joint {joint + 1} ends {jump[joint]:.3g} from '
             f"where it began, {jump[joint] / max(largest[joint], 1e-300):.3g} times its largest step.",
             possible="a run that is a whole number of periods, or its period and start given with the recording",
-            remedy=Remedy("give period and start, or use ", setting("edges", "drop"), "."),
+            remedy=Remedy(
+                "give the keys `period` and `start` of the recording, or use ", setting("edges", "drop"), "."
+            ),
         )

@@ -20,8 +20,8 @@ MIN_SAMPLES = 10
 """Smallest number of samples; fewer are not enough for derivatives at both ends and for residuals."""
 
 MOST_HOLES, LARGEST_HOLES = 8, 0.2
-"""Largest number of segments with non-finite values, and largest share of rows in them, that are left out. With
-more, the channel is faulty."""
+"""Largest number of segments with non-finite values, and largest share of the rows of a recording in them, for which
+the remedy is to exclude these segments. If there are more, the channel is faulty."""
 
 REPEATED_RUN = 5
 """Largest number of successive rows, equal to the row before, that count as repeated by the recorder and are
@@ -32,28 +32,30 @@ REACH = (20, 200)
 
 CHANCE, LEAST_STEPS = 1e-3, 3.0
 """Probability below which rows are not equal by chance, and smallest change of all channels together after equal
-rows. The change is counted in steps of the resolution; an arm at rest changes by one or two steps."""
+rows. The change is counted in steps of the resolution; the channels of an arm at rest change by one or two steps."""
 
 SAME_STEP = 0.25
-"""Relative difference of the step in q from velocity times time step; processed velocities lag, encoders round."""
+"""Largest difference between the step of q and velocity times time step, relative to the latter, at which both agree.
+Filtered velocities are late, and encoders round positions."""
 
 COHERENT = 0.8
-"""Smallest share of moving rows whose step must agree with the velocity, if rows are consecutive. A log with
-jitter reaches 0.9, separate samples hardly 0.1."""
+"""Smallest share of the rows in motion whose step of q must agree with the velocity, so that rows count as
+consecutive. In a log with jitter this share is 0.9, in separate samples about 0.1."""
 
 MOVING = 0.05
 """Speed, as a share of the largest speed, above which a row is used to estimate the rate."""
 
 SMOOTH = 0.5
-"""Ratio of the step from row to row to the spread of positions; separate samples have √2, a motion below 0.1."""
+"""Ratio of the RMS step from row to row to the standard deviation of positions below which rows are consecutive. The
+ratio is √2 for separate samples, and below 0.1 for a motion."""
 
 
 def clean(recording: Recording, log_format: LogFormat) -> tuple[Recording, tuple[Finding, ...]]:
     """Checks the clock, drops or masks rows that are not measurements, and determines whether rows are consecutive.
 
     Args:
-        recording: As measured.
-        log_format: How to read it.
+        recording: Recording as measured.
+        log_format: Log format with which it was read.
 
     Returns:
         The recording and the findings. The recording has `time` or `rate`, a known value of `consecutive`, and a
@@ -136,7 +138,7 @@ def _everything(recording: Recording) -> Array:
 
 
 def _refuse_nan(recording: Recording, log_format: LogFormat) -> None:
-    """Raises an error for non-finite values, with the intervals to exclude."""
+    """Raises an error if a value is not finite; its remedy gives the intervals to exclude."""
     for name in ("time", "q", "dq", "ddq", "effort"):
         values = getattr(recording, name)
         if values is None or np.isfinite(values).all():
@@ -325,10 +327,10 @@ def _both(clock: Remedy, effort: Remedy) -> Remedy:
 
 
 def _coherence(recording: Recording, turn: Array) -> tuple[float, float]:
-    """Share of moving rows whose step in q agrees with the velocity, and the rate [Hz] that this implies.
+    """Share of the rows in motion whose step in q agrees with the velocity, and the sample rate [Hz] that follows.
 
-    Without velocities, the share is 1 if the steps are small compared with the range of the positions, otherwise 0;
-    the rate is NaN.
+    Without velocities, the share is 1 if the steps are small compared with the standard deviation of the positions,
+    otherwise 0; the rate is NaN.
     """
     step = np.diff(recording.q, axis=0)
     step -= turn * np.round(step / turn)

@@ -1,4 +1,4 @@
-"""Output grid of a run: the mask of its rows and the block of each."""
+"""Output grid of a contiguous run: the mask of its rows, and the block to which each row belongs."""
 
 from __future__ import annotations
 
@@ -17,16 +17,17 @@ from armid.measurement.processing.uniform_runs import Segment
 from armid.model.motion import Motion
 
 TRIM = 0.5
-"""Default time left out at each end of a run whose ends are dropped [s]."""
+"""Default time that is left out at each end of a run if edges are dropped [s]."""
 
 LOBE_HALF_WIDTH = 0.5
 """Half-width of the main lobe of a low-pass kernel, in periods of its cut-off. A bad sample affects the rows
-within this distance. A longer segment of bad samples, such as a contact, affects rows as far away as the end of a
-run does."""
+within this distance. A longer segment of bad samples, such as a contact, affects more distant rows: as many as the
+end of a run affects."""
 
 STICKING = 3e-3
-"""Largest share of a filter's kernel that may lie on standstill. Friction errors at standstill are a hundred times
-the noise in the band; with one percent, as at the ends of runs, intervals covered 93 % instead of 95 %."""
+"""Largest share of the sum of a filter's absolute impulse response that may fall on samples at standstill, for a row
+that is used. Friction errors at standstill are a hundred times the noise in the band; with one percent, as at the
+ends of runs, intervals covered 93 % instead of 95 %."""
 
 MOST_STILL = 0.75
 """Largest share of a joint's rows that are left out because of standstill. With a usual recording, the other rows
@@ -52,12 +53,12 @@ def run_of(
     *,
     found: bool = False,
 ) -> ObservedRun | None:
-    """Run of a segment and its motion, with rows, mask and blocks; `None` if no row can be used.
+    """Makes the contiguous run of a segment, with rows, mask and blocks; `None` if no row can be used.
 
     Args:
-        segment: The samples.
+        segment: Samples of the segment.
         motion: Motion at the samples of the segment.
-        processing: Resolved.
+        processing: Options whose cut-off is a frequency, not `auto`.
         repeats: Period and start of the first repetition [s], if the motion repeats.
         recording: Index of the recording.
         found: True if the repetitions were detected and not stated. Blocks are then about one second long, because
@@ -86,7 +87,7 @@ def run_of(
 
 
 def separate_rows(segment: Segment, motion: Motion, processing: ProcessingOptions, recording: int = 0) -> ObservedRun:
-    """Run of separate samples: every row, unfiltered, with bad and slow rows masked."""
+    """Run of samples that are not consecutive: every sample is a row; rows with bad or slow samples are masked."""
     mask = ~segment.bad & (np.abs(motion.dq) >= processing.slow)
     block = np.arange(segment.samples) // BLOCK_ROWS
     return ObservedRun(motion, segment.effort, segment.rate, 1, 0, mask, block, False, recording)
@@ -95,12 +96,12 @@ def separate_rows(segment: Segment, motion: Motion, processing: ProcessingOption
 def moving(
     runs: Sequence[ObservedRun], still: Sequence[Flags], processing: ProcessingOptions
 ) -> tuple[list[ObservedRun], Array]:
-    """Runs of one recording with rows at standstill masked for each joint, if enough other rows remain.
+    """Masks the rows at standstill of each joint in the runs of one recording, if enough other rows remain.
 
     Args:
         runs: The runs.
         still: Mask of the samples at standstill of each run, shape (N, n).
-        processing: Resolved options with which the runs were made.
+        processing: Options with which the runs were made.
 
     Returns:
         The runs, and the share of the rows of each joint that standstill affects, shape (n,). If the share of a joint
@@ -115,14 +116,17 @@ def moving(
 
 
 def edge_margin(processing: ProcessingOptions, rate: float) -> int:
-    """Number of samples left out at each end of a run: trim, and length of the filters if ends are dropped."""
+    """Number of samples that are left out at each end of a run: those of `trim`, or those that the end affects.
+
+    Samples that the end affects through a filter are left out only if `edges` is `drop`.
+    """
     drop = processing.edges == "drop"
     seconds = (TRIM if drop else 0.0) if processing.trim is None else processing.trim
     return max([round(seconds * rate), *(edge_samples(low) for low in _filters(processing, rate) if drop)])
 
 
 def _step(processing: ProcessingOptions, rate: float, circle: int | None) -> int:
-    """Samples per row; if the run is periodic, a divisor of the samples of a period."""
+    """Number of samples from row to row; for a periodic run, a divisor of the number of samples in a period."""
     if processing.family == "none" or processing.decimate == 0:
         return 1
     step = max(1, round(rate / processing.decimate))
@@ -134,7 +138,7 @@ def _step(processing: ProcessingOptions, rate: float, circle: int | None) -> int
 def _spoiled(
     bad: Flags, rows: Rows, processing: ProcessingOptions, rate: float, step: int, *, periodic: bool
 ) -> Flags:
-    """Mask (M, n) of rows affected by bad samples: within half a row plus the reach of the filters."""
+    """Mask (M, n) of rows affected by bad samples, directly or through the filters."""
     filters = _filters(processing, rate)
     half = -(-step // 2)
     if not filters:
@@ -146,13 +150,13 @@ def _spoiled(
 
 
 def _at_standstill(still: Flags, run: ObservedRun, processing: ProcessingOptions) -> Flags:
-    """Mask (M, n) of rows affected by standstill: within half a row or the reach of the filters."""
+    """Mask (M, n) of rows affected by samples at standstill (N, n), directly or through the filters."""
     reach = max([-(-run.step // 2), *(edge_samples(low, STICKING) for low in _filters(processing, run.rate))])
     return _any_within(still, run.rows, reach, periodic=processing.edges == "periodic")
 
 
 def _long(flags: Flags, length: int) -> Flags:
-    """Flags of segments of at least a given length, joint by joint."""
+    """Flags (N, n) that are true only in segments of true flags with at least `length` samples, joint by joint."""
     result = np.zeros_like(flags)
     for j in np.flatnonzero(flags.any(axis=0)):
         borders = np.flatnonzero(np.diff(np.concatenate([[False], flags[:, j], [False]])))
@@ -170,7 +174,7 @@ def _filters(processing: ProcessingOptions, rate: float) -> list[Array]:
 
 
 def _any_within(flags: Flags, rows: Rows, reach: int, *, periodic: bool) -> Flags:
-    """Mask of rows with a flagged sample within `reach`, shape (M, n); periodic runs wrap around."""
+    """Mask (M, n) of rows with a flagged sample at most `reach` samples away; periodic runs wrap around."""
     if not flags.any():
         return np.zeros((len(rows), flags.shape[1]), dtype=np.bool_)
     if periodic:
@@ -206,5 +210,5 @@ def _blocks(rows: Rows, rate: float, samples: int) -> Rows:
 
 
 def _gapless(labels: Rows) -> Rows:
-    """Labels that are numbered again from 0 without gaps, in the same order."""
+    """Labels numbered anew from 0 without gaps, in the same order."""
     return np.unique(labels, return_inverse=True)[1].astype(np.int64)

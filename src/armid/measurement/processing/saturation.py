@@ -1,7 +1,8 @@
-"""Saturated samples: torque at a plateau (the end of the range of a sensor or drive), and torque at the effort limit.
+"""Detection of saturated samples: torque at a plateau or near the effort limit.
 
-At a plateau the true torque is larger by an unknown amount. Such samples, and the rows on which they have an effect
-through a filter, are not used for their joint.
+A plateau is the end of the range of a sensor or drive, at which many samples have the same extreme value; the true
+torque is larger by an unknown amount. Saturated samples, and the rows that they affect through a filter, are not used
+for the joint.
 """
 
 from __future__ import annotations
@@ -21,13 +22,14 @@ FEWEST, SHARE = 10, 0.002
 samples."""
 
 DENSER = 5.0
-"""Ratio by which the extreme value must be more frequent than similar values; coarse converters repeat all values."""
+"""Smallest ratio of the number of samples at the extreme value to that at similar values. Coarse converters repeat
+all values, not only the extreme one."""
 
 NEIGHBOURS = 12
-"""Number of similar values that the extreme value is compared with."""
+"""Number of similar values with whose frequency that of the extreme value is compared."""
 
 ROUNDING = 1e-9
-"""Relative difference below which values are the same."""
+"""Relative difference below which two values count as equal."""
 
 NOT_USED = "Rows near these samples are not used for this joint."
 
@@ -38,8 +40,8 @@ class Plateau:
 
     Attributes:
         joint: Index of the joint.
-        level: Absolute value [N·m or N].
-        count: Number of samples with this value, at the end (largest or smallest) with more of them.
+        level: Absolute value of the torque at the plateau [N·m or N].
+        count: Number of samples at the largest value or at the smallest value, whichever number is larger.
         samples: Number of samples of the joint that were examined.
         rows: Mask of the samples with this absolute value, shape (N,).
     """
@@ -72,7 +74,7 @@ def plateaus(effort: Array, counted: NDArray[np.bool_]) -> tuple[Plateau, ...]:
 
 
 def without_plateaus(recording: Recording) -> Recording:
-    """The recording without the samples at a plateau."""
+    """Recording in which the samples at a plateau are masked."""
     return recording if recording.effort is None else _without(recording, plateaus(recording.effort, recording.valid))
 
 
@@ -82,17 +84,17 @@ def without_saturated(
     limits: ArrayLike | None,
     findings: list[Finding],
 ) -> Recording:
-    """The recording without the samples at a plateau or near an effort limit; findings are added.
+    """Recording in which the samples at a plateau or near an effort limit are masked; findings are added.
 
     Args:
         recording: In robot order, SI units, joint side.
         saturation: Share of the effort limit from which samples are left out; `keep` leaves out none; `None` leaves
-            out plateaus alone.
+            out only plateaus.
         limits: Effort limit of each joint, shape (n,) [N·m or N]; needed for a share.
-        findings: Findings about the recording.
+        findings: List to which findings about saturated samples are added.
 
     Raises:
-        RecordingError: A share is given, but the limits are not known.
+        RecordingError: `saturation` is a number, but the effort limits are not known.
     """
     effort = recording.effort
     if effort is None or saturation == "keep":
@@ -115,7 +117,7 @@ def without_saturated(
 
 
 def _without(recording: Recording, flat: tuple[Plateau, ...]) -> Recording:
-    """The recording without the samples of plateaus."""
+    """Recording in which the samples of plateaus are masked."""
     if not flat:
         return recording
     valid = recording.valid.copy()
@@ -127,7 +129,7 @@ def _without(recording: Recording, flat: tuple[Plateau, ...]) -> Recording:
 def _below_limits(
     recording: Recording, effort: Array, share: float, limits: ArrayLike | None, findings: list[Finding]
 ) -> Recording:
-    """The recording without the samples near an effort limit."""
+    """Recording in which the samples near an effort limit are masked."""
     if limits is None:
         raise RecordingError(
             "The key `saturation` needs the effort limits of the joints, but they are not known.",
@@ -150,7 +152,10 @@ def _below_limits(
 
 
 def _plateau(tau: Array) -> tuple[int, float]:
-    """Number of samples at the largest value, 0 if a peak can have the same number, and this value."""
+    """Number of samples at the largest value of a torque (N,), and this value.
+
+    The number is 0 if an ordinary peak can have as many samples at its largest value.
+    """
     top = float(tau.max())
     same = ROUNDING * max(abs(top), float(np.ptp(tau)))
     count, fewest = int((tau >= top - same).sum()), max(FEWEST, SHARE * len(tau))

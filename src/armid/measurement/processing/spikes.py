@@ -2,9 +2,10 @@
 
 A dropped packet that is logged as zeros, or a bit error on a bus, is one sample or a few of them. A filter spreads
 such a sample over the rows around it, so spikes are found and interpolated before anything is filtered, and the
-samples are not used. Positions spike where they jump out and back faster than several times the velocity limit;
-velocities and torques where a few samples are far beyond all others, on both sides, and the positions do not confirm
-the velocity. In slow logs velocities and torques are not searched, since motion can be as short as a spike.
+samples are not used. A position is a spike if it jumps away and back at a speed of several times the velocity limit.
+A velocity or a torque is a spike if it is isolated: one sample, or a few samples, far beyond the samples on both
+sides. A velocity is no spike if the differences of the positions agree with it. In logs with a low sample rate,
+velocities and torques are not examined, because a real motion can be as short as a spike.
 """
 
 from __future__ import annotations
@@ -31,40 +32,41 @@ PLAUSIBLE_ANGULAR, PLAUSIBLE_LINEAR = 10.0, 3.0
 m/s]."""
 
 STEPS, QUANTILE = 10.0, 0.9
-"""Smallest height of a spike of a position, divided by a quantile of the steps from sample to sample, for
-descriptions whose limits are too small. On recorded arms the largest ratio is 0.33."""
+"""Smallest height of a spike of a position, divided by the given quantile of the steps from sample to sample. This
+second condition is needed for descriptions whose velocity limits are too small. In recordings of real arms the
+largest ratio is 0.33."""
 
 LONGEST = 10
-"""Largest number of samples of a spike of a position; longer ones are reported as stuck channels."""
+"""Largest number of samples of a spike of a position; longer jumps are reported as stuck channels."""
 
 WRAP_TOLERANCE = 0.08
-"""Largest difference between a jump and whole turns, in turns, at which the jump is a wrap of the angle, half a
-radian. If the typical step is larger, angles of motors are logged, which do not wrap."""
+"""Largest difference between a jump and whole turns at which the jump is a wrap of the angle [turns]; it is half a
+radian. If the typical step from sample to sample is larger, the log contains angles of motors, which do not wrap."""
 
 SLOWEST = 0.011
-"""Largest time from sample to sample at which velocities and torques are searched [s], 100 Hz with some tolerance. At
+"""Largest time from sample to sample at which velocities and torques are examined [s]: 100 Hz with some tolerance. At
 lower rates three samples are longer than 30 ms, in which an arm can move or friction reverse."""
 
 CONFIRMED = 0.7
-"""Largest difference between a velocity and the mean one of the positions over two steps, divided by the height of
-the velocity, at which the positions confirm it. Motion of a single sample has half its velocity there; a spike has
-none of it."""
+"""Largest difference between a logged velocity and the velocity from the positions over two steps, divided by the
+height of the isolated velocity, at which the positions confirm the logged velocity. For a real motion of a single
+sample the difference is half of the height; for a spike it is the whole height."""
 
 BROKEN = 0.005
-"""Share of samples from which spikes are an error: they then have a permanent cause, and the ones that are too small
-to be found are many as well."""
+"""Share of samples from which spikes are an error. They then have a permanent cause, and many other spikes are too
+small to be found."""
 
 FEWEST_ZEROS = 3
-"""Smallest number of channels that are zero in the same row by a fault and not by chance."""
+"""Smallest number of channels that are zero in the same row for which the zeros are a fault and not chance."""
 
 LISTED = 3
 """Number of spikes whose times are listed."""
 
 TINY = 1e-300
-"""Smallest range of a channel, so that nothing is divided by zero."""
+"""Smallest range of a channel in a division, so that the divisor is not zero."""
 
 NAMES = {"q": "position", "dq": "velocity", "effort": "torque"}
-"""Quantities in which spikes are searched, with their names in messages."""
+"""Quantities that are examined for spikes, with their names in messages."""
 
 Flags = NDArray[np.bool_]
 
@@ -74,8 +76,8 @@ class Channels:
     """Units and speed limits of the channels of a log.
 
     Attributes:
-        speed: Largest speed of each channel in units of the log per second, shape (n,).
-        turn: A full turn in units of the log; infinite for prismatic joints, shape (n,).
+        speed: Largest speed of each channel, shape (n,) [units of the log per second].
+        turn: Full turn of each channel, shape (n,) [units of the log]; infinite for prismatic joints.
         units: Units of the positions.
         effort_units: Units of the efforts.
     """
@@ -95,13 +97,14 @@ class Channels:
 def without_spikes(
     recording: Recording, log_format: LogFormat, robot: Robot
 ) -> tuple[Recording, tuple[Finding, ...]]:
-    """The recording with spikes interpolated and masked, and findings about them.
+    """Interpolates and masks the spikes of a recording, and reports them in findings.
 
-    A sample whose position or velocity spikes is masked for all joints, since the torques of all depend on it; a
-    spike of a torque for its joint alone.
+    If a position or a velocity is a spike, the sample is masked for all joints, because the torques of all joints
+    depend on the motion of each joint. If a torque is a spike, the sample is masked only for the joint of this
+    torque.
 
     Args:
-        recording: In robot order and in the units of the log, with finite values.
+        recording: Recording in robot order and in the units of the log, with finite values.
         log_format: Log format of the recording.
         robot: The arm that was recorded.
     """
@@ -133,16 +136,16 @@ def without_spikes(
 
 
 def impossible_positions(q: Array, time: Array, speed: Array, turn: Array) -> Flags:
-    """Mask of the positions that jump out and back faster than an arm can move.
+    """Mask of the positions that jump away and back faster than an arm can move.
 
     Args:
-        q: Positions, shape (N, n).
-        time: Shape (N,) [s].
-        speed: Largest speed of each channel, shape (n,).
-        turn: A full turn of each channel, by which wrapped angles jump, shape (n,); infinite if it is not an angle.
+        q: Positions, shape (N, n) [units of the log].
+        time: Times of the samples, shape (N,) [s].
+        speed: Largest speed of each channel, shape (n,) [units of the log per second].
+        turn: Full turn of each channel, by which wrapped angles jump, shape (n,); infinite if it is not an angle.
 
     Returns:
-        Shape (N, n).
+        Mask, shape (N, n).
     """
     found = np.zeros(q.shape, dtype=np.bool_)
     steps, seconds = np.diff(q, axis=0), np.abs(np.diff(time))
@@ -157,7 +160,7 @@ def impossible_positions(q: Array, time: Array, speed: Array, turn: Array) -> Fl
 
 
 def _mark_impossible(x: Array, time: Array, fastest: float, turn: float, found: Flags) -> None:
-    """Marks the impossible positions of one channel (N,), but for jumps by whole turns, if turns are finite."""
+    """Marks the impossible positions of one channel (N,); jumps by whole turns `turn` are not marked."""
     step, seconds = np.abs(np.diff(x)), np.abs(np.diff(time))
     if not (step > fastest * seconds).any():
         return
@@ -173,17 +176,18 @@ def _mark_impossible(x: Array, time: Array, fastest: float, turn: float, found: 
 
 
 def confirmed_velocities(dq: Array, flags: Flags, q: Array, time: Array, channels: Channels) -> Flags:
-    """Mask of the flagged velocities that agree with the differences of the positions, so that they are real motion.
+    """Mask of the isolated velocities that agree with the differences of the positions, so that they are real motion.
 
     Args:
         dq: Velocities, shape (N, n).
         flags: Mask of the isolated velocities, shape (N, n).
         q: Positions without spikes, shape (N, n).
-        time: Shape (N,) [s].
-        channels: Units and speed limits; a jump of the positions beyond what an arm can move confirms nothing.
+        time: Times of the samples, shape (N,) [s].
+        channels: Units and speed limits. A jump of the positions that is faster than an arm can move does not confirm
+            a velocity.
 
     Returns:
-        Shape (N, n).
+        Mask, shape (N, n).
     """
     result = np.zeros_like(flags)
     rows, joints = np.nonzero(flags)
@@ -201,7 +205,7 @@ def confirmed_velocities(dq: Array, flags: Flags, q: Array, time: Array, channel
 
 
 def _without_wraps(change: Array, turn: Array) -> Array:
-    """Changes of positions less whole turns, where they are close to these; the full turn may be infinite."""
+    """Subtracts whole turns from changes of positions that are close to whole turns; `turn` may be infinite."""
     whole = np.round(change / turn) * np.where(np.isfinite(turn), turn, 0.0)
     return change - np.where(np.abs(change - whole) < WRAP_TOLERANCE * turn, whole, 0.0)
 
@@ -223,7 +227,10 @@ def _channels(recording: Recording, log_format: LogFormat, robot: Robot) -> Chan
 
 
 def _add_lost_packets(flags: Flags, values: Array) -> None:
-    """Flags all brief rows of zeros if one of them spikes: packets are lost near zero, too."""
+    """Flags all short groups of rows of zeros if one of these rows contains a spike.
+
+    A lost packet that is logged as zeros is not a spike if the values are near zero.
+    """
     rows = np.flatnonzero(flags.any(axis=1))
     if values.shape[1] < FEWEST_ZEROS or not (values[rows] == 0.0).all(axis=1).any():
         return
@@ -234,13 +241,13 @@ def _add_lost_packets(flags: Flags, values: Array) -> None:
 
 
 def _repaired(recording: Recording, turn: Array, found: dict[str, Flags], time: Array) -> Recording:
-    """The recording with the found samples interpolated and masked.
+    """Interpolates and masks the samples of a recording at which spikes were found.
 
     Args:
         recording: The recording.
         turn: A full turn of each channel, shape (n,); infinite if it is not an angle.
         found: Mask of the spikes of each quantity, shape (N, n) each.
-        time: Shape (N,) [s].
+        time: Times of the samples, shape (N,) [s].
     """
     rows = np.logical_or.reduce([found[name].any(axis=1) for name in found if name != "effort"])
     valid = recording.valid & ~rows[:, None]
@@ -259,7 +266,7 @@ def _repaired(recording: Recording, turn: Array, found: dict[str, Flags], time: 
 
 
 def _interpolated(values: Array, flags: Flags, time: Array, turn: Array) -> Array:
-    """Values (N, n) whose flagged samples are interpolated, along unwrapped angles where there is a full turn.
+    """Values (N, n) whose flagged samples are interpolated; angles with a finite full turn are unwrapped before.
 
     A channel of which all samples are flagged stays as it is.
     """
@@ -278,7 +285,7 @@ def _interpolated(values: Array, flags: Flags, time: Array, turn: Array) -> Arra
 def _finding(
     recording: Recording, quantity: str, flags: Flags, time: Array, channels: Channels, *, kept: bool
 ) -> Finding:
-    """Finding about the spikes of a quantity."""
+    """Finding about the spikes of one quantity in all channels."""
     rows = np.flatnonzero(flags.any(axis=1))
     times = ", ".join(f"{t:.3f}" for t in time[rows[:LISTED]]) + " s"
     more = f" and {len(rows) - LISTED} more" if len(rows) > LISTED else ""
@@ -302,7 +309,7 @@ def _finding(
 
 
 def _largest(recording: Recording, quantity: str, flags: Flags, time: Array, channels: Channels) -> str:
-    """Sentences about the spike that is largest in proportion to the range of its channel; empty if all spike."""
+    """Sentences about the largest spike, relative to the range of its channel; empty if all samples are spikes."""
     values = getattr(recording, quantity)
     good = np.flatnonzero(~flags.any(axis=1))
     if not len(good):

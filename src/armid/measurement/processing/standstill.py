@@ -8,8 +8,8 @@ sufficient.
 
 If all joints stand at the same time, the arm rests. Rests of a second or more occur before and after a motion and
 between poses, not because of sticking. The motion before the rest determines the sign of friction, and the torque
-shows the weight of the arm. Such segments do not count as standstill, unless only one joint moves in the whole
-recording. In long rests, joints may creep.
+shows the weight of the arm. Segments in which the arm rests do not count as standstill, unless only one joint moves
+in the whole recording. In long rests, joints may creep (move very slowly).
 
 Rests of less than a second occur if one motion ends and the next begins, for instance if a designed motion is
 repeated. Within a few samples, the friction of every joint passes through its whole range. In these rows, friction at
@@ -46,11 +46,11 @@ SURE = 4.0
 """Number of standard deviations of a measured speed below which it is not significant."""
 
 SLOW = 0.005
-"""Share of the RMS speed of a joint below which it counts as slow, if the noise is small enough. At 1 rad/s² a
+"""Share of the RMS speed of a joint below which the joint counts as slow, if the noise is small enough. At 1 rad/s² a
 joint passes through this range in some milliseconds."""
 
 BLIND = 0.1
-"""Limit of slow speed, as a share of the RMS speed of a joint, above which noise hides its standstill completely."""
+"""Limit of slow speed, as a share of the RMS speed of a joint, above which standstill cannot be told from noise."""
 
 SHORTEST = 0.04
 """Shortest standstill that is detected [s]; a shorter one moves an estimate by less than its standard deviation."""
@@ -65,16 +65,16 @@ touches zero, and 17 if the velocity just crosses zero and comes back; it is lar
 samples."""
 
 LINGERS = 6.0
-"""The same ratio for a joint that stands still elsewhere in the recording: twice the ratio at constant
+"""Value in place of `STANDS` for a joint that stands still elsewhere in the recording: twice the ratio at constant
 acceleration."""
 
 RESTING = 0.5
-"""Share of a slow segment during which all joints are slow, from which the whole arm counts as resting."""
+"""Smallest share of a slow segment in which all joints must be slow, so that the whole arm counts as resting."""
 
 LONG = 1.0
-"""Length of a slow segment from which it is a long rest [s]; in a long rest, joints that creep also count as
-resting. In shorter segments they do not: if a motion starts again, sticking joints come to rest one after another
-within 0.25 s."""
+"""Length from which a slow segment is a long rest [s]; in a long rest, joints that creep also count as resting. In
+shorter segments they do not: if a motion starts again, sticking joints come to rest one after another within 0.25
+s."""
 
 MOMENT = 0.02
 """Share of the RMS speed of each joint below which all joints count as resting for a moment between motions."""
@@ -284,7 +284,7 @@ def _moments(speed: Array, limit: Array, rate: float) -> NDArray[np.bool_]:
 
 
 def _around(speed: Array, begin: int, end: int) -> Callable[[float], tuple[int, int]]:
-    """Function that gives first sample and end of the surrounding segment below a limit of speed."""
+    """Function of a speed limit that returns first sample and end of the segment around `begin` to `end` below it."""
 
     def below(limit: float) -> tuple[int, int]:
         before, after = np.flatnonzero(speed[:begin] >= limit), np.flatnonzero(speed[end:] >= limit)
@@ -294,7 +294,7 @@ def _around(speed: Array, begin: int, end: int) -> Callable[[float], tuple[int, 
 
 
 def _slow_segments(speed: Array, shortest: int) -> tuple[NDArray[np.intp], Array]:
-    """First sample and end (K, 2) of segments with speeds (N,) below 1, and the largest speed near each segment."""
+    """First sample and end (K, 2) of segments with speeds (N,) below 1, and the largest speed near each, (K,)."""
     slow = np.concatenate([[False], speed < 1.0, [False]])
     ends = np.flatnonzero(np.diff(slow)).reshape(-1, 2)
     ends = ends[ends[:, 1] - ends[:, 0] >= shortest]

@@ -1,4 +1,4 @@
-"""Contiguous segments of a recording at a uniform rate."""
+"""Segments of a recording between the gaps of its clock, and their resampling at a uniform rate."""
 
 from __future__ import annotations
 
@@ -17,27 +17,28 @@ from armid.measurement.recording import Recording
 from armid.remedy import Remedy, setting
 
 GAP_STEPS = 2.5
-"""Number of median steps from which a step counts as a gap; two successive lost samples exceed it, jitter does
-not."""
+"""Number of median steps from which a step counts as a gap. Two successive lost samples exceed this number; jitter
+does not."""
 
 GAP_PERIODS = 0.1
 """Share of a period of the cut-off below which a step is not a gap. A cubic spline through ten points per period
 has an error of 4e-4 of the amplitude at the cut-off, and less below it."""
 
 JITTER = 0.05
-"""Standard deviation between clock and uniform grid, in steps, from which samples are resampled. Smaller jitter
+"""Standard deviation of a clock from a uniform grid, in steps, above which samples are resampled. Smaller jitter
 changes a position by less than the motion in a twentieth of a step."""
 
 ASTRAY = 0.5
-"""Largest distance of a sample from a uniform grid, in steps; it detects a sample lost near an end, which hardly
-changes the standard deviation."""
+"""Largest distance of a sample from a uniform grid, in steps. This limit detects a sample that is lost near an end,
+which hardly changes the standard deviation."""
 
 WHOLE = 0.05
-"""Difference of all periods together from a whole number of samples above which they are resampled [samples]."""
+"""Difference between the duration of all periods and a whole number of samples above which the samples are resampled
+[samples]."""
 
 DIGITS = 10
-"""Significant digits of a mean rate; further digits come from rounding of the clock, and an hour drifts by less
-than 1e-6 s."""
+"""Number of significant digits of a mean rate. Further digits come from rounding of the clock; without them, the
+times drift by less than 1e-6 s in an hour."""
 
 CONTINUED = 3
 """Number of samples by which a periodic motion is extended before it is resampled: one to reach the end, and two
@@ -45,13 +46,13 @@ so that the spline has points on both sides."""
 
 
 BRIEF = 1.0
-"""Number of periods of a cut-off below which a segment is too short for the filter. The length of a filter follows
-from the sample rate, and between two stamps a billionth of a second apart that rate has no bound."""
+"""Number of periods of the cut-off below which a segment is too short for a filter. Without this limit, a segment of
+two samples a nanosecond apart would have a huge sample rate and need a filter of unlimited length."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Segment:
-    """Consecutive samples without a gap.
+    """Segment of a recording: consecutive samples without a gap.
 
     Attributes:
         time: Times of the samples, shape (N,) [s].
@@ -85,24 +86,24 @@ class Segment:
         rate: float,
         bad: Callable[[NDArray[np.bool_]], NDArray[np.bool_]],
     ) -> Segment:
-        """Applies one transformation to every signal; in the result no sample is missing."""
+        """Applies one transformation to every signal; the result has no missing samples, so `number` is `None`."""
         dq = None if self.dq is None else signals(self.dq)
         ddq = None if self.ddq is None else signals(self.ddq)
         return Segment(time, rate, signals(self.q), dq, ddq, signals(self.effort), bad(self.bad))
 
     def select(self, rows: slice | NDArray[np.bool_]) -> Segment:
-        """Segment with a selection of its samples."""
+        """Selects samples of the segment by a slice or a mask (N,)."""
         few = self.changed(lambda x: x[rows], self.time[rows], self.rate, lambda bad: bad[rows])
         number = np.arange(self.samples) if self.number is None else self.number
         return replace(few, number=number[rows])
 
     def cut(self, first: int, stop: int) -> Segment:
-        """Segment of the samples `first` to `stop` - 1."""
+        """Selects the samples `first` to `stop` - 1."""
         return self.select(slice(first, stop))
 
 
 def jitter(time: Array, number: NDArray[np.int64] | None = None) -> float:
-    """Standard deviation between a clock and a uniform grid, in steps.
+    """Standard deviation of a clock from the uniform grid that fits best, in steps.
 
     Args:
         time: Time stamps, shape (N,) [s].
@@ -118,7 +119,7 @@ def is_even(time: Array, number: NDArray[np.int64] | None = None) -> bool:
 
 
 def is_brief(segment: Segment, cutoff: float) -> bool:
-    """Tests whether a segment is too short for a filter with a cut-off [Hz]; if so, this filter cannot be made."""
+    """Tests whether a segment is too short for a filter with a given cut-off [Hz], so that it must be left out."""
     return segment.samples * cutoff < BRIEF * segment.rate
 
 
@@ -168,7 +169,7 @@ def cut_at_gaps(recording: Recording, cutoff: float | None) -> tuple[list[Segmen
 
 
 def _without_specks(whole: Segment, longest: float) -> Segment:
-    """Leaves out samples that are not valid for any joint, if the time step that results is short."""
+    """Leaves out samples that are not valid for any joint, if the time step over them is at most `longest` [s]."""
     spoilt = whole.bad.all(axis=1)
     if not spoilt.any() or spoilt.all():
         return whole
@@ -181,10 +182,10 @@ def _without_specks(whole: Segment, longest: float) -> Segment:
 
 
 def gather(recording: Recording, *, clock: bool = True) -> tuple[Segment, float]:
-    """All samples with finite values as one segment, and the median step of its clock.
+    """All samples with finite values as one segment, which may have gaps, and the median step of its clock [s].
 
     Args:
-        recording: In robot order, SI units, joint side.
+        recording: Recording in robot order, SI units, joint side.
         clock: True if the recording must have a clock. Otherwise, the row number is used as time if there is no
             clock.
     """
@@ -247,16 +248,17 @@ def _mean_rate(segment: Segment, step: float) -> float:
 
 
 def resample_uniform(segment: Segment, span: float | None, rows: float, *, each: bool) -> Segment:
-    """Segment on a uniform grid: on its own grid if its clock is uniform enough, otherwise on a grid for the rows.
+    """Segment on a uniform grid: on that of its clock if the clock is uniform enough, otherwise on a new grid.
 
-    On its own grid, only missing samples are interpolated, by a cubic spline; all other samples are unchanged.
+    On the grid of the clock, only missing samples are interpolated, by a cubic spline; all other samples are
+    unchanged. On a new grid, all samples are interpolated.
 
     Args:
         segment: Segment whose time stamps need not be uniform.
         span: Period [s] that must be a whole number of samples; `None` if there is none.
         rows: Rate of the output rows [Hz]; the new rate is a multiple of it. If it is 0, the new rate is not
             restricted.
-        each: True if periods are used one by one; a fraction of a sample between two periods may then be lost.
+        each: True if periods are used one by one, so that a fraction of a sample between two periods may be lost.
     """
     missed = 0.0
     if span is not None:

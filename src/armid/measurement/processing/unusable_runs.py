@@ -1,4 +1,4 @@
-"""Findings about runs of which no row can be used, and the error if no run of a recording can be used."""
+"""Findings about contiguous runs without usable rows, and the error for a recording without usable runs."""
 
 from __future__ import annotations
 

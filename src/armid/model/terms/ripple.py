@@ -20,8 +20,8 @@ from armid.robot.robot import Robot
 FAMILY = CandidateFamily("ripple", order=40, position=True, rounds=3, margin=3.0, min_gain=0.05)
 
 HARMONICS = (2.0, 3.0, 4.0, 5.0, 6.0)
-"""Harmonics of the joint's angle that the automatic selection tries. Gravity has the first; none above the sixth was
-seen in the recordings at hand."""
+"""Harmonics of the joint's angle that the automatic selection tries. The first harmonic is not tried, because gravity
+causes it, too. Harmonics above the sixth were found in no recording."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,7 +75,7 @@ class Ripple:
         return tuple(laws)
 
     def describe(self, length: str) -> str:
-        """The term with its shapes in words, with the unit of length of its joints."""
+        """Description of the term in words, with its shapes; `length` is the unit of the positions, `rad` or `m`."""
         del length
         return f"ripple, harmonics {listed(self.harmonics)}"
 

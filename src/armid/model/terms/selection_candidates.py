@@ -35,26 +35,25 @@ class Candidate:
 
 
 Option = tuple[Candidate, ...]
-"""Candidates that a joint gets together."""
+"""Option: candidates that a joint gets together."""
 
 
 @dataclass(frozen=True, slots=True)
 class CandidateFamily:
-    """Candidates for one kind of friction.
+    """Family of friction laws: all candidates for one kind of friction, for instance the Stribeck effect.
 
     Attributes:
         name: Name of the kind of friction.
         options: Sets of candidates that a joint gets together.
         order: Position among the families; those with smaller numbers are tried first.
         shared: True if this friction is similar in all joints of an arm, so that one option is selected from the
-            errors
-            of all joints together.
+            errors of all joints together.
         position: True if the friction could imitate gravity or an offset, so that it must reduce the error in
             other poses, too.
         rounds: Largest number of options that a joint may get one after another.
-        margin: Number of standard errors by which a gain must exceed zero.
-        min_gain: Smallest gain (decrease of the squared held-out error divided by this error) with which a term is
-            accepted.
+        margin: Number of standard errors by which the gain of an option must exceed zero. The gain is the decrease of
+            the squared held-out error divided by this error.
+        min_gain: Smallest gain with which an option is accepted.
         reselect: True if the family is selected again after all others: near standstill most friction laws are
             similar.
     """
@@ -71,10 +70,10 @@ class CandidateFamily:
 
 
 VELOCITY = CandidateFamily("velocity", order=30, rounds=2, min_gain=0.03, reselect=True)
-"""Laws of the velocity in addition to Coulomb and viscous friction."""
+"""Family of the friction laws of the velocity, in addition to Coulomb and viscous friction."""
 
 ASYMMETRY = CandidateFamily("asymmetry", order=50, position=True, min_gain=0.05)
-"""Friction that depends on the direction."""
+"""Family of the friction laws that depend on the direction of motion."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -27,7 +27,7 @@ DENSITY = 1000.0
 """Density of a geom that states none [kg/m³, or kg/m² for a shell]."""
 
 GROUPS = (0.0, 5.0)
-"""First and last group of geoms that count, if the compiler settings give no range."""
+"""First and last group of geoms whose mass is counted, if the compiler settings give no range of groups."""
 
 
 def heavy_geoms(body: ET.Element, childclass: str, settings: Settings) -> list[ET.Element]:

@@ -61,7 +61,11 @@ def outline_of(
 
 
 def _follows(root: ET.Element, source: str, references: Mapping[str, float]) -> dict[str, Follows]:
-    """Laws of mimic joints from equalities: q - ref is constant, or a polynomial in q - ref of another joint."""
+    """Laws of mimic joints, by joint, from the equality constraints of a document.
+
+    An equality states that q - ref of a joint, with its reference position ref, is constant, or that it is a
+    polynomial in q - ref of another joint.
+    """
     result: dict[str, Follows] = {}
     for tie in _active(root):
         follower = tie.get("joint1", "")
@@ -83,7 +87,7 @@ def _shifted(factors: list[float], by: float) -> list[float]:
 
 
 def _active(root: ET.Element) -> list[ET.Element]:
-    """Equalities that are not disabled."""
+    """Equality constraints of a document that are not disabled."""
     return [tie for section in root.findall("equality") for tie in section if tie.get("active") != "false"]
 
 

@@ -131,7 +131,9 @@ class MeshAssets:
 
 
 def _as_turn_of_scaled(scale: Array, turned: Array) -> Iterator[tuple[Array, Array]]:
-    """Yields rotations (3, 3) and scales (3,) that, in the other order, equal a scale (3,) of a rotated mesh.
+    """Yields rotations T (3, 3) and scale factors f (3,) with T · diag(f) = diag(scale) · turnedᵀ.
+
+    So the mesh is first scaled along the axes of its file and then rotated, instead of the reverse.
 
     Args:
         scale: Factors along the axes of the geom.

@@ -68,12 +68,15 @@ class Settings:
         return pose
 
     def checked(self, element: ET.Element, counts: Mapping[str, int], where: str) -> dict[str, str]:
-        """Attributes that exist; their numbers of values are checked, because Pinocchio does not check them."""
+        """Those attributes in `counts` that an element has, after a check of their numbers of values.
+
+        Pinocchio does not check these numbers.
+        """
         there = [key for key, n in counts.items() if numbers(element, key, n, self.source, where) is not None]
         return {key: element.get(key, "") for key in there}
 
     def radians(self, angles: list[float]) -> list[float]:
-        """Angles in the unit of the document [rad]."""
+        """Converts angles from the unit of the document to radians."""
         return angles if self.compiler.get("angle", "degree") == "radian" else [math.radians(a) for a in angles]
 
 

@@ -62,7 +62,7 @@ def add_sites(model: Any, plain: Plain) -> None:
 def shapes_of_mjcf(
     root: ET.Element, plain: Plain, carriers: Mapping[str, tuple[int, Array]]
 ) -> tuple[tuple[Shape, ...], tuple[Shape, ...], tuple[Shape, ...], tuple[Finding, ...]]:
-    """Collision geometry, visual geometry, the markers among it, and findings about geometry that is missing.
+    """Collision geometry, visual geometry, markers among the visual geometry, and findings about missing geometry.
 
     Args:
         root: The document with includes resolved.

@@ -164,7 +164,7 @@ def outline(text: str, *, source: str) -> JointOutline:
 
 
 def _tip(own: Frame, links: list[Link], name: str | None, source: str) -> Frame:
-    """Frame of the table's tip or of a link, by name."""
+    """Frame of the table's tip, or of the link with the given name."""
     frames = [own, *(Frame(link.name, i, np.eye(4)) for i, link in enumerate(links))]
     for frame in frames:
         if name in (None, frame.name):
@@ -326,14 +326,14 @@ class _Table:
         return self.data[key]
 
     def text(self, key: str, default: str | None = None) -> str:
-        """Value that must be a non-empty string."""
+        """Value of a key that must be a non-empty string."""
         value = self.data.get(key, default) if default is not None else self.need(key)
         if not isinstance(value, str) or not value:
             raise self.wrong(key, value, "a name")
         return value
 
     def choice(self, key: str, possible: tuple[str, ...], default: str | None = None) -> str:
-        """Value that must be one of several words."""
+        """Value of a key that must be one of several words."""
         if default is None and key not in self.data:
             remedy = f'write for instance {key} = "{possible[0]}".'
             raise RobotError(
@@ -348,15 +348,15 @@ class _Table:
         return value
 
     def number(self, key: str, default: float | None = None) -> float:
-        """Value that must be a finite number."""
+        """Value of a key that must be a finite number."""
         return self._number(key, self.data.get(key, default) if default is not None else self.need(key))
 
     def angle(self, key: str) -> float:
-        """Value that must be an angle, converted to radians [rad]; 0 if the key is missing."""
+        """Value of a key that must be an angle, converted to radians [rad]; 0 if the key is missing."""
         return self._angle(key, self.data.get(key, 0.0))
 
     def positive(self, key: str, *, angle: bool = False) -> float:
-        """Limit, which must be positive; infinite if the key is missing."""
+        """Value of a key that must be a positive limit; infinite if the key is missing."""
         if key not in self.data:
             return math.inf
         value = self._angle(key, self.data[key]) if angle else self.number(key)
@@ -367,7 +367,7 @@ class _Table:
     def vector(
         self, key: str, length: int, default: tuple[float, ...] | None = None, *, angle: bool = False
     ) -> tuple[float, ...]:
-        """Value that must be a list of a given number of numbers or angles."""
+        """Value of a key that must be a list of `length` numbers or angles."""
         if key not in self.data and default is not None:
             return default
         value = self.need(key)

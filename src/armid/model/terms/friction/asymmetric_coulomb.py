@@ -48,6 +48,6 @@ class AsymmetricCoulomb:
         return single_joint_laws(robot, self.joints, "FSA", law, units=("N·m", "N"), nonnegative=False)
 
     def describe(self, length: str) -> str:
-        """The term with its shapes in words, with the unit of length of its joints."""
+        """Description of the term in words, with its shapes; `length` is the unit of the positions, `rad` or `m`."""
         del length
         return "Coulomb, depends on direction"

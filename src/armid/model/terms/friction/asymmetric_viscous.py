@@ -39,6 +39,6 @@ class AsymmetricViscous:
         return single_joint_laws(robot, self.joints, "FVA", law, units=units, nonnegative=False)
 
     def describe(self, length: str) -> str:
-        """The term with its shapes in words, with the unit of length of its joints."""
+        """Description of the term in words, with its shapes; `length` is the unit of the positions, `rad` or `m`."""
         del length
         return "viscous, depends on direction"

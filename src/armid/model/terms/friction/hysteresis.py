@@ -75,5 +75,5 @@ class Hysteresis:
         return tuple(laws)
 
     def describe(self, length: str) -> str:
-        """The term with its shapes in words, with the unit of length of its joints."""
+        """Description of the term in words, with its shapes; `length` is the unit of the positions, `rad` or `m`."""
         return f"hysteresis over {listed(self.widths)} {length}"

@@ -47,6 +47,6 @@ class LoadCoulomb:
         return single_joint_laws(robot, self.joints, "FSL", law, units=("1", "1"), nonnegative=True)
 
     def describe(self, length: str) -> str:
-        """The term with its shapes in words, with the unit of length of its joints."""
+        """Description of the term in words, with its shapes; `length` is the unit of the positions, `rad` or `m`."""
         del length
         return "Coulomb, grows with the load"

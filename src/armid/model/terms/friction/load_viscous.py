@@ -30,6 +30,6 @@ class LoadViscous:
         return single_joint_laws(robot, self.joints, "FVL", law, units=("s/rad", "s/m"), nonnegative=True)
 
     def describe(self, length: str) -> str:
-        """The term with its shapes in words, with the unit of length of its joints."""
+        """Description of the term in words, with its shapes; `length` is the unit of the positions, `rad` or `m`."""
         del length
         return "viscous, grows with the load"

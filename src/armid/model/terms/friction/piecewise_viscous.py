@@ -21,7 +21,7 @@ KNOTS = (0.1, 0.3, 0.6)
 
 @dataclass(frozen=True, slots=True)
 class PiecewiseViscous:
-    """Friction that is piecewise linear in the speed; the first piece is the term `viscous`.
+    """Friction that is piecewise linear in the speed; below the first knot, only the term `viscous` acts.
 
     Attributes:
         knots: Speeds at which the slope changes, ascending [rad/s or m/s].
@@ -50,5 +50,5 @@ class PiecewiseViscous:
         return tuple(laws)
 
     def describe(self, length: str) -> str:
-        """The term with its shapes in words, with the unit of length of its joints."""
+        """Description of the term in words, with its shapes; `length` is the unit of the positions, `rad` or `m`."""
         return f"viscous, slope changes at {listed(self.knots)} {length}/s"

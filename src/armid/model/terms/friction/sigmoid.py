@@ -56,5 +56,5 @@ class Sigmoid:
         return single_joint_laws(robot, self.joints, "FG", law, units=("N·m", "N"), nonnegative=True)
 
     def describe(self, length: str) -> str:
-        """The term with its shapes in words, with the unit of length of its joints."""
+        """Description of the term in words, with its shapes; `length` is the unit of the positions, `rad` or `m`."""
         return f"sigmoid of velocity over {2.0 / self.slope:.3g} {length}/s"

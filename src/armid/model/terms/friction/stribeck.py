@@ -60,5 +60,5 @@ class Stribeck:
         return single_joint_laws(robot, self.joints, "FT", law, units=("N·m", "N"), nonnegative=False)
 
     def describe(self, length: str) -> str:
-        """The term with its shapes in words, with the unit of length of its joints."""
+        """Description of the term in words, with its shapes; `length` is the unit of the positions, `rad` or `m`."""
         return f"Stribeck effect at {self.velocity:.3g} {length}/s"
