@@ -1,8 +1,9 @@
 """The doctor: checks of a log for faults before an estimate is made from it.
 
-`armid.doctor.catalogue` lists the checks. A check examines the evidence and returns findings with numbers; it repairs
-nothing. Checks that can `explain` a misfit of the model compete: each one corrects its fault and computes the
-decrease of the residual. The best explanation is accepted, and the other checks are then tried on the corrected log.
+`armid.doctor.catalogue` lists the checks. A check examines a log and returns findings; it repairs nothing. Some
+checks can also explain why a model does not fit the log (`LogCheck.explain`). Each of these checks assumes that its
+fault is present, corrects the fault, and computes by how much the residual decreases. The fault with the largest
+decrease is accepted. Then the other checks are tried on the log in which this fault is corrected.
 """
 
 from __future__ import annotations
@@ -48,11 +49,11 @@ def effects() -> dict[str, str]:
 
 
 def examine(evidence: LogEvidence, checks: Collection[str] | None = None) -> tuple[Finding, ...]:
-    """Runs checks on a log and returns their findings without repetitions, errors first.
+    """Runs checks on a log and returns their findings: each finding once, errors first.
 
     Args:
-        evidence: The log.
-        checks: Names of the checks; all if not given.
+        evidence: The log to check, its log format and the arm.
+        checks: Names of the checks that are run; if not given, all checks are run.
     """
     reasons = {code: why for check in CHECKS.values() for code, why in check.untested.items()}
     wanted = [check for name, check in CHECKS.items() if checks is None or name in checks]
@@ -65,7 +66,7 @@ def examine(evidence: LogEvidence, checks: Collection[str] | None = None) -> tup
 
 
 def _consequences(faults: Collection[str]) -> set[str]:
-    """Codes of the findings that are consequences of the found faults."""
+    """Codes of the findings that are consequences of the given faults and are therefore not reported."""
     hidden: set[str] = set()
     for name, check in CHECKS.items():
         if name in faults:

@@ -1,4 +1,4 @@
-"""Orders of channels that occur in logs, and test of an order with the limits of the joints."""
+"""Orders of channels that occur in wrongly ordered logs, and a test of an order with the limits of the joints."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ Order = NDArray[np.intp]
 
 @dataclass(frozen=True, eq=False, slots=True)
 class LimitExcess:
-    """Excess of each channel's positions over the limits of each joint.
+    """Distance by which the positions of each channel exceed the limits of each joint.
 
     Attributes:
-        excess: Excess of channel k over the limits of joint j, divided by the range of joint j, shape (n, n); minus
-            infinity if the joint has no limits, infinity if one of the joints j and k is revolute and the other
-            prismatic.
+        excess: Element (j, k) is the distance by which the positions of channel k exceed the limits of joint j,
+            divided by the range of joint j, shape (n, n). It is minus infinity if joint j has no limits, and infinity
+            if one of the joints j and k is revolute and the other one prismatic.
         far: Mask of the joints that are far outside their limits and move over more than the range of the limits,
             shape (n,). Neither inaccurate limits nor a wrong zero can explain this.
     """
@@ -36,12 +36,12 @@ class LimitExcess:
 
     @property
     def given_fits(self) -> bool:
-        """True if all joints are inside their limits in the given order."""
+        """True if all joints are inside their limits when the channels stay in the order of the log."""
         return self.fits(np.arange(len(self.excess)))
 
     @property
     def allowed(self) -> NDArray[np.bool_]:
-        """Mask of the channels k whose positions a joint j may have, shape (n, n).
+        """Mask that is true at (j, k) if the positions of channel k may be those of joint j, shape (n, n).
 
         Positions far outside the limits of a joint are allowed only if the logged positions of the joint are as far
         outside.
@@ -49,7 +49,7 @@ class LimitExcess:
         return (self.excess < np.inf) & (self.excess <= np.maximum(BEYOND, np.diag(self.excess)[:, None]))
 
     def fits(self, order: Order) -> bool:
-        """True if all joints are inside their limits with the positions of the channels of an order (n,)."""
+        """True if all joints are inside their limits when joint j has the positions of channel order[j]."""
         return bool((self.excess[np.arange(len(order)), order] <= BEYOND).all())
 
 
@@ -67,7 +67,7 @@ def limit_excess(state: LogState) -> LimitExcess:
 
 
 def usual_orders(n: int) -> list[Order]:
-    """Orders of channels: two exchanged, all reversed, or three or more neighbouring ones shifted by one place.
+    """Orders (n,) with two channels exchanged, all reversed, or three or more neighbours shifted by one place.
 
     Args:
         n: Number of channels.
@@ -77,7 +77,7 @@ def usual_orders(n: int) -> list[Order]:
 
 
 def exchanges(n: int) -> list[Order]:
-    """Orders (n,) in which two channels are exchanged."""
+    """Orders (n,) of n channels in which two channels are exchanged."""
     result: list[Order] = []
     for pair in combinations(range(n), 2):
         order = np.arange(n)
@@ -87,7 +87,7 @@ def exchanges(n: int) -> list[Order]:
 
 
 def shifts(n: int) -> list[Order]:
-    """Orders (n,) in which three or more neighbouring channels are shifted by one place, in either direction."""
+    """Orders (n,) in which three or more neighbouring channels are shifted cyclically by one place."""
     result: list[Order] = []
     for first, last in combinations(range(n), 2):
         if last - first < 2:

@@ -1,4 +1,4 @@
-"""Check of a log for a fault, with the data that the doctor needs about the check."""
+"""Definition of a check: its functions, and the facts about it that the doctor needs."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Scope = Literal["recording", "format", "command"]
 
 @dataclass(frozen=True, eq=False, slots=True)
 class LogCheck:
-    """Check of a log for a fault.
+    """Check of a log for one fault or several related faults.
 
     Attributes:
         look: Function that finds the fault in the evidence; it repairs nothing.
@@ -24,7 +24,7 @@ class LogCheck:
             `command`: no recordings; the check is done only by `armid doctor`.
         effects: Effect of the fault on an estimate, by code of the findings of this check.
         explain: Function that explains a misfit of the model by this fault, if the fault causes one.
-        untested: Reason why the remedy is not tested on left-out motion, by code.
+        untested: Reason why the remedy of a finding is not tested on left-out motion, by code of the finding.
         hides: Codes of findings that are consequences of this fault; they are not reported together with it.
         follows: Codes of faults that cause the findings of this check; these findings are then not reported.
         needs_torque: False if the check is also valid for a log of motor currents.

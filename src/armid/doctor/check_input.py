@@ -33,7 +33,8 @@ ROWS = 3
 follows the noise, and friction of the wrong sign can seem significant."""
 
 LESS_ALIKE = 0.01
-"""Decrease of the mean correlation with the torque of a run from which a correction contradicts the run."""
+"""Decrease of the correlation between the measured torque and the torque of an earlier run, averaged over the
+joints, from which the correction of a fault counts as contradicted by the run."""
 
 WIDTH = 0.02
 """Velocity over which the doctor's model smooths Coulomb friction [rad/s]."""
@@ -41,7 +42,7 @@ WIDTH = 0.02
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Explanation:
-    """Fault that would explain a misfit of the model.
+    """Fault that, if it is present in a log, explains why the model does not fit the log.
 
     Attributes:
         code: Code of the finding.
@@ -49,13 +50,15 @@ class Explanation:
         severity: Severity of the finding.
         channel: Name of the joint; empty for all joints.
         evidence: Observation, with numbers.
-        remedy: Function that returns the lines of a study that correct the fault, given the log format in use.
+        remedy: Function that returns the lines of a study that correct the fault. Its argument is the log with the
+            log format in use.
         after: The log with the fault corrected.
         confirmed: Function that tests the fault by independent evidence in the log, if there is such a test. It is
             called only for the first fault.
         by_error_alone: True if a smaller error is the only evidence; the held-out error must then decrease, too.
             Wrong signs of torques, wrong zeros and wrong gravity also show in friction, inertias and weights.
-        trial: Test on held-out motion, if the fault affects only some rows; if not given, all rows are tested.
+        trial: Held-out errors without and with the correction, if they are computed on some of the rows only; if not
+            given, they are computed on all rows.
     """
 
     code: str
@@ -75,16 +78,17 @@ Explain = Callable[[LogState], Explanation | None]
 
 @dataclass(frozen=True, eq=False)
 class LogEvidence:
-    """A log, the arm, and the facts that the checks share.
+    """A log, the arm, and values computed from them that several checks use.
 
     Attributes:
         robot: The arm as described.
         raw: The recording as logged.
-        reading: Log format.
+        reading: Log format with which the recording is read.
         recording: The recording in the robot's convention; `None` if it cannot be converted.
-        noted: Findings of reading and conversion.
-        model: Model of the study, if there is one; its terms are used.
-        explains: Functions that explain the log by a fault; they are tried if the model does not fit the log.
+        noted: Findings that were made when the recording was read and converted.
+        model: Model of the study, if there is one; its torque terms are added to the terms of the doctor's model.
+        explains: Functions `explain` of the checks. Each one returns the fault that it finds, if correcting this
+            fault makes the model fit the log better.
         saturation: Share of a joint's torque limit above which the study excludes rows, if the study gives a share;
             `keep` if the study uses all rows.
         known: Links that are compared with the log instead of those of the description.
@@ -105,7 +109,10 @@ class LogEvidence:
 
     @cached_property
     def state(self) -> LogState | None:
-        """The log and a model with friction, offsets and rotor inertia; `None` if the log is too short."""
+        """The log with a model of links, friction, offsets and rotor inertia.
+
+        The result is `None` if the log is too short for a fit.
+        """
         if self.recording is None or self.recording.effort is None or self.robot.n == 0:
             return None
         log = downsample(self.counted)
@@ -125,7 +132,7 @@ class LogEvidence:
 
     @cached_property
     def stuck(self) -> tuple[tuple[int, str, int, int], ...]:
-        """Joint, quantity, first and last row of each segment in which a channel is stuck."""
+        """Joint, quantity, first and last row of each segment of rows in which a channel is stuck at one value."""
         recording = self.recording
         if recording is None or recording.consecutive is False:
             return ()
@@ -139,15 +146,15 @@ class LogEvidence:
 
     @property
     def explanations(self) -> tuple[Explanation, ...]:
-        """Faults that together explain the misfit, the strongest first."""
+        """Faults that together explain the misfit of the model, in the order in which they were accepted."""
         return tuple(each for _, each in self._accepted)
 
     @cached_property
     def _accepted(self) -> tuple[tuple[LogState, Explanation], ...]:
-        """Accepted explanations, each with the state of the log before the correction of its fault.
+        """Accepted faults, each with the log in which this fault is not yet corrected, but all faults before it are.
 
-        An explanation that the log does not confirm is not reported. Its correction remains in effect, so that the
-        misfit is not attributed to another fault; if nothing else explains the misfit, the search ends.
+        A fault that the log does not confirm is not reported. It is corrected nevertheless, so that the misfit is not
+        attributed to another fault. If no other fault explains the misfit, the search ends.
         """
         state, codes = self.state, set[str]()
         accepted: list[tuple[LogState, Explanation]] = []
@@ -168,25 +175,28 @@ class LogEvidence:
         return tuple(accepted)
 
     def _holds(self, before: LogState, each: Explanation) -> bool:
-        """True if held-out motion supports an explanation, or at least does not contradict its other evidence."""
+        """True if the held-out error confirms a fault, or if it does not contradict other evidence for the fault."""
         if each.severity == "error" and self._contradicts_run(before, each.after):
             return False
         trial = self._trial(before, each)
         return trial.helps if each.by_error_alone else not trial.harms
 
     def _contradicts_run(self, before: LogState, after: LogState) -> bool:
-        """True if a correction, which must then be wrong, makes a log agree less with the links of a run."""
+        """True if the correction of a fault reduces the agreement of the log with the links of an earlier run."""
         if self.known is None or before.nominal is None or after.nominal is None:
             return False
         return after.nominal.alike < before.nominal.alike - LESS_ALIKE
 
     def trial_of(self, accepted: Explanation) -> RemedyTrial:
-        """Held-out errors without and with an accepted explanation."""
+        """Held-out errors of the model without and with the correction of an accepted fault."""
         before = next(state for state, each in self._accepted if each is accepted)
         return self._trial(before, accepted)
 
     def _trial(self, before: LogState, each: Explanation) -> RemedyTrial:
-        """Held-out errors before and after the correction of a fault; the result is stored and reused."""
+        """Held-out errors of the model before and after the correction of a fault.
+
+        The result is stored and reused.
+        """
         if each.trial is not None:
             return each.trial
         after = each.after
@@ -205,7 +215,7 @@ class LogEvidence:
         return self.explanations[-1].after if self.explanations else self.state
 
     def explained(self, code: str) -> list[Finding]:
-        """Findings of the accepted explanations of one code."""
+        """Findings about the accepted faults that have a given code."""
         findings: list[Finding] = []
         for before, each in self._accepted:
             if each.code == code:
@@ -225,5 +235,5 @@ class LogEvidence:
         return recording.rate or 1.0
 
     def without(self, *codes: str) -> LogEvidence:
-        """The same log without the findings of the reader that have one of the given codes."""
+        """A copy without the findings in `noted` that have one of the given codes."""
         return replace(self, noted=tuple(finding for finding in self.noted if finding.code not in codes))

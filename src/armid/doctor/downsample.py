@@ -1,4 +1,4 @@
-"""Reduction of a recording to a moderate sample rate."""
+"""Reduction of a recording to a moderate sample rate, at which the doctor fits models quickly."""
 
 from __future__ import annotations
 
@@ -33,9 +33,9 @@ ROWS_RATE = 4.0
 """Row rate divided by the cut-off: twice the Nyquist rate of the band."""
 
 SEPARATE = 1000
-"""Number of rows used (up to twice as many) if rows are not consecutive; the band keeps about as many of half a
-minute. Unmodelled effects correlate the residuals of neighbouring rows; without the order of the rows, this
-correlation cannot be estimated."""
+"""Number of rows that are used (up to twice as many) if rows are not consecutive. A filtered log of half a minute
+has about the same number of rows. Unmodelled effects correlate the residuals of neighbouring rows; without the order
+of the rows, this correlation cannot be estimated."""
 
 COARSE = 400
 """Number of rows (up to twice as many) for quick comparisons of geometries: several times the parameters of a
@@ -50,9 +50,9 @@ class DownsampledLog:
     """Recording at a moderate sample rate.
 
     Attributes:
-        runs: Contiguous runs with filtered motion and unfiltered torque.
-        band: Low-pass for torque and columns.
-        cutoff: Cut-off of the band [Hz]; if nothing is filtered, the cut-off that suits the motion.
+        runs: Segments of the log without a gap, with filtered motion and unfiltered torque.
+        band: Low-pass that is applied later to torque and regressor columns.
+        cutoff: Cut-off of the band [Hz]; 1 if the rows are not consecutive, so that nothing is filtered.
         rate: Sample rate of the original recording [Hz].
         noise: Standard deviation of the noise of each position in the original recording, shape (n,) [rad or m]; zero
             if the rows are not consecutive.
@@ -65,7 +65,14 @@ class DownsampledLog:
     noise: Array
 
     def reordered(self, motion: NDArray[np.intp], torque: NDArray[np.intp]) -> DownsampledLog:
-        """The same log with reordered channels; a row is used for a joint if it is used for both of its channels."""
+        """The same log with the channels in another order.
+
+        A row is used for a joint if it is used for its position channel and for its torque channel.
+
+        Args:
+            motion: Channel of the motion of each joint, shape (n,).
+            torque: Channel of the torque of each joint, shape (n,).
+        """
 
         def changed(run: ObservedRun) -> ObservedRun:
             m, mask = run.motion, run.mask[:, motion] & run.mask[:, torque]
@@ -80,7 +87,7 @@ class DownsampledLog:
         return np.concatenate([run.mask for run in self.runs])
 
     def coarse(self) -> DownsampledLog:
-        """Subset of rows with filtered torque and unfiltered columns, for quick comparisons of geometries."""
+        """The log with fewer rows, filtered torque and unfiltered columns, to compare orders of channels quickly."""
         every = max(1, sum(len(run.rows) for run in self.runs) // COARSE)
 
         def changed(run: ObservedRun) -> ObservedRun:
@@ -113,12 +120,12 @@ class DownsampledLog:
 
 
 def downsample(recording: Recording, cutoff: float | None = None) -> DownsampledLog:
-    """Reduces a recording to a moderate sample rate.
+    """Reduces a recording to a moderate sample rate, and a long one to its first and last half minute.
 
     Args:
         recording: Recording in robot order, SI units, joint side.
-        cutoff: Cut-off of the band [Hz], lowered if the sample rate is too low; if not given, it follows from the
-            motion.
+        cutoff: Cut-off of the band [Hz]. It is lowered if the sample rate is too low. If it is not given, it is
+            computed from the spectrum of the motion.
 
     Raises:
         RecordingError: The recording cannot be differentiated or is too short.
@@ -157,7 +164,7 @@ def downsample(recording: Recording, cutoff: float | None = None) -> Downsampled
 
 
 def _ends(segments: Sequence[Segment]) -> list[Segment]:
-    """First and last half minute of a log, if it is long."""
+    """Segments in the first and the last half minute of a log; all segments if the log is not longer."""
     begin, end = float(segments[0].time[0]), float(segments[-1].time[-1])
     if end - begin <= 1.25 * LONGEST:
         return list(segments)
@@ -181,7 +188,7 @@ def _decimated(segment: Segment, step: int) -> Segment:
 
 
 def _any_near(flags: NDArray[np.bool_], step: int) -> NDArray[np.bool_]:
-    """Flags of one sample in each step; true if any sample within a step is flagged."""
+    """Flags of every `step`-th sample; true if any sample closer than `step` is flagged."""
     if step == 1:
         return flags
     rows = np.arange(0, len(flags), step)

@@ -10,23 +10,26 @@ import numpy as np
 from armid.checked_array import Array, array
 
 DESCRIPTION = "the description"
-"""Name in sentences of what a log is compared with by default."""
+"""Name, for use in sentences, of the links that a log is compared with by default."""
 
 CENTRE, RADIUS = 0.3, 0.2
-"""Distance of the centre of mass of a usual load from the origin of its link [m], and its radius of gyration [m]."""
+"""Distance of the centre of mass of a usual load from the origin of the link that carries it [m], and radius of
+gyration of the load [m]."""
 
 SMALLEST_SCALE = 1e-6
-"""Smallest scale of the torque relative to that of the links at which a load can be told from the links."""
+"""Smallest ratio of the torque of the log to the torque of the links with which a load is estimated; below it, the
+load is zero."""
 
 AS_WELL = 0.02
 """Relative increase of the sum of squared residuals up to which a load alone explains a log as well as a load and
 another scale of the torque."""
 
 KEPT = 0.5
-"""Share of the torque of the links that remains at least with a load; a load that cancels more is no load."""
+"""Smallest ratio of the torque of links and load to the torque of the links. A load with a smaller ratio cancels
+most of the torque of the links and is not accepted."""
 
 ROUNDS = 4
-"""Number of estimates of the load, each with the scale of the one before."""
+"""Number of times that load and scale of the torque are estimated, each time with the scale of the time before."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -35,8 +38,9 @@ class KnownLinks:
 
     Attributes:
         bodies: Inertial parameters of the links, shape (n, 10).
-        source: Name of the run in sentences.
-        loaded: Number of the link that may carry a load that the bodies do not contain; `None` if there is none.
+        source: Name of the run, for use in sentences.
+        loaded: Index of the link that may carry a load that `bodies` does not contain; `None` if no link may carry
+            one.
     """
 
     bodies: Array
@@ -66,11 +70,12 @@ def torque_with_load(
     sigma: Array,
     usual: Array,
 ) -> Array:
-    """Torque of the links with the load that explains a log best, shape (M, n) [N·m or N].
+    """Torque of the links together with the load that fits a log best, shape (M, n) [N·m or N].
 
-    If a load alone explains the log, the scale of the log's torque is right. Otherwise the scale is estimated, too,
-    so that an effort in another unit is not mistaken for a load; small loads are then preferred. A load that would
-    cancel most of the torque of the links is not accepted: an effort that is so small has another scale.
+    First, only a load is estimated; if it explains the log, the scale of the log's torque is right. Otherwise the
+    scale is estimated together with the load, and small loads are preferred, so that an effort in another unit is not
+    mistaken for a load. A load that would cancel most of the torque of the links is not accepted, because such a
+    small effort has another scale.
 
     Args:
         links: Torque of the links without the load, shape (M, n).
@@ -98,19 +103,25 @@ def torque_with_load(
 
 
 def _load_alone(P: Array) -> Array:
-    """Load (10,) that explains a log whose torque has the right scale, in units of a usual load.
+    """Load (10,) that fits a log best if the torque of the log has the right scale.
+
+    The unit of each element is the standard deviation for a usual load.
 
     Args:
-        P: Products of the torque of links, usual load and log, shape (12, 12).
+        P: Scalar products of the torque of the links, of a unit of each of the ten load parameters, and of the log,
+            shape (12, 12).
     """
     return np.array(np.linalg.solve(P[1:11, 1:11] + np.eye(10), P[1:11, 11] - P[1:11, 0]), dtype=np.float64)
 
 
 def _load_and_scale(P: Array) -> tuple[float, Array]:
-    """Scale of the log's torque, and the load (10,) in units of a usual load, which has the same scale.
+    """Ratio of the log's torque to the torque of links and load, and the load (10,).
+
+    The unit of each element is the standard deviation for a usual load.
 
     Args:
-        P: Products of the torque of links, usual load and log, shape (12, 12).
+        P: Scalar products of the torque of the links, of a unit of each of the ten load parameters, and of the log,
+            shape (12, 12).
     """
     scale = float(P[0, 11] / P[0, 0])
     load = np.zeros(10)
@@ -126,6 +137,6 @@ def _load_and_scale(P: Array) -> tuple[float, Array]:
 
 
 def _misfit(P: Array, scale: float, load: Array) -> float:
-    """Sum of the squared differences between the torque of the log and the torque with a scale and a load (10,)."""
+    """Sum of squared differences between the torque of the log and the torque of links and load, times a scale."""
     x = np.array([scale, *(scale * load), -1.0])
     return float(x @ P @ x)

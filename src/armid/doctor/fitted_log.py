@@ -1,4 +1,4 @@
-"""Interpretation of a log, the fit of a model to it, and further evidence about the arm."""
+"""A log as it is interpreted, the fit of a model to it, and evidence from the fit about faults of the log."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ JOINT_SYMBOLS = ("FV", "FS", "FO", "IA")
 """Symbols of parameters that belong to one joint only: friction, offset, rotor inertia."""
 
 POSES = 40
-"""Poses along the motion at which joint inertias are computed."""
+"""Number of poses along the motion at which the inertias about the joints are computed."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -37,7 +37,7 @@ class DescriptionComparison:
     Attributes:
         scale: Factor from described to measured torque, shape (n,).
         correlation: Correlation of described and measured torque, shape (n,).
-        size: RMS of the described torque after the projection, shape (n,) [N·m or N].
+        size: RMS of the described torque after friction and offset are projected out, shape (n,) [N·m or N].
     """
 
     scale: Array
@@ -46,13 +46,13 @@ class DescriptionComparison:
 
     @property
     def alike(self) -> float:
-        """Mean correlation of the joints, weighted by the described torque."""
+        """Correlation of described and measured torque: mean over the joints, weighted with the described torque."""
         return float(self.size @ self.correlation / self.size.sum()) if self.size.any() else 0.0
 
 
 @dataclass(frozen=True, eq=False)
 class LogState:
-    """Interpretation of a log, and the model that is fitted to it.
+    """A log as it is interpreted (signs, zeros, order of channels …), and the model that is fitted to it.
 
     Attributes:
         model: Arm and torque terms.
@@ -73,7 +73,7 @@ class LogState:
 
     @cached_property
     def rows(self) -> QuickRows:
-        """Filtered columns and torque."""
+        """Filtered regressor columns and torque of the log."""
         return make_rows(self.source, self.log)
 
     def with_torque(self, factor: Array) -> LogState:
@@ -84,13 +84,17 @@ class LogState:
         return after
 
     def on(self, log: DownsampledLog) -> LogState:
-        """The same model with another log."""
+        """The same model, to be fitted to another log."""
         after = LogState(self.model, self.base, log, self.known)
         after.__dict__["source"] = self.source  # where `cached_property` keeps it
         return after
 
     def without(self, left_out: NDArray[np.bool_]) -> LogState:
-        """The same state without some rows; their flags have shape (M, n), or (M,) for all joints."""
+        """The same state without some rows.
+
+        Args:
+            left_out: Mask of the rows that are left out, shape (M, n), or (M,) for all joints.
+        """
         flags = left_out[:, None] if left_out.ndim == 1 else left_out
         ends = np.cumsum([len(run.mask) for run in self.log.runs])[:-1]
         included = np.split(~flags, ends)
@@ -111,16 +115,19 @@ class LogState:
 
     @property
     def conflict(self) -> float:
-        """Logarithm of a ratio: residual of the common fit, divided by that of separate fits of the joints.
+        """Conflict between the joints: increase of the residual if one model is fitted to all joints.
+
+        It is the logarithm of the RMS residual with one model for all joints minus that with a separate model for
+        each joint, averaged over the joints.
 
         An effect that the model does not contain, such as friction at reversals, increases both residuals and
-        cancels. A large ratio therefore shows wrong geometry: order of channels, gravity, zeros, signs or scales.
+        cancels. A large conflict therefore shows wrong geometry: order of channels, gravity, zeros, signs or scales.
         """
         alone = np.array([fit.sigma[0] for fit in self.joint_fits])
         return self.fit.cost - float(np.mean(np.log(alone)))
 
     def _joint_rows(self, j: int) -> QuickRows:
-        """Rows of joint j, with separate parameters."""
+        """Rows of joint j alone, with its own parameters numbered from 0."""
         rows, count = self.rows, len(self.rows.parameters[j])
         return replace(
             rows,
@@ -132,7 +139,7 @@ class LogState:
         )
 
     def symbols(self, j: int) -> list[str]:
-        """Symbols of the columns of joint j; empty for terms of other joints."""
+        """Symbols of the parameters of joint j's columns; an empty text for parameters of other joints."""
         parameters = [self.model.parameters[self.base.kept[p]] for p in self.rows.parameters[j]]
         return [p.symbol if p.number == j + 1 or p.symbol not in JOINT_SYMBOLS else "" for p in parameters]
 
@@ -172,7 +179,7 @@ class LogState:
         return np.concatenate(parts)
 
     def _bodies(self, theta: Array) -> Array:
-        """Inertial parameters of the links, (n, 10)."""
+        """Inertial parameters of the links, shape (n, 10), taken from standard parameters (p,)."""
         return theta[self.model.inertial_columns].reshape(-1, 10)
 
     def _torque(self, bodies: Array, motion: Motion, q: Array) -> Array:
@@ -188,13 +195,13 @@ class LogState:
         return np.concatenate(parts)
 
     def joint_columns(self, j: int) -> Array:
-        """Columns of joint j's friction, offset and rotor inertia, shape (M, k)."""
+        """Regressor columns of friction, offset and rotor inertia of joint j, shape (M, k) for k such parameters."""
         joint_rows = [k for k, symbol in enumerate(self.symbols(j)) if symbol in JOINT_SYMBOLS]
         return self.rows.columns[j][joint_rows].T
 
     @property
     def reference(self) -> str:
-        """Name in sentences of the links that are compared with the log."""
+        """Name, for use in sentences, of the links that are compared with the log."""
         return DESCRIPTION if self.known is None else self.known.source
 
     @cached_property
@@ -227,7 +234,7 @@ class LogState:
         return DescriptionComparison(scale, correlation, size)
 
     def _with_load(self, described: Array, friction: Sequence[Array]) -> Array:
-        """Described torque (M, n), with the load that explains the log if the known links may carry one.
+        """Described torque (M, n), with the load that fits the log best if a link of the earlier run may carry one.
 
         Args:
             described: Torque of the links, shape (M, n).
@@ -247,7 +254,7 @@ class LogState:
 
     @cached_property
     def dissipation(self) -> Array:
-        """Power that the friction of each joint dissipates, divided by its own standard deviation, shape (n,)."""
+        """Mean power that each joint loses by its fitted friction, divided by the standard deviation, shape (n,)."""
         z = np.zeros(self.rows.n)
         for j, fit in enumerate(self.joint_fits):
             power = np.array(
@@ -261,7 +268,7 @@ class LogState:
 
     @cached_property
     def inertia(self) -> Array:
-        """Mean inertia of each joint, divided by the standard deviation of this mean, shape (n,)."""
+        """Mean inertia about each joint over some poses, divided by its standard deviation, shape (n,)."""
         rows, n = self.rows, self.rows.n
         q = rows.motion.q[:: max(1, rows.motion.samples // POSES)]
         still = np.zeros_like(q)
@@ -276,6 +283,6 @@ class LogState:
 
 
 def _certainty(direction: Array, fit: QuickFit) -> float:
-    """Linear function of an estimate, divided by the standard deviation of the result."""
+    """Scalar product of a direction and the fitted parameters, divided by its standard deviation."""
     spread = float(np.sqrt(max(direction @ fit.covariance @ direction, 0.0)))
     return float(direction @ fit.values) / spread if spread > 0.0 else 0.0

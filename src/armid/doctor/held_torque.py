@@ -31,7 +31,7 @@ sensor repeat values, too, but the times between their changes have no common di
 
 
 def held_by_controller(samples: float) -> str:
-    """Sentence on the usual cause of a lead by half a sample; empty for other delays.
+    """Sentence on the usual cause if the torque is early by half a sample; an empty text for other delays.
 
     Args:
         samples: Delay of the torque, negative for a lead [samples].
@@ -41,7 +41,7 @@ def held_by_controller(samples: float) -> str:
 
 
 def update_interval(effort: Array) -> int:
-    """Rows from one update of the torque to the next; 1 if it may change in every row.
+    """Number of rows from one update of the torque to the next; 1 if the torque may change in every row.
 
     Args:
         effort: Torque or current as logged, shape (N, n); NaN where missing.
@@ -55,10 +55,10 @@ def update_interval(effort: Array) -> int:
 
 
 def with_repeated_torque(finding: Finding, evidence: LogEvidence) -> Finding:
-    """Finding of a delay, with the cause and a further remedy if the log repeats the last torque in some rows.
+    """Adds cause and a further remedy to a finding about a delay, if the log repeats the last torque in some rows.
 
     Args:
-        finding: A delay of all torques, whose remedy is the key `delay`.
+        finding: Finding about a delay of all torques, whose remedy is the key `delay`.
         evidence: The recording.
     """
     effort, state = evidence.raw.effort, evidence.state
@@ -75,6 +75,6 @@ def with_repeated_torque(finding: Finding, evidence: LogEvidence) -> Finding:
         f" The torque changes only once in {rows} rows, and the log repeats its last value in between, which is late "
         f"by {held:g} samples on average and explains {part}."
     )
-    better = "or log the torque in every row, or keep only the rows with a new one"
+    better = "or log the torque in every row, or keep only the rows with a new torque"
     note = "; ".join(filter(None, (remedy.note, better)))
     return replace(finding, evidence=finding.evidence + cause, remedy=lines(note, delay=total).marked())

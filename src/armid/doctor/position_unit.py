@@ -21,7 +21,8 @@ GEARED = 3.0
 """Range of a motion divided by the range of the limits, from which positions are degrees or positions of motors."""
 
 MOST_DEGREES = 720.0
-"""Position above which whole numbers are counts of encoders and no degrees: joints with cables turn twice at most."""
+"""Largest position that is accepted as an angle in degrees. Larger whole numbers are counts of encoders, because
+joints with cables turn twice at most."""
 
 USUAL_COUNTS = 4096
 """Smallest number of counts in a turn that is assumed in the example of a message; servos usually have it."""
@@ -35,7 +36,7 @@ def reconsidered(evidence: LogEvidence) -> LogEvidence:
     of motors that are whole numbers are counts of encoders, and also whole numbers that are too large for degrees.
 
     Args:
-        evidence: The log and the findings of the reader.
+        evidence: The log, with the findings of the reader.
     """
     whole = _are_whole(evidence)
     if whole and _largest(evidence) > MOST_DEGREES:
@@ -57,10 +58,10 @@ def reconsidered(evidence: LogEvidence) -> LogEvidence:
 
 
 def of_motors(reason: str) -> Finding:
-    """Finding for positions of motors.
+    """Finding that the logged positions are those of the motors.
 
     Args:
-        reason: Beginning of the sentence of evidence, without a full stop.
+        reason: Reason for this conclusion: beginning of the sentence of evidence, without a full stop.
     """
     return Finding(
         "motor-side",
@@ -88,7 +89,10 @@ def _largest(evidence: LogEvidence) -> float:
 
 
 def _counts(evidence: LogEvidence) -> Finding:
-    """Finding for positions that are counts of encoders, with the motion for a usual number of counts per turn."""
+    """Finding that the logged positions are counts of encoders.
+
+    It states the motion for a usual number of counts per turn.
+    """
     q = evidence.raw.q
     low, high = np.nanmin(q, axis=0), np.nanmax(q, axis=0)
     reach = high.max() + 1.0 if low.min() >= 0.0 else (high - low).max() + 1.0
@@ -117,7 +121,7 @@ def _degrees(far: Finding) -> Finding:
 
 
 def _as_degrees(evidence: LogEvidence) -> LogEvidence | None:
-    """The evidence with all angles read as degrees; `None` if the log format states degrees or a transmission."""
+    """The log with all angles read as degrees; `None` if the log format already states degrees or a transmission."""
     reading, recording = evidence.reading, evidence.recording
     assert recording is not None  # findings about limits need it
     if reading.transmission is not None or reading.degrees(recording.n).any():
@@ -144,7 +148,7 @@ def turns_too_far(evidence: LogEvidence) -> bool:
 
 
 def _explains_torque(evidence: LogEvidence) -> bool:
-    """True if a model explains the log as it is read, or after the correction of faults of single joints."""
+    """True if torque and positions agree in the log as it is read, or after faults of single joints are corrected."""
     if evidence.state is None or _agrees(evidence.state):
         return evidence.state is not None
     of_all_joints = any(each.channel in ("q", "effort") for each in evidence.explanations)

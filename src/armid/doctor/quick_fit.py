@@ -49,7 +49,7 @@ LONGEST_LAG = 1.0
 
 @dataclass(frozen=True, eq=False, slots=True)
 class QuickRows:
-    """Regressor columns of the base parameters and torque of a log, at M of its rows, filtered as the log is.
+    """Filtered regressor columns of the base parameters and filtered torque, at M rows of a log.
 
     Attributes:
         columns: For each joint, the columns of the k base parameters that its torque depends on, shape (k, M).
@@ -79,15 +79,15 @@ class QuickRows:
 
 @dataclass(frozen=True, eq=False)
 class QuickFit:
-    """Result of weighted least squares on rows; its properties are computed when they are first used.
+    """Result of weighted least squares on M rows of a log, with e extra columns.
 
     Attributes:
-        values: Parameters, those of the extra columns last, shape (b + e,).
+        values: Base parameters, followed by the coefficients of the extra columns, shape (b + e,).
         sigma: RMS residual of each joint, shape (n,) [N·m or N].
         rows: The rows.
-        tables: Columns, extra columns and torque of each joint, zero in rows that are not used.
+        tables: Columns, extra columns and torque of each joint, shape (k + e + 1, M); zero in rows that are not used.
         factor: Triangular factors of the columns of all joints, one below the other, shape (r, b + e).
-        side: Torque in the rows of the factor, shape (r,) [N·m or N].
+        side: Torque, transformed in the same way as the rows of the factor, shape (r,) [N·m or N].
         joint: Joint of each row of the factor, shape (r,).
     """
 
@@ -113,7 +113,7 @@ class QuickFit:
 
     @cached_property
     def covariance(self) -> Array:
-        """Covariance, shape (b + e, b + e), inflated for correlated residuals."""
+        """Covariance of the parameters, shape (b + e, b + e); it is enlarged, because residuals are correlated."""
         scale = _lengths(self.factor)
         weight = 1.0 / (self.sigma * np.sqrt(self.autocorrelation))[self.joint]
         inverse = _inverse(self.factor / scale * weight[:, None])
@@ -121,12 +121,15 @@ class QuickFit:
 
     @property
     def cost(self) -> float:
-        """Mean over the joints of the logarithm of the RMS residual; a decrease by 0.1 is ten percent on average."""
+        """Mean over the joints of the logarithm of the RMS residual.
+
+        A decrease by 0.1 means that the residuals are smaller by ten percent on average.
+        """
         return float(np.mean(np.log(self.sigma)))
 
     @property
     def deviation(self) -> Array:
-        """Standard deviations (b + e,)."""
+        """Standard deviations of the parameters, shape (b + e,)."""
         return np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
 
 
@@ -196,10 +199,10 @@ def solve(rows: QuickRows, extra: Array | None = None) -> QuickFit:
 
 
 def solve_joint(fit: QuickFit, j: int, rows: QuickRows) -> QuickFit:
-    """Separate fit of a joint, from its triangular factor in the fit of all joints without extra columns.
+    """Fits one joint with separate parameters, using its triangular factor from a fit of all joints.
 
     Args:
-        fit: Fit of all joints.
+        fit: Fit of all joints, without extra columns.
         j: Index of the joint.
         rows: Rows of this joint alone, with separate parameters.
     """
@@ -229,7 +232,10 @@ def _inverse(A: Array) -> Array:
 
 
 def _least_squares(A: Array) -> Array:
-    """Least-squares solution that fits the last column by the others; the smallest one if these are dependent."""
+    """Coefficients (k,) with which the first k columns fit the last column best, in the sense of least squares.
+
+    If the first k columns are linearly dependent, the coefficients with the smallest norm are returned.
+    """
     R: Array = np.asarray(np.linalg.qr(A, mode="r"))
     k = A.shape[1] - 1
     diagonal = np.abs(R.diagonal()[:k])
@@ -239,12 +245,23 @@ def _least_squares(A: Array) -> Array:
 
 
 def products(rows: QuickRows, extra: Array | None = None) -> tuple[Array, ...]:
-    """Product matrix of columns, extra columns (e, M, n) and torque for each joint, (k + e + 1, k + e + 1)."""
+    """Scalar products of columns, extra columns and torque of each joint, shape (k + e + 1, k + e + 1) each.
+
+    Args:
+        rows: Columns and torque.
+        extra: Columns of e additional parameters, shape (e, M, n).
+    """
     return tuple(table @ table.T for table in tables(rows, extra))
 
 
 def tables(rows: QuickRows, extra: Array | None = None, mask: NDArray[np.bool_] | None = None) -> Iterator[Array]:
-    """Columns, extra columns (e, M, n) and torque of each joint, (k + e + 1, M), zero in rows that are not used."""
+    """Columns, extra columns and torque of each joint, shape (k + e + 1, M) each; zero in rows that are not used.
+
+    Args:
+        rows: Columns and torque.
+        extra: Columns of e additional parameters, shape (e, M, n).
+        mask: Mask of the rows that are used, shape (M, n); if not given, that of `rows`.
+    """
     extras = np.zeros((0, *rows.torque.shape)) if extra is None else extra
     counts = rows.mask if mask is None else mask
     for j, columns in enumerate(rows.columns):
@@ -252,12 +269,12 @@ def tables(rows: QuickRows, extra: Array | None = None, mask: NDArray[np.bool_] 
 
 
 def cost_of(rows: QuickRows, pairs: Sequence[Array], sign: Array | None = None) -> float:
-    """Computes `solve(rows).cost` from products, in a tenth of the time.
+    """Computes `solve(rows).cost` from scalar products of columns, in a tenth of the time.
 
     Args:
         rows: The rows, of which only the parameters are used.
-        pairs: Products of these rows, from `products`.
-        sign: Factor of each joint's torque, shape (n,).
+        pairs: Scalar products of the columns, from `products`.
+        sign: Factor by which the torque of each joint is multiplied, shape (n,); 1 if not given.
     """
     return float(np.mean(np.log(solve_products(rows, pairs, np.maximum(rows.mask.sum(axis=0), 1), sign)[1])))
 
@@ -269,13 +286,13 @@ def solve_products(
     sign: Array | None = None,
     ridge: float = RIDGE,
 ) -> tuple[Array, Array]:
-    """Solves weighted least squares from products: parameters (b,) and RMS residual of each joint (n,).
+    """Solves weighted least squares from scalar products: parameters (b,) and RMS residual of each joint (n,).
 
     Args:
         rows: The rows, of which only the parameters are used.
-        pairs: Products of all rows or of some of them.
+        pairs: Scalar products of the columns (see `products`), over all rows or over some of the rows.
         counted: Number of rows of each joint in these products, shape (n,).
-        sign: Factor of each joint's torque, shape (n,).
+        sign: Factor by which the torque of each joint is multiplied, shape (n,); 1 if not given.
         ridge: Number that is added to the diagonal of the products of unit columns.
     """
     return kernel.reweighted_least_squares(
@@ -292,12 +309,19 @@ def solve_products(
 
 
 def _residual(table: Array, parameters: NDArray[np.int32], x: Array, count: int) -> Array:
-    """Residual of one joint."""
+    """Residual of the torque of one joint, shape (M,).
+
+    Args:
+        table: Columns, extra columns and torque of the joint, shape (k + e + 1, M).
+        parameters: Indices of the joint's parameters among all base parameters, shape (k,).
+        x: Parameters, shape (b + e,).
+        count: Number b of base parameters.
+    """
     return table[-1] - np.concatenate([x[parameters], x[count:]]) @ table[:-1]
 
 
 def _autocorrelation_time(residual: Array, rate: float) -> float:
-    """Integrated autocorrelation time 1 + 2 Σ correlations, with Bartlett's window [rows]."""
+    """Integrated autocorrelation time [rows] of a residual: 1 + 2 Σ of its correlations, with Bartlett's window."""
     lags = min(int(LONGEST_LAG * rate), len(residual) // 4)
     power = float(residual @ residual)
     if lags < 1 or power <= 0.0:

@@ -35,7 +35,9 @@ WORSE = 0.01
 
 @dataclass(frozen=True, slots=True)
 class RemedyTrial:
-    """Logarithms of the relative error on held-out motion with and without a remedy, as means over the joints.
+    """Errors on held-out motion with and without a remedy.
+
+    Each error is the logarithm of the relative torque error, averaged over the joints.
 
     Attributes:
         before: Error of the log as it is read.
@@ -78,11 +80,11 @@ def try_remedy(before: QuickRows, after: QuickRows) -> RemedyTrial:
 
 
 def heldout_error(rows: QuickRows, judged: NDArray[np.bool_] | None = None) -> float:
-    """Logarithm of the relative error on rows to which the model was not fitted, as a mean over the joints.
+    """Logarithm of the relative torque error on rows that were left out of the fit, averaged over the joints.
 
     Args:
         rows: Columns and torque.
-        judged: Mask of the rows on which the error is computed, shape (M, n); if not given, all rows in use.
+        judged: Mask of the rows on which the error is computed, shape (M, n); if not given, all rows of `rows.mask`.
     """
     part = np.arange(len(rows.torque)) // BLOCK_ROWS % FOLDS
     inside = [part == k for k in range(FOLDS)]
@@ -106,7 +108,7 @@ def heldout_error(rows: QuickRows, judged: NDArray[np.bool_] | None = None) -> f
 
 
 def with_reason(finding: Finding, reasons: Mapping[str, str]) -> Finding:
-    """The finding, with the reason why its remedy was not tested, unless the remedy is manual work.
+    """Adds to a finding the reason why its remedy was not tested; remedies by hand need no reason.
 
     Args:
         finding: The finding.

@@ -1,7 +1,8 @@
-"""Rows of a log away from reversals of its joints; static friction has no effect in these rows.
+"""Rows of a log in which no reversal of the joint is near, so that static friction has no effect.
 
 In the model, friction reverses with the velocity, so static friction at reversals causes a large part of the
-residual. It hides small effects of inertia, and it shifts estimates that depend on time, such as delays.
+residual. This part of the residual hides small effects of inertia, and it shifts estimates that depend on time, such
+as delays.
 """
 
 from __future__ import annotations
@@ -44,7 +45,7 @@ def away_from_reversals(state: LogState) -> LogState:
 
 
 def rows_near_reversals(runs: Sequence[ObservedRun], cutoff: float) -> list[NDArray[np.bool_]]:
-    """Masks of the rows of each run that are near a reversal or a rest of a joint, shape (M, n).
+    """Mask of each run: rows that are near a reversal or a rest of a joint, shape (M, n).
 
     Args:
         runs: Runs of one or several recordings; their RMS speeds define which speeds are low.
@@ -55,7 +56,7 @@ def rows_near_reversals(runs: Sequence[ObservedRun], cutoff: float) -> list[NDAr
 
 
 def judged_away_from_reversals(state: LogState) -> tuple[LogState, NDArray[np.bool_]]:
-    """The recording on which models are compared, and the joints (n,) that have enough rows away from reversals.
+    """The log for the comparison of models, and a mask (n,) of the joints with enough rows away from reversals.
 
     The models do not contain stiction at reversals, which causes most of the residual of light arms. A wrong model
     may therefore have the smaller residual by chance. Joints without enough rows away from reversals keep all their
@@ -72,14 +73,14 @@ def is_significant(judged: LogState, gain: float) -> bool:
     """True if the residual decreases by more than unmodelled friction and noise can explain.
 
     Args:
-        judged: The recording on which models are compared, with the model that has the larger residual.
+        judged: The log with the rows on which models are compared, and the model that has the larger residual.
         gain: Decrease of the logarithm of the RMS residual (mean over the joints) from this model to the other one.
     """
     return gain * float(np.sum(judged.rows.mask.sum(axis=0) / judged.fit.autocorrelation)) > SIGNIFICANT
 
 
 def _any_within(flags: NDArray[np.bool_], seconds: float, run: ObservedRun) -> NDArray[np.bool_]:
-    """Flags at the rows of a run; true if any sample within some seconds is flagged."""
+    """Mask of the rows of a run, shape (M, n); true if any sample less than some seconds away is flagged."""
     reach, rows = int(np.ceil(seconds * run.rate)), run.rows
     counts = np.concatenate([np.zeros((1, flags.shape[1]), dtype=np.int64), flags.cumsum(axis=0)])
     return counts[np.minimum(rows + reach + 1, len(flags))] > counts[np.maximum(rows - reach, 0)]

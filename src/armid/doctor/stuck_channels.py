@@ -15,18 +15,18 @@ STUCK_SECONDS, STUCK_SAMPLES = 0.2, 20
 """Shortest time at one value while the arm moves from which a channel counts as stuck, in seconds and samples."""
 
 USUAL = 6.0
-"""Smallest ratio of a stuck segment to the next longest segment at one value; coarse converters repeat values at
-every reversal."""
+"""Smallest ratio of the longest time at one value to the second longest for which a channel counts as stuck.
+Coarse converters repeat values at every reversal."""
 
 SWING = 0.1
-"""Share of its span by which at least one joint must move while a channel is stuck."""
+"""Share of its whole range by which at least one joint must move while a channel is stuck."""
 
 JUMP = 5.0
-"""Smallest jump of a position at an end of a stuck segment, in usual steps."""
+"""Smallest jump of a position after a stuck segment, as a multiple of the usual step of the position."""
 
 
 def stuck_segments(recording: Recording, rate: float) -> tuple[tuple[int, str, int, int], ...]:
-    """Finds stuck segments: joint, quantity (`q` or `effort`), first and last row of each.
+    """Finds segments in which a channel is stuck: joint, quantity (`q` or `effort`), first and last row of each.
 
     Args:
         recording: Recording in the robot's convention, with consecutive rows.
@@ -50,7 +50,7 @@ def stuck_segments(recording: Recording, rate: float) -> tuple[tuple[int, str, i
 
 
 def without_stuck(recording: Recording, segments: tuple[tuple[int, str, int, int], ...]) -> Recording:
-    """The recording without the rows of stuck segments."""
+    """The recording with the rows of stuck segments marked as invalid."""
     valid = recording.valid.copy()
     for _, _, a, b in segments:
         valid[a : b + 1] = False
@@ -58,7 +58,10 @@ def without_stuck(recording: Recording, segments: tuple[tuple[int, str, int, int
 
 
 def _stuck(values: Array, valid: NDArray[np.bool_], rate: float) -> tuple[int, int] | None:
-    """First and last row of a segment at one value that is far longer than any other; `None` if there is none."""
+    """First and last row of a segment in which a channel is stuck at one value; `None` if there is no such segment.
+
+    The segment must be far longer than every other segment at one value.
+    """
     if np.ptp(values) == 0.0:
         return None
     same = (values[1:] == values[:-1]) & valid[1:] & valid[:-1]
@@ -80,7 +83,10 @@ def _at_extreme(values: Array, row: int) -> bool:
 
 
 def _breaks(q: Array, a: int, b: int) -> bool:
-    """True if a position jumps at the beginning or the end of the segment, which is impossible for a joint."""
+    """True if a position jumps after a stuck segment, or moves just before or after it.
+
+    If a joint rests, its position does neither.
+    """
     step = np.abs(np.diff(q))
     usual = float(np.quantile(step[step > 0.0], 0.5)) if (step > 0.0).any() else 0.0
     if b + 1 < len(q) and step[b] > JUMP * usual:

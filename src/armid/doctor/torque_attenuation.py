@@ -1,4 +1,4 @@
-"""Attenuation of the measured torque by frequency, in comparison with the torque of the model.
+"""Attenuation of the measured torque as a function of frequency, by comparison with the torque of the model.
 
 Dry friction changes by a step at every reversal of a joint, and a step contains all frequencies. If the torque was
 low-pass filtered, it lacks the high frequencies, but the columns of the model, which are computed from the motion,
@@ -21,7 +21,8 @@ from armid.measurement.low_pass_band import Band
 from armid.measurement.observations import ObservedRun
 
 SEGMENT = 8.0
-"""Length of a segment [s]: the lines of the spectrum are then 1/8 Hz apart, and the window spreads each over four."""
+"""Length of a segment for the spectrum [s]. The lines of the spectrum are then 1/8 Hz apart, and the window spreads
+each line over four lines."""
 
 LONGEST = 32.0
 """Length of the part of each run that is used [s]; seven segments that overlap are enough to see a fall by half."""
@@ -39,14 +40,15 @@ its sign smoothly, lets the ratio fall slowly."""
 
 
 def half_frequency(state: LogState, joints: NDArray[np.bool_]) -> float | None:
-    """Frequency above which the torque has less than half of the amplitude of the model's torque [Hz].
+    """Frequency above which the measured torque has less than half of the amplitude of the model's torque [Hz].
 
     Args:
         state: The log and the model that is fitted to it.
         joints: Joints that are compared, shape (n,); the median of their ratios is used.
 
     Returns:
-        The frequency; `None` if the ratio does not fall to one half, or falls less steeply than with a filter.
+        The frequency; `None` if the ratio of the amplitudes does not fall to one half, or falls less steeply than
+        with a filter.
     """
     pairs = list(_torques(state, joints))
     if not pairs:
@@ -64,7 +66,10 @@ def half_frequency(state: LogState, joints: NDArray[np.bool_]) -> float | None:
 
 
 def _fall(frequency: Array, ratio: Array) -> float | None:
-    """Lowest frequency f with the ratio below one half from f to 2 f, if the ratio falls steeply, else `None`."""
+    """Lowest frequency f with a ratio of amplitudes below one half from f to 2 f [Hz].
+
+    The result is `None` if there is no such frequency, or if the ratio at 2 f is not below `STEEP`.
+    """
     for k, low in enumerate(frequency):
         octave = ratio[k : int(np.searchsorted(frequency, 2.0 * low, side="right"))]
         if 2.0 * low > frequency[-1]:
@@ -75,7 +80,7 @@ def _fall(frequency: Array, ratio: Array) -> float | None:
 
 
 def _torques(state: LogState, joints: NDArray[np.bool_]) -> Iterator[tuple[Array, Array, float]]:
-    """Measured and modelled torque (N, k) of k joints at all samples of each long run of rows, and sample rate."""
+    """Measured and modelled torque (N, k) of k joints and sample rate [Hz], for each long segment of a log."""
     offset, values = state.source.layout.offset, state.fit.values
     for run in state.log.runs:
         samples = min(run.motion.samples, int(LONGEST * run.rate))
@@ -89,7 +94,7 @@ def _torques(state: LogState, joints: NDArray[np.bool_]) -> Iterator[tuple[Array
 
 
 def _first(run: ObservedRun, samples: int) -> ObservedRun:
-    """The first samples of a run, of which every sample is a row."""
+    """The first samples of a run; in the result, every sample is a row."""
     shape = (samples, run.motion.n)
     return replace(
         run,

@@ -111,7 +111,9 @@ def test_where_the_last_joint_turns_nothing_but_itself_both_signs_are_said():
     sign = np.array([1.0] * 6 + [-1.0])
     dq = case.recording.dq
     (found,) = of("torque-sign", case.logged(q=case.recording.q * sign, dq=None if dq is None else dq * sign))
-    assert "position_sign = [1, 1, 1, 1, 1, 1, -1], would explain the log equally well" in found.evidence
+    assert (
+        "equally well with the opposite sign of positions, position_sign = [1, 1, 1, 1, 1, 1, -1]" in found.evidence
+    )
 
 
 def test_a_joint_in_degrees_alone_is_named():

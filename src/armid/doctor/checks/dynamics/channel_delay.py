@@ -1,4 +1,4 @@
-"""Delay between torque and positions."""
+"""Check for a delay of the logged torque against the logged positions."""
 
 from __future__ import annotations
 
@@ -36,8 +36,9 @@ friction that resembles a delay gives up to 0.04, and more only if it is not sig
 band."""
 
 AGREED_GAIN = 0.03
-"""Smallest decrease, as `GAIN`, if the torque without dry friction has the same delay with equal significance:
-stiction looks like a delay of the whole torque, but not like a delay of the torque by gravity and inertia."""
+"""The limit that is used instead of `GAIN` if the torque without dry friction has the same delay with equal
+significance. Stiction looks like a delay of the whole torque, but not like a delay of the torque by gravity and
+inertia."""
 
 HINT, AGREED_HINT = 0.03, 0.015
 """Smallest decrease of the mean logarithm of the RMS residuals, with the time derivative of the torque as an extra
@@ -95,8 +96,8 @@ AGREE, CONTRADICT = 2.0, 3.0
 standard deviations of the latter. Up to the first, the delay is measured on all rows; from the second, a delay that
 is significant only on all rows is rejected."""
 
-UNSURE = "s, if no positions of single joints are late"
-"""Comment on a delay that torques of single joints contradict."""
+UNSURE = "s, if the positions of no single joint are late"
+"""Comment behind the line `delay` of the remedy, if torques of single joints contradict the delay."""
 
 OTHERWISE, DOUBT = 0.5, 4.0
 """Smallest decrease of the delay for the torque of one joint, as a share of the delay of all torques and in standard
@@ -110,12 +111,15 @@ PADDING = 0.25
 
 
 def check(evidence: LogEvidence) -> list[Finding]:
-    """Reports a delay with its cause, as far as the log shows it."""
+    """Reports a delay of the torque, and its cause if the log shows the cause."""
     return [with_repeated_torque(each, evidence) for each in _measured(evidence)]
 
 
 def _measured(evidence: LogEvidence) -> list[Finding]:
-    """Reports a delay if it explains the log; if it is the strongest fault, a wider band is used to estimate it."""
+    """Reports a delay if the model fits better without it.
+
+    If it is the strongest fault, a wider band is used to measure it.
+    """
     found = evidence.explained(CODE)
     sharp = _in_wider_band(evidence) if found and evidence.explanations[0].code == CODE else None
     if sharp is None or evidence.state is None:
@@ -132,13 +136,13 @@ def _measured(evidence: LogEvidence) -> list[Finding]:
 
 
 def _in_wider_band(evidence: LogEvidence) -> LogState | None:
-    """The log in a wider band with a Stribeck term in the model; `None` if the log is too short."""
+    """The log with a higher cut-off, and a model with a Stribeck term; `None` if the log is too short."""
     assert evidence.state is not None  # it was compared with a model
     return _in_band(evidence, _wider_cutoff(evidence.state.log))
 
 
 def _in_band(evidence: LogEvidence, cutoff: float) -> LogState | None:
-    """The log in another band with a Stribeck term in the model; `None` if the log is too short."""
+    """The log with a given cut-off [Hz], and a model with a Stribeck term; `None` if the log is too short."""
     state, recording = evidence.state, evidence.recording
     assert state is not None and recording is not None  # it was compared with a model
     log = downsample(without_stuck(recording, evidence.stuck), cutoff)
@@ -151,7 +155,7 @@ def _in_band(evidence: LogEvidence, cutoff: float) -> LogState | None:
 
 
 def _wider_cutoff(log: DownsampledLog) -> float:
-    """Cut-off up to which noise of the positions is small against the accelerations of most joints [Hz]."""
+    """Highest cut-off [Hz] with which noise of the positions is small against the accelerations of most joints."""
     acceleration = np.sqrt(np.mean(np.concatenate([run.motion.ddq for run in log.runs]) ** 2, axis=0))
     share = NOISY * acceleration / np.maximum(log.noise, np.finfo(float).eps)
     # White noise of the positions causes a variance of the accelerations of 2 noise² / rate (2 pi)⁴ f⁵ / 5 below f.
@@ -160,14 +164,21 @@ def _wider_cutoff(log: DownsampledLog) -> float:
 
 
 def explain(state: LogState) -> Explanation | None:
-    """Explanation by a delay; `None` if there is no significant one."""
+    """Explains the misfit of the model by a delay of the torque; `None` if there is no significant delay."""
     if state.log.band.is_open or not all(run.consecutive for run in state.log.runs):
         return None
     return _explained_by(state, away_from_reversals(state)) or _explained_by(state, state)
 
 
 def _explained_by(state: LogState, judged: LogState) -> Explanation | None:
-    """Explanation by a delay that is significant in all rows of a log or in the rows away from reversals."""
+    """Explains the misfit of the model by a delay that is significant in the rows of `judged`.
+
+    `None` if there is none.
+
+    Args:
+        state: The log with all rows.
+        judged: The same log, with all rows or with the rows away from reversals only.
+    """
     cost, whole = judged.fit.cost, judged is state
     hint = cost - solve(judged.rows, extra=judged.torque_slope()[None]).cost
     if hint < (HINT if whole else AGREED_HINT):
@@ -207,17 +218,17 @@ def _explained_by(state: LogState, judged: LogState) -> Explanation | None:
 
 
 def _with_reversals(delay: float, deviation: float, moving: float, spread: float) -> tuple[float, float]:
-    """Delay [s] and its standard deviation, from all rows and from the rows away from reversals.
+    """Combines the delays from all rows and from rows away from reversals: delay and standard deviation [s].
 
-    If the two delays differ by more than the standard deviation of the second one, the cause is probably stiction.
-    The difference then counts as an additional error of the first one. The result is the mean of the two delays,
-    weighted by their errors.
+    If the two delays differ by more than `spread`, the cause is probably stiction. The difference then counts as the
+    error of the delay from all rows. The result is the mean of the two delays, weighted with the inverse squares of
+    their errors.
 
     Args:
-        delay: Delay from all rows.
-        deviation: Standard deviation of `delay`.
-        moving: Delay from rows away from reversals.
-        spread: Standard deviation of `moving`.
+        delay: Delay from all rows [s].
+        deviation: Standard deviation of `delay` [s].
+        moving: Delay from rows away from reversals [s].
+        spread: Standard deviation of `moving` [s].
     """
     error = abs(delay - moving)
     if error <= spread:
@@ -232,7 +243,7 @@ def _severity(delay: float, deviation: float) -> Literal["error", "warning"]:
 
 
 def _delay_without_friction(after: LogState) -> tuple[float, float]:
-    """Delay of the torque without dry friction after a correction, and its standard deviation [s].
+    """Remaining delay of the torque without dry friction in a corrected log, and its standard deviation [s].
 
     A separate delay of the dry friction of each joint is estimated at the same time.
     """
@@ -244,20 +255,34 @@ def _delay_without_friction(after: LogState) -> tuple[float, float]:
 
 
 def _away_from_reversals_alone(state: LogState) -> tuple[float, float]:
-    """Delay away from reversals and its standard deviation [s], infinite if no joint has enough such rows."""
+    """Delay from rows away from reversals, and its standard deviation [s].
+
+    The standard deviation is infinite if no joint has enough rows away from reversals.
+    """
     moving = away_from_reversals(state)
     return delay_of(moving)[:2] if moving.rows.mask.any() else (0.0, np.inf)
 
 
 def _with_difference(deviation: float, difference: float, spread: float) -> float:
-    """Standard deviation [s] of a delay from all rows, including the possible error by friction at reversals."""
+    """Standard deviation [s] of a delay from all rows, including the possible error by friction at reversals.
+
+    Args:
+        deviation: Standard deviation of the delay from all rows without this error [s].
+        difference: Difference to the delay from rows away from reversals [s].
+        spread: Standard deviation of the delay from rows away from reversals [s]; infinite if there are too few rows.
+    """
     return float(np.hypot(deviation, difference)) if np.isfinite(spread) else deviation
 
 
 def _is_in_every_band(evidence: LogEvidence, delay: float, whole: bool) -> bool:
-    """True if the delay is the same in a wider band; that of presliding friction depends on the band.
+    """True if the delay is the same in a wider band; an apparent delay by presliding friction depends on the band.
 
     If the noise of the positions does not allow a much wider band, the delay in a narrower band is compared, too.
+
+    Args:
+    evidence: The log.
+    delay: Delay in the band of the doctor [s].
+    whole: True if the delay was measured on all rows, false if on the rows away from reversals.
     """
     sharp = _in_wider_band(evidence)
     if sharp is None:
@@ -272,28 +297,40 @@ def _is_in_every_band(evidence: LogEvidence, delay: float, whole: bool) -> bool:
 
 
 def _delay_text(delay: float, deviation: float, gain: float, rate: float) -> str:
-    """Sentence on the delay."""
+    """Sentence that states a delay and the decrease of the residual without it.
+
+    Args:
+        delay: Delay of the torque [s]; negative if the torque is early.
+        deviation: Standard deviation of the delay [s].
+        gain: Decrease of the mean logarithm of the RMS residuals when the delay is removed.
+        rate: Sample rate of the log [Hz].
+    """
     word = "lags behind" if delay > 0 else "runs ahead of"
     return (
-        f"Torque {word} the positions by {1e3 * abs(delay):.2f} ± {1e3 * deviation:.2f} ms "
+        f"The torque {word} the positions by {1e3 * abs(delay):.2f} ± {1e3 * deviation:.2f} ms "
         f"({abs(delay) * rate:.2g} samples); with the delay removed, the residual is {1 - np.exp(-gain):.0%} smaller."
         + held_by_controller(delay * rate)
     )
 
 
 def _total_delay(evidence: LogEvidence, delay: float) -> float | list[float]:
-    """Value of the key `delay` [s]: found delay plus the delays of the log format; one number if all are equal."""
+    """Value of the key `delay` [s]: the delay that was found plus the delay that the log format already contains.
+
+    It is one number if all joints have the same delay, otherwise a list with one number for each joint.
+    """
     whole = [round(float(d) + delay, DIGITS) for d in np.asarray(evidence.reading.delay)]
     return whole[0] if len(set(whole)) == 1 else whole
 
 
 def delay_of(state: LogState) -> tuple[float, float, LogState]:
-    """Estimates the delay of the torque against the positions [s], its standard deviation, and the corrected log.
+    """Estimates the delay of the torque against the positions [s].
 
-    The derivative of the model's torque is used, because noise in the derivative of the measured torque would bias
-    each step towards zero. Noise of the positions reduces every step by the same factor; this factor is estimated
-    from two steps. If the delays of single joints differ by more than their standard deviations, for instance because
-    of noisy positions or unmodelled friction, the standard deviation is enlarged.
+    Also returns its standard deviation and the corrected log.
+
+    Each Gauss-Newton step uses the time derivative of the model's torque, because noise in the derivative of the
+    measured torque would bias the step towards zero. Noise of the positions makes every step too small by the same
+    factor; this factor is estimated from two steps. If the delays of single joints differ by more than their standard
+    deviations, for instance because of noisy positions or unmodelled friction, the standard deviation is enlarged.
     """
     delay, deviation, share, before, step = 0.0, np.inf, 1.0, 0.0, 0.0
     for _ in range(STEPS):
@@ -311,7 +348,7 @@ def delay_of(state: LogState) -> tuple[float, float, LogState]:
 
 
 def _with_torque_advanced(state: LogState, seconds: float) -> LogState:
-    """The log with its torque advanced by some seconds."""
+    """The log with its torque moved to earlier times by some seconds, which corrects a delay of the torque."""
     return state.on(replace(state.log, runs=tuple(_advanced(run, seconds) for run in state.log.runs)))
 
 
@@ -333,7 +370,7 @@ def _doubt(after: LogState, delay: float) -> str:
 
 
 def _of_each_joint(state: LogState) -> tuple[Array, Array]:
-    """Delay of the torque of each joint and its standard deviation, shape (n,) [s]."""
+    """Separate delays of the torques of the joints and their standard deviations, shape (n,) each [s]."""
     rows = state.rows
     extra = np.zeros((rows.n, *rows.torque.shape))
     across = np.arange(rows.n)
@@ -343,7 +380,7 @@ def _of_each_joint(state: LogState) -> tuple[Array, Array]:
 
 
 def _slopes(rows: QuickRows, values: Array) -> Array:
-    """Derivative of values at the rows (M, ...), run by run [1/s]."""
+    """Time derivative of values that are given at the M rows, shape (M, …), computed separately for each run."""
     slopes = np.zeros_like(values)
     for run in np.unique(rows.run):
         inside = rows.run == run
@@ -352,7 +389,7 @@ def _slopes(rows: QuickRows, values: Array) -> Array:
 
 
 def _friction_alone(state: LogState) -> float:
-    """Mean logarithm of the RMS residuals, with a separate lag of the dry friction of each joint.
+    """Mean logarithm of the RMS residuals of a model in which the dry friction of each joint has a separate delay.
 
     Stiction and backlash delay the torque of friction, but not gravity and inertial torques; a delay of the log
     delays all of them.
@@ -361,7 +398,7 @@ def _friction_alone(state: LogState) -> float:
 
 
 def _friction_lags(state: LogState) -> tuple[Array, Array]:
-    """Derivative of the dry friction of each joint (n, M, n), for a unit of it, and all dry friction (M, n) [N·m]."""
+    """Time derivative of unit dry friction of each joint, (n, M, n) [1/s], and fitted dry friction, (M, n) [N·m]."""
     rows, values = state.rows, state.fit.values
     lags, friction = np.zeros((rows.n, *rows.torque.shape)), np.zeros_like(rows.torque)
     for j in range(rows.n):
@@ -374,7 +411,7 @@ def _friction_lags(state: LogState) -> tuple[Array, Array]:
 
 
 def _advanced(run: ObservedRun, seconds: float) -> ObservedRun:
-    """The run with its torque advanced by some seconds, padded by odd reflection."""
+    """The run with its torque moved to earlier times by some seconds; the torque is continued by odd reflection."""
     samples = seconds * run.rate
     pad = min(len(run.torque) - 1, int((PADDING + abs(seconds)) * run.rate) + 8)
     x: Array = run.torque

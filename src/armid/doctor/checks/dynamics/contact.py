@@ -1,4 +1,4 @@
-"""Contact of the arm with its surroundings, detected by bursts of the residual.
+"""Check for contact of the arm with its surroundings, detected by short times of a large residual (bursts).
 
 A push also biases the fit, which makes the burst smaller. The strongest bursts are therefore left out one by one. A
 burst is reported if it exceeds the residual of a model that was fitted to the other rows.
@@ -43,12 +43,15 @@ LONGEST = 0.25
 
 
 def check(evidence: LogEvidence) -> list[Finding]:
-    """Reports bursts of the residual."""
+    """Reports a contact if the residual is large on several joints for a short time."""
     return evidence.explained(CODE)
 
 
 def explain(state: LogState) -> Explanation | None:
-    """Explanation by contact: the bursts of the residual, and the log without them; `None` if there are none."""
+    """Explains the misfit of the model by contact: bursts of the residual, and the log without them.
+
+    The result is `None` if none occur.
+    """
     if state.log.band.is_open:
         return None
     time, run = state.rows.motion.time, state.rows.run
@@ -85,29 +88,30 @@ def explain(state: LogState) -> Explanation | None:
 
 
 def _around(hit: NDArray[np.bool_], time: Array, run: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Flags of the rows that lie within a window of a burst, shape (M,)."""
+    """Mask of the rows that are at most `WINDOW` before or after a burst, shape (M,)."""
     near = (np.abs(time[:, None] - time[None, hit]) <= WINDOW) & (run[:, None] == run[None, hit])
     return near.any(axis=1)
 
 
 def _segments(rows: NDArray[np.bool_], time: Array, run: NDArray[np.int64]) -> list[tuple[float, float]]:
-    """Begin and end of each segment of consecutive rows [s]."""
+    """Begin and end of each segment of consecutive rows in a mask (M,) [s]."""
     which = np.flatnonzero(rows)
     cuts = np.flatnonzero((np.diff(which) > 1) | (np.diff(run[which]) != 0)) + 1
     return [(float(time[part[0]]), float(time[part[-1]])) for part in np.split(which, cuts)]
 
 
 def _residual(state: LogState, values: Array) -> Array:
-    """Residual with given parameters, zero in rows that are not used, shape (M, n)."""
+    """Residual torque with given base parameters (b,), zero in rows that are not used, shape (M, n) [N·m or N]."""
     rows = state.rows
     predicted = [x.T @ values[parameters] for x, parameters in zip(rows.columns, rows.parameters, strict=True)]
     return (rows.torque - np.column_stack(predicted)) * rows.mask
 
 
 def _extrapolation(state: LogState) -> Array:
-    """Variance of the predicted torque, computed from the covariance of the parameters, shape (M, n).
+    """Variance of the predicted torque, computed from the covariance of the parameters, shape (M, n) [(N·m)² or N²].
 
-    Rows that alone determine a parameter have a large variance and are therefore not taken for bursts.
+    If only a few rows determine a parameter, the prediction at these rows has a large variance. They are therefore
+    not mistaken for bursts.
     """
     rows, covariance = state.rows, state.fit.covariance
     return np.column_stack(
@@ -119,7 +123,11 @@ def _extrapolation(state: LogState) -> Array:
 
 
 def _static_friction(state: LogState) -> Array:
-    """Square of the largest torque by static friction while a joint hardly moves, shape (M, n)."""
+    """Square of the Coulomb friction of each joint, reduced where the joint moves, shape (M, n).
+
+    The reduction is the share of time around a row in which the joint hardly moves. There the friction can have any
+    value up to the Coulomb friction.
+    """
     rows = state.rows
     wide = np.ones(max(1, round(WINDOW * rows.rate)))
     slow = np.abs(rows.motion.dq) < SLOW
@@ -134,12 +142,15 @@ def _static_friction(state: LogState) -> Array:
 
 
 def _level(size: Array) -> Array:
-    """Second largest relative residual of the joints, shape (M,)."""
+    """Second largest relative residual among the joints in each row, shape (M,).
+
+    If the arm has one joint, the residual of this joint is returned.
+    """
     return np.sort(size, axis=1)[:, -min(JOINTS, size.shape[1])]
 
 
 def _bursts(state: LogState, residual: Array, open_variance: Array | float = 0.0) -> Array:
-    """Local size of each joint's residual relative to its usual size, shape (M, n)."""
+    """RMS residual of each joint around each row, divided by its usual size, shape (M, n)."""
     rows = state.rows
     wide = max(1, round(WINDOW * rows.rate))
     power = np.empty_like(rows.torque)

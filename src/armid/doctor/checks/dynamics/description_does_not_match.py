@@ -1,4 +1,4 @@
-"""Description whose torque does not have the shape of the measured one, for instance that of another arm."""
+"""Check whether the description belongs to the recorded arm: do described and measured torque have the same shape?"""
 
 from __future__ import annotations
 
@@ -33,11 +33,11 @@ FEWEST = 2
 
 
 def check(evidence: LogEvidence) -> list[Finding]:
-    """Reports a description with another torque, if no other fault explains the log.
+    """Reports that the described torque is not correlated with the measured torque, if no other fault is the reason.
 
-    A model with free parameters always explains a log better than the description. The description is reported only
-    if even the shape of the torque differs: friction, offset, rotor inertia and a separate scale of each joint are
-    fitted first.
+    A model with free parameters always fits a log better than the description does. Therefore friction, offset, rotor
+    inertia and a separate scale of each joint are fitted first. A finding is reported only if even then the shape of
+    the torque differs.
     """
     state = evidence.state
     if state is None or evidence.explanations or state.nominal is None or has_placeholder_masses(state):

@@ -1,4 +1,4 @@
-"""Weak excitation: parameters that the motion cannot separate, and joints that should move more."""
+"""Check for weak excitation: parameters that the motion cannot separate, and joints that should move more."""
 
 from __future__ import annotations
 
@@ -45,11 +45,12 @@ LITTLE = 0.35
 
 
 MUCH = 0.2
-"""Share of samples that are left out from which they, and not the length of a log, are named as what is wrong."""
+"""Share of left-out samples from which a finding names the left-out samples, and not the length of the log, as the
+reason why too few rows remain."""
 
 
 def check(evidence: LogEvidence) -> list[Finding]:
-    """Reports the parameters that are hardest to separate, in one finding."""
+    """Reports the parameters that the motion separates worst from each other, in one finding."""
     state = evidence.corrected
     if state is None:
         return _too_short(evidence)
@@ -85,7 +86,11 @@ def check(evidence: LogEvidence) -> list[Finding]:
 
 
 def _condition(gram: Array) -> tuple[float, Array]:
-    """Condition number of columns with these scalar products (b, b), scaled to unit length, and weakest direction."""
+    """Condition number and weakest direction (b,) of columns scaled to unit length.
+
+    Args:
+        gram: Scalar products of the columns, shape (b, b).
+    """
     scale = np.sqrt(np.maximum(np.diag(gram), np.finfo(float).tiny))
     powers, directions = np.linalg.eigh(gram / np.outer(scale, scale))
     return float(np.sqrt(powers[-1] / max(powers[0], 1e-18 * powers[-1]))), directions[:, 0]
@@ -94,9 +99,10 @@ def _condition(gram: Array) -> tuple[float, Array]:
 def separable_combinations(model: DynamicsModel, base: BaseParameters, names: Sequence[str]) -> Array:
     """Combinations of the columns of base parameters that random states of the arm separate well.
 
-    The condition number of a motion depends on the choice of the base parameters. With frames of links at odd angles,
-    or axes that nearly meet, some of them are hard to separate with any motion, although the torque is determined.
-    Combinations of the inertial columns that are orthonormal at random states do not depend on this choice.
+    The condition number of a motion depends on the choice of the base parameters. If link frames have odd angles, or
+    if axes nearly meet, some base parameters are hard to separate with any motion, although the torque is determined
+    well. Combinations of the inertial columns that are orthonormal at random states do not depend on the choice of
+    the base parameters.
 
     Args:
         model: Arm and torque terms, without hysteresis.
@@ -126,7 +132,13 @@ def separable_combinations(model: DynamicsModel, base: BaseParameters, names: Se
 
 
 def poorly_determined(names: tuple[str, ...], direction: Array, condition: float) -> str:
-    """Sentence on a condition number, with the largest parameters in the weakest direction (b,)."""
+    """Sentence that states a condition number and names the parameters that the motion separates worst.
+
+    Args:
+        names: Names of the base parameters, b in number.
+        direction: Combination of parameters that the motion determines worst, shape (b,).
+        condition: Condition number, with columns of unit length.
+    """
     worst = ", ".join(names[k] for k in np.argsort(-np.abs(direction))[:NAMED])
     if condition > COMPUTED:
         return f"The motion does not separate {worst} at all, within numerical precision."
@@ -137,7 +149,7 @@ def poorly_determined(names: tuple[str, ...], direction: Array, condition: float
 
 
 def _too_short(evidence: LogEvidence) -> list[Finding]:
-    """Finding for a log that is too short for a model."""
+    """Finding that a log has too few rows for the fit of a model."""
     recording = evidence.recording
     if recording is None or recording.effort is None:
         return []
@@ -159,7 +171,7 @@ def _too_short(evidence: LogEvidence) -> list[Finding]:
 
 
 def excitation_severity(condition: float, robot: Robot, fastest: Array) -> Literal["warning", "info"]:
-    """Severity of a weak excitation: a warning above `POOR_CONDITION` or if all joints are slow.
+    """Severity of the finding about weak excitation: a warning above `POOR_CONDITION` or if all joints are slow.
 
     Args:
         condition: Condition number with columns of unit length.

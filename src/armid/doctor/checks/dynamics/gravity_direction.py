@@ -1,4 +1,4 @@
-"""Gravity in a direction that differs from the study: a hanging, wall-mounted or tilted arm."""
+"""Check for gravity in another direction than in the study, as for a hanging, wall-mounted or tilted arm."""
 
 from __future__ import annotations
 
@@ -26,7 +26,8 @@ from armid.validation.gravity_sign import gravity_sign_finding
 CODE = "gravity-direction"
 
 ASKEW = (1.0, 2.0, -9.0)
-"""Gravity along no axis [m/s²]; the base parameters under it include those under every other gravity."""
+"""Vector of gravity along no axis [m/s²]. The base parameters for this gravity include the base parameters for every
+other gravity."""
 
 CONFLICT = 0.15
 """Conflict between the joints from which all directions are searched, and not only the opposite one."""
@@ -66,7 +67,11 @@ STEPS = 8
 
 
 def check(evidence: LogEvidence) -> list[Finding]:
-    """Reports another gravity if it explains the log, or if the sign of the fitted parameters is suspicious."""
+    """Reports another direction of gravity if the model fits better with it.
+
+    If the description has no inertias, an opposite gravity is also reported if the fitted parameters have the wrong
+    sign.
+    """
     found, state = evidence.explained(CODE), evidence.corrected
     geometry = any(each.code != "contact" for each in evidence.explanations)
     if found or geometry or state is None or state.nominal is not None:
@@ -76,7 +81,10 @@ def check(evidence: LogEvidence) -> list[Finding]:
 
 
 def explain(state: LogState) -> Explanation | None:
-    """Explanation by another gravity; `None` if the gravity of the study is right."""
+    """Explains the misfit of the model by another direction of gravity.
+
+    `None` if the gravity of the study is right.
+    """
     g0 = np.asarray(state.model.robot.gravity)
     strength = float(np.linalg.norm(g0))
     if strength == 0.0:
@@ -108,7 +116,9 @@ def explain(state: LogState) -> Explanation | None:
 
 
 def _by_description(state: LogState, judged: LogState, strength: float) -> Explanation | None:
-    """Explanation by gravity along another axis, for which the measured torque agrees with that of the description.
+    """Explains the misfit by gravity along another axis, with which measured and described torque agree.
+
+    Otherwise `None`.
 
     For a single joint, first moments can be fitted for any gravity perpendicular to the axis of the joint. The
     description is therefore needed for the decision.
@@ -149,7 +159,7 @@ def _by_description(state: LogState, judged: LogState, strength: float) -> Expla
 
 
 def _remedy(directions: Sequence[Array]) -> Remedy:
-    """Line of a study with the direction, or with all directions if the log cannot distinguish them."""
+    """Remedy: the line `gravity` of a study, or one such line for each direction that the log cannot distinguish."""
     options = [setting("gravity", [float(f"{x + 0.0:.4g}") for x in np.round(g, 2)]) for g in directions]
     if len(options) == 1:
         return Remedy(options[0], table="robot")
@@ -158,25 +168,28 @@ def _remedy(directions: Sequence[Array]) -> Remedy:
 
 
 def _unexplained(state: LogState) -> float:
-    """Largest relative residual of the separate fits of the joints."""
+    """Largest ratio of RMS residual to RMS torque of a joint, if each joint is fitted with separate parameters."""
     size = [np.sqrt(np.mean(state.rows.torque[state.rows.mask[:, j], j] ** 2)) for j in range(state.rows.n)]
     residual = [fit.sigma[0] for fit in state.joint_fits]
     return max((a / b for a, b in zip(residual, size, strict=True) if b > 0.0), default=0.0)
 
 
 def _turned(state: LogState, g: Array) -> DynamicsModel:
-    """State of the log with another vector of gravity in the model."""
+    """Model of the state with another vector of gravity (3,) [m/s²]."""
     return DynamicsModel(state.model.robot.with_gravity((float(g[0]), float(g[1]), float(g[2]))), state.model.terms)
 
 
 def _opposite_cost(state: LogState, g: Array) -> float:
-    """Mean logarithm of the RMS residuals under a gravity parallel to that of the study, with the same base."""
+    """Mean logarithm of the RMS residuals with a gravity that is parallel to the gravity of the study.
+
+    Parallel directions have the same base parameters, so those of the state are used.
+    """
     rows = make_rows(column_source(_turned(state, g), state.base), state.log)
     return cost_of(rows, products(rows))
 
 
 def _searched(state: LogState, g0: Array, strength: float, begin: float) -> tuple[Array, float, tuple[Array, ...]]:
-    """Vector of gravity with the smallest cost, this cost, and axes with about the same cost.
+    """Vector of gravity with the smallest cost (`QuickFit.cost`), this cost, and axes with about the same cost.
 
     Args:
         state: The log.
@@ -197,7 +210,7 @@ def _searched(state: LogState, g0: Array, strength: float, begin: float) -> tupl
 
 
 def _rounded(wide: _GravityRows, g: Array, cost: float, axes: Array) -> tuple[Array, float]:
-    """Replaces a gravity by the nearest axis if this axis explains the log as well."""
+    """Vector of gravity and its cost; the nearest axis is taken instead, if the model fits about as well with it."""
     nearest = axes[int(np.argmax(axes @ g))]
     straight = wide.cost(nearest)
     return (nearest, straight) if straight < cost + ALIKE else (g, cost)
@@ -205,12 +218,15 @@ def _rounded(wide: _GravityRows, g: Array, cost: float, axes: Array) -> tuple[Ar
 
 @lru_cache(maxsize=4)
 def _askew(robot: Robot) -> Robot:
-    """The arm with the gravity `ASKEW`; cached, so that all logs of an arm use the same object."""
+    """The arm with the gravity `ASKEW`; the result is cached, so that all logs of an arm use the same object."""
     return robot.with_gravity(ASKEW)
 
 
 class _GravityRows:
-    """Rows of the columns for any vector of gravity; the columns are linear in this vector."""
+    """Regressor columns of a log for any vector of gravity.
+
+    Columns are a constant plus a linear function of the vector, so they are computed for four vectors only.
+    """
 
     def __init__(self, state: LogState) -> None:
         robot, terms = state.model.robot, state.model.terms
@@ -224,7 +240,7 @@ class _GravityRows:
         self.units = [tuple(unit.columns[j] - self.still.columns[j] for unit in units) for j in range(self.still.n)]
 
     def rows(self, g: Array) -> QuickRows:
-        """Rows under a gravity (3,)."""
+        """Rows of the log with the columns for a vector of gravity (3,) [m/s²]."""
         columns = tuple(
             own + sum(x * unit for x, unit in zip(g, units, strict=True))
             for own, units in zip(self.still.columns, self.units, strict=True)
@@ -232,12 +248,17 @@ class _GravityRows:
         return replace(self.still, columns=columns)
 
     def cost(self, g: Array) -> float:
-        """Mean logarithm of the RMS residuals under a gravity (3,)."""
+        """Mean over the joints of the logarithm of the RMS residual with a vector of gravity (3,) [m/s²]."""
         rows = self.rows(g)
         return cost_of(rows, products(rows))
 
     def refined(self, g: Array, strength: float) -> tuple[Array, float]:
-        """Refines the direction of gravity by Gauss-Newton at fixed strength."""
+        """Refines the direction of gravity with Gauss-Newton steps, and returns the vector (3,) and its cost.
+
+        Args:
+            g: Vector of gravity from which the steps begin, shape (3,) [m/s²].
+            strength: Norm of gravity, which does not change [m/s²].
+        """
         cost = self.cost(g)
         for _ in range(STEPS):
             rows = self.rows(g)
@@ -256,7 +277,10 @@ class _GravityRows:
         return g, cost
 
     def _slope(self, rows: QuickRows, values: Array, axis: int) -> Array:
-        """Derivative of the torque (M, n) by the component of gravity along an axis."""
+        """Derivative of the modelled torque, shape (M, n), by a component of gravity.
+
+        `axis` is 0, 1 or 2 for x, y or z.
+        """
         joints = zip(rows.parameters, self.units, strict=True)
         return np.column_stack([values[own] @ units[axis] for own, units in joints])
 

@@ -1,9 +1,9 @@
-"""Delay of the positions of one joint.
+"""Check for a delay of the positions of one joint.
 
-The delay is estimated from the torque of the other joints: it depends on the position of the joint through weight,
-inertia and Coriolis terms, and not on the friction of the joint, whose stiction can look like a delay of many
-milliseconds. The positions of all other joints are assumed to have no delay. A delay can therefore also be found for
-a joint with a vertical axis, on which gravity causes no torque.
+The delay is estimated from the torque of the other joints. This torque depends on the position of the joint through
+gravity, inertia and Coriolis terms, but not on the friction of the joint, whose stiction can look like a delay of
+many milliseconds. The positions of all other joints are assumed to have no delay. A delay can therefore also be found
+for a joint with a vertical axis, on which gravity causes no torque.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from armid.model.motion import Motion
 CODE = "joint-delay"
 
 STEP = 2e-3
-"""Time by which positions are moved for a finite difference of the torque [s]."""
+"""Time by which positions are shifted for a finite difference of the torque [s]."""
 
 SURE = 6.0
 """Number of standard deviations by which a delay must differ from zero. Friction that the model lacks gave up to 8,
@@ -41,7 +41,7 @@ LEAST = 8e-3
 """Shortest delay of one joint that is reported [s]."""
 
 LONGEST = 0.25
-"""Longest delay that is a delay and not another motion [s]."""
+"""Longest delay that is accepted [s]; with a longer one, the channel probably belongs to another motion."""
 
 GAIN = 0.03
 """Smallest decrease of the mean logarithm of the RMS residuals away from reversals, as for another order of
@@ -75,14 +75,15 @@ one joint, the difference was up to 0.2; a delay of all torques can look like on
 
 @dataclass(frozen=True, slots=True, eq=False)
 class JointDelay:
-    """Delay of the positions of one joint.
+    """Estimated delay of the positions of one joint.
 
     Attributes:
-        joint: Index of the joint.
-        seconds: Delay [s].
-        deviation: Standard deviation, enlarged if the torques of the other joints show different delays [s].
-        gain: Decrease of the mean logarithm of the RMS residuals when the delay is removed.
-        after: The log without the delay.
+            joint: Index of the joint.
+            seconds: Delay [s].
+            deviation: Standard deviation of the delay [s], enlarged if the torques of the other joints show different
+                delays.
+            gain: Decrease of the mean logarithm of the RMS residuals when the delay is removed.
+            after: The log in which the delay is removed.
     """
 
     joint: int
@@ -94,14 +95,14 @@ class JointDelay:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DelayableLog:
-    """A log, and how its torques change with delays.
+    """A log, with the derivatives of its torques by delays of positions and of torques.
 
     Attributes:
         state: The log.
-        late_positions: Change of the torque of the other joints per second of delay of the positions of each joint,
-            shape (n, M, n) [N·m/s].
-        late_torques: Change of the torque of each joint per second by which this torque is early, shape (n, M, n)
-            [N·m/s].
+        late_positions: Element (j, m, k) is the derivative of the torque of joint k in row m by the delay of the
+            positions of joint j, shape (n, M, n) [N·m/s]; zero for j = k.
+        late_torques: Element (j, m, j) is the time derivative of the torque of joint j in row m, shape (n, M, n)
+            [N·m/s]; zero for other joints.
     """
 
     state: LogState
@@ -110,12 +111,15 @@ class DelayableLog:
 
 
 def check(evidence: LogEvidence) -> list[Finding]:
-    """Reports the joint whose positions are late if this explains the log."""
+    """Reports a joint whose positions are late or early, if the model fits better with the positions corrected."""
     return evidence.explained(CODE)
 
 
 def explain(state: LogState) -> Explanation | None:
-    """Explanation by late positions of one joint; `None` if there are none."""
+    """Explains the misfit of the model by a delay of the positions of one joint.
+
+    The result is `None` if no joint has such a delay.
+    """
     if state.rows.n < 2 or state.log.band.is_open or not all(run.consecutive for run in state.log.runs):
         return None
     away = away_from_reversals(state)
@@ -146,7 +150,10 @@ def explain(state: LogState) -> Explanation | None:
 
 
 def _remedy(evidence: LogEvidence, j: int, delay: float) -> str:
-    """Remedy, to be done by hand, that removes the delay of a joint [s]; velocities without delay are not changed."""
+    """Remedy by hand: rewrite the log without the delay of joint j [s].
+
+    Logged velocities are moved only if they are late.
+    """
     log, name = evidence.recording, evidence.robot.joint_names[j]
     behind = 0.0 if log is None else behind_velocities(log, j, evidence.rate)
     channels = "positions" if abs(behind - delay) < SAME * abs(delay) else "positions and velocities"
@@ -155,9 +162,9 @@ def _remedy(evidence: LogEvidence, j: int, delay: float) -> str:
 
 
 def behind_velocities(log: Recording, j: int, rate: float) -> float:
-    """Time by which the positions of a joint are behind its velocities [s]; zero if the velocities are not logged.
+    """Time by which the logged positions of joint j lag behind its velocities [s]; 0 if velocities are not logged.
 
-    Positions are compared with the integral of the velocities, separately for each contiguous run of rows.
+    Positions are compared with the integral of the velocities, separately for each segment of rows without a gap.
     """
     if log.dq is None:
         return 0.0
@@ -178,10 +185,10 @@ def behind_velocities(log: Recording, j: int, rate: float) -> float:
 
 
 def _first_order_gains(judged: DelayableLog) -> Array:
-    """First-order decrease of the mean logarithm of the RMS residuals by a delay of each single joint, shape (n,).
+    """First-order decrease of the logarithm of the RMS residual if the positions of joint j are late, shape (n,).
 
-    With and without this delay, a separate delay of the torque of the joint is fitted, so that its friction has no
-    effect.
+    A delay of the torque of the same joint is fitted in both cases, with and without late positions, so that the
+    friction of this joint has no effect.
     """
     state, late, own = judged.state, judged.late_positions, judged.late_torques
     rows, n, b = state.rows, state.rows.n, state.rows.count
@@ -201,14 +208,17 @@ def _first_order_gains(judged: DelayableLog) -> Array:
 
 
 def _without(products_of_columns: Array, columns: NDArray[np.int_]) -> Array:
-    """Products of columns after some of the columns are projected out."""
+    """Scalar products of regressor columns, after some of the columns are projected out of all columns."""
     G = products_of_columns
     inner = G[np.ix_(columns, columns)] + RIDGE * np.eye(len(columns))
     return G - G[:, columns] @ np.linalg.solve(inner, G[columns])
 
 
 def _refined(judged: DelayableLog, j: int) -> JointDelay | None:
-    """Delay of the positions of a joint; `None` if it is not significant or looks like another delay."""
+    """Delay of the positions of joint j, refined in several steps.
+
+    The result is `None` if it is not significant or has another cause.
+    """
     state, total, now = judged.state, 0.0, judged
     delay, deviation = _delay_of(judged, j, each_torque=False)
     common, spread = _delay_of(judged, j, each_torque=True)
@@ -231,12 +241,13 @@ def _refined(judged: DelayableLog, j: int) -> JointDelay | None:
 
 
 def _delay_of(log: DelayableLog, j: int, *, each_torque: bool) -> tuple[float, float]:
-    """Delay of the positions of a joint, from the torques of the other joints, and its standard deviation [s].
+    """Delay of the positions of joint j and its standard deviation [s], from the torques of the other joints.
 
     Args:
-        log: The log.
+        log: The log, with the derivatives of its torques by delays.
         j: Index of the joint.
-        each_torque: True to estimate a separate delay of the torque of every joint, and not only of this joint.
+        each_torque: True to estimate delays of the torques of all joints as well, false to estimate only that of the
+            torque of joint j.
     """
     rows, own = log.state.rows, log.late_torques
     fit = solve(rows, extra=np.concatenate([log.late_positions[[j]], own if each_torque else own[[j]]]))
@@ -244,7 +255,7 @@ def _delay_of(log: DelayableLog, j: int, *, each_torque: bool) -> tuple[float, f
 
 
 def _disagreement(log: DelayableLog, j: int) -> float:
-    """Birge ratio of the delays of a joint's positions from the torque of each other joint alone."""
+    """Birge ratio of the delays of the positions of joint j that the torques of the other joints give one by one."""
     rows, late = log.state.rows, log.late_positions[j]
     n, b = rows.n, rows.count
     others = [k for k in range(n) if k != j]
@@ -256,7 +267,7 @@ def _disagreement(log: DelayableLog, j: int) -> float:
 
 
 def _delayable(state: LogState) -> DelayableLog:
-    """The log with the changes of its torques by delays."""
+    """Computes the derivatives of the torques of a log by delays of positions and of torques."""
     late, across = _slopes(state), np.arange(state.rows.n)
     late[across, :, across] = 0.0
     own = np.zeros_like(late)
@@ -265,7 +276,7 @@ def _delayable(state: LogState) -> DelayableLog:
 
 
 def _moved(state: LogState, j: int, seconds: float) -> LogState:
-    """The log with the positions of a joint taken from samples some seconds later, which corrects this delay."""
+    """The log with the motion of joint j moved to earlier times by some seconds, which corrects a delay."""
 
     def changed(run: ObservedRun) -> ObservedRun:
         m, later = run.motion, run.motion.time + seconds
@@ -278,7 +289,7 @@ def _moved(state: LogState, j: int, seconds: float) -> LogState:
 
 
 def _slopes(state: LogState) -> Array:
-    """Derivative of the links' filtered torque by the delay of each joint's positions, shape (n, M, n) [N·m/s]."""
+    """Derivative of the filtered torque of the links by a time shift of each joint's positions, (n, M, n) [N·m/s]."""
     bodies = state.standard(state.fit.values)[state.model.inertial_columns].reshape(-1, 10)
     n = state.rows.n
     parts: list[Array] = []

@@ -1,4 +1,4 @@
-"""Wrong order of channels: of all quantities, of the torque alone or of the positions alone."""
+"""Check for a wrong order of channels: of all quantities, of the torques only or of the positions only."""
 
 from __future__ import annotations
 
@@ -65,7 +65,13 @@ Flags = NDArray[np.bool_]
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Order:
-    """Channels of each joint's motion and torque, and the mean logarithm of the RMS residuals."""
+    """Order of channels, with the residual of the model for this order.
+
+    Attributes:
+        motion: Channel of the motion of each joint, shape (n,).
+        torque: Channel of the torque of each joint, shape (n,).
+        cost: Mean over the joints of the logarithm of the RMS residual.
+    """
 
     motion: NDArray[np.intp]
     torque: NDArray[np.intp]
@@ -73,12 +79,12 @@ class _Order:
 
 
 def check(evidence: LogEvidence) -> list[Finding]:
-    """Reports another order of channels if it explains the log."""
+    """Reports another order of channels if the model fits the log better with it."""
     return evidence.explained(CODE)
 
 
 def explain(state: LogState) -> Explanation | None:
-    """Explanation by another order of channels; `None` if the order is right."""
+    """Explains the misfit of the model by a wrong order of channels; `None` if the order is right."""
     same, limits = np.arange(state.rows.n), limit_excess(state)
     judged, moving = judged_away_from_reversals(state)
     begin = _Order(same, same, cost_of(judged.rows, products(judged.rows)))
@@ -99,7 +105,14 @@ def explain(state: LogState) -> Explanation | None:
 
 
 def _is_worth(judged: LogState, gain: float, best: _Order, moving: Flags) -> bool:
-    """True if the decrease of the residual by an order is more than unmodelled friction and noise can cause."""
+    """True if an order decreases the residual by more than unmodelled friction and noise can do.
+
+    Args:
+        judged: The log with the rows on which orders are compared.
+        gain: Decrease of the mean logarithm of the RMS residuals.
+        best: The order.
+        moving: Mask of the joints that have enough rows away from reversals, shape (n,).
+    """
     if gain < GAIN:
         return False
     same = np.arange(len(moving))
@@ -120,15 +133,15 @@ def _explanation(
     decided: bool = True,
     supported: bool = True,
 ) -> Explanation:
-    """Explanation by an order.
+    """Explanation of the misfit of the model, with the order that corrects the fault.
 
     Args:
         state: The log.
-        judged: The log with the rows on which orders are judged.
-        best: The order.
+        judged: The log with the rows on which orders are compared.
+        best: The order that corrects the fault.
         evidence: Observation, with numbers.
-        decided: False if other orders explain the log equally well.
-        supported: False if the torque agrees equally well with the given order.
+        decided: False if the model fits the log equally well with other orders.
+        supported: False if the torque agrees equally well with the order of the log.
     """
     same, names = np.arange(state.rows.n), state.model.robot.joint_names
     moved = np.flatnonzero((best.torque != same) | (best.motion != same))
@@ -148,7 +161,7 @@ def _explanation(
 
 
 def _searched(state: LogState, judged: LogState, begin: _Order, limits: LimitExcess) -> tuple[_Order, list[_Order]]:
-    """Order with the smallest residual, found by exchanges of pairs, and the other orders that were tried."""
+    """Order with the smallest residual, found by exchanges of pairs, and the orders that were tried last."""
     same, coarse = begin.motion, state.log.coarse()
     takes = limits.allowed, limits.excess < np.inf
     near = _evaluated(state, coarse, same, same).cost + NEAR
@@ -170,13 +183,15 @@ def _searched(state: LogState, judged: LogState, begin: _Order, limits: LimitExc
 
 
 def _has_rows(judged: LogState, order: _Order) -> bool:
-    """True if each joint has enough rows with the channels of an order."""
+    """True if, in an order, enough rows are used for each joint to fit the model."""
     counted = (judged.rows.mask[:, order.motion] & judged.rows.mask[:, order.torque]).sum(axis=0)
     return all(k > ROWS * len(own) for k, own in zip(counted, judged.rows.parameters, strict=True))
 
 
 def _by_limits(state: LogState, judged: LogState, begin: _Order, limits: LimitExcess) -> Explanation | None:
-    """Explanation by the order with which all joints are inside their limits, if the torque does not contradict it.
+    """Explains the misfit by the order that puts all joints inside their limits.
+
+    The result is `None` if the torque contradicts the order, or if several orders are equally good.
 
     If the torque does not support the order, a joint must be far outside its limits, and its motion must be larger
     than the range of the limits. A smaller excess may have other causes: inaccurate limits, a wrong zero or a wrong
@@ -207,7 +222,7 @@ def _by_limits(state: LogState, judged: LogState, begin: _Order, limits: LimitEx
 
 
 def _order_text(order: _Order) -> str:
-    """Text of an order, with channels counted from 1."""
+    """Text that states an order of channels; the first channel has the number 1."""
     same = np.arange(len(order.motion))
     if (order.motion == order.torque).all():
         return f"the position and torque channels in the order {_listed(order.motion)}"
@@ -224,7 +239,7 @@ def _listed(order: NDArray[np.intp]) -> str:
 
 
 def _remedy(evidence: LogEvidence, order: _Order) -> str:
-    """Lines of a study that correct the order: the columns of the quantities, or the joints of the channels."""
+    """Lines of a study that correct the order: the columns of each quantity, or the joint of each channel."""
     recording = evidence.recording
     assert recording is not None
     quantities = {"q": order.motion, "dq": order.motion, "ddq": order.motion, "effort": order.torque}
@@ -269,16 +284,17 @@ def _evaluated(state: LogState, log: DownsampledLog, motion: NDArray[np.intp], t
 
 
 def _distinct(orders: Iterable[_Order]) -> list[_Order]:
-    """Removes repeated orders."""
+    """The given orders, each one once."""
     return list({(*order.motion, *order.torque): order for order in orders}.values())
 
 
 def _with_torques(
     rows: QuickRows, log: DownsampledLog, motion: NDArray[np.intp], torques: Sequence[NDArray[np.intp]]
 ) -> Iterator[_Order]:
-    """Orders of motion and torque with their costs, computed from existing columns.
+    """Orders with one motion and several orders of the torque, with their costs, from columns that exist already.
 
-    If the same rows are used for all joints, products of columns are computed once for all orders of the torque.
+    If the same rows are used for all joints, the scalar products of the columns are computed once for all orders of
+    the torque.
     """
     alike = len(torques) > 1 and bool((log.mask == log.mask[:, :1]).all())
     shared = [table @ table.T for table in tables(rows, np.tile(rows.torque.T[:, :, None], rows.n))] if alike else []
@@ -290,13 +306,19 @@ def _with_torques(
 
 
 def _picked(P: Array, n: int, k: int) -> Array:
-    """Products of the columns of a joint and torque k, taken from the products of its columns and all torques."""
+    """Scalar products of the columns of one joint and torque k.
+
+    Args:
+        P: Scalar products of the columns of the joint and of the torques of all joints.
+        n: Number of torques.
+        k: Index of the torque that is taken.
+    """
     at = np.append(np.arange(len(P) - n - 1), len(P) - n - 1 + k)
     return P[at[:, None], at]
 
 
 def _exchanged(state: LogState, log: DownsampledLog, order: _Order, takes: tuple[Flags, Flags]) -> Iterator[_Order]:
-    """Orders in which two more channels are exchanged: only positions, all quantities, or only torques."""
+    """Orders with two more channels exchanged than in a given order: in positions, torques, or all quantities."""
     pairs = exchanges(len(order.motion))
     torques = [order.torque[exchange] for exchange in pairs]
     for motion, torque in zip((order.motion[exchange] for exchange in pairs), torques, strict=True):
@@ -311,7 +333,10 @@ def _with_motion(
     motion: NDArray[np.intp],
     torques: Sequence[NDArray[np.intp]],
 ) -> Iterator[_Order]:
-    """Costs of the possible orders of the torque with one order of the motion, whose columns are computed once."""
+    """Orders with one given motion and each possible order of the torque, with their costs.
+
+    Columns are computed once.
+    """
     possible = [torque for torque in torques if _possible(takes, motion, torque)]
     if possible:
         rows = make_rows(state.source, log.reordered(motion, np.arange(len(motion))))
@@ -325,7 +350,7 @@ def _possible(takes: tuple[Flags, Flags], motion: NDArray[np.intp], torque: NDAr
 
 
 def _assigned(state: LogState) -> NDArray[np.intp]:
-    """Assignment of torque channels to joints with the smallest residual of separate fits of the joints."""
+    """Order (n,) of torque channels with the smallest residual when each joint is fitted with separate parameters."""
     rows, n = state.rows, state.rows.n
     residual: Array = np.zeros((n, n))
     tau = rows.torque - rows.torque.mean(axis=0)

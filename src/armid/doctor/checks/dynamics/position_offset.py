@@ -1,4 +1,4 @@
-"""Offsets between the logged positions and the zeros of the description.
+"""Check for offsets between the zeros of the logged positions and the zeros of the description.
 
 A wrong zero changes the geometry and thus the torque. The inertias of the description are used as a prior, because
 they make the offset more visible: the gravity torque of a forearm, for instance, has a known phase for any mass. The
@@ -41,9 +41,9 @@ SURE = 4.5
 """Number of standard deviations by which an offset must differ from zero."""
 
 SURER, SUREST = 5.5, 8.0
-"""Number of standard deviations, instead of `SURE`, if the residual hardly decreases. The offset then depends on the
-masses of the description, which may be wrong; a log without offset reached 4.9. Below the second number, the finding
-is only a warning."""
+"""Two limits in standard deviations that are used if the residual hardly decreases. An offset must differ from zero
+by the first, instead of `SURE`; below the second, the finding is only a warning. The offset then depends on the
+masses of the description, which may be wrong; a log without offset reached 4.9."""
 
 ALONE = 0.015
 """Decrease of the mean logarithm of the RMS residuals from which the torque alone is enough evidence."""
@@ -69,12 +69,12 @@ FREE = 1e3
 
 
 def check(evidence: LogEvidence) -> list[Finding]:
-    """Reports offsets of the positions if they explain the misfit of the model."""
+    """Reports offsets of the positions if the model fits the log better with the offsets corrected."""
     return evidence.explained(CODE)
 
 
 def explain(state: LogState) -> Explanation | None:
-    """Explanation by offsets of the positions; `None` if there are none.
+    """Explains the misfit of the model by offsets of the positions; `None` if there are no offsets.
 
     Rows away from reversals are used first: stiction at reversals causes much of the residual of all rows and hides
     offsets of joints that carry little weight. All rows are used next: in slow motion, more rows are needed to find
@@ -86,7 +86,9 @@ def explain(state: LogState) -> Explanation | None:
 
 
 def _explanation(state: LogState, judged: LogState) -> Explanation | None:
-    """Explanation by offsets that are significant in some rows of the log; `None` if there are none.
+    """Explains the misfit by offsets that are significant in the rows of `judged`.
+
+    `None` if there are no such offsets.
 
     Args:
         state: The log with all rows.
@@ -121,7 +123,7 @@ def _explanation(state: LogState, judged: LogState) -> Explanation | None:
 
 
 def _given(evidence: LogEvidence, n: int) -> Array:
-    """Offsets (n,) of the log format."""
+    """Key `joint_offset` of the log format as an array (n,) [rad or m]; zeros if it is not given."""
     given = evidence.reading.joint_offset
     return np.zeros(n) if given is None else np.asarray(given)
 
@@ -131,7 +133,7 @@ def _are_sure(offset: Array, deviation: Array) -> NDArray[np.bool_]:
 
 
 def offsets_of(state: LogState) -> tuple[Array, Array, LogState]:
-    """Estimates the offsets to add to the positions (n,), their standard deviations (n,), and the corrected log."""
+    """Estimates offsets (n,) to add to the positions; also returns standard deviations (n,) and the corrected log."""
     n, b = state.rows.n, state.base.count
     precision, expected = _prior(state)
     offset, deviation = np.zeros(n), np.full(n, np.inf)
@@ -156,13 +158,19 @@ def offsets_of(state: LogState) -> tuple[Array, Array, LogState]:
 
 
 def _known_bodies(state: LogState) -> Array | None:
-    """Standard parameters (p,) from which the prior is computed; `None` if the links to compare have no masses."""
+    """Standard parameters (p,) of the description or of the earlier run, from which the prior is computed.
+
+    The result is `None` if the masses of the links are not known.
+    """
     without_masses = state.known is not None and (state.known.bodies[:, 0] <= 0.0).any()
     return None if without_masses else state.described
 
 
 def _prior(state: LogState) -> tuple[Array, Array]:
-    """Prior from the description: precision (b, b) and base parameters (b,); zeros if there are no inertias."""
+    """Prior of the base parameters from the description: precision (b, b) and mean (b,).
+
+    Both are zero if the description has no inertias.
+    """
     b, model = state.base.count, state.model
     theta = _known_bodies(state)
     if theta is None:
@@ -187,7 +195,15 @@ def _prior(state: LogState) -> tuple[Array, Array]:
 def _posterior(
     state: LogState, weight: Array, precision: Array, expected: Array, extra: Array
 ) -> tuple[Array, Array]:
-    """Posterior mean and standard deviations of base parameters and coefficients of the extra columns."""
+    """Posterior means and standard deviations of base parameters and of the coefficients of extra columns.
+
+    Args:
+        state: The log.
+        weight: Weight of the rows of each joint, shape (n,).
+        precision: Precision of the prior of the base parameters, shape (b, b).
+        expected: Mean of the prior, shape (b,).
+        extra: Extra columns, shape (e, M, n).
+    """
     rows, b, extras = state.rows, state.base.count, len(extra)
     H, side = np.zeros((b + extras, b + extras)), np.zeros(b + extras)
     H[:b, :b], side[:b] = precision, precision @ expected

@@ -1,4 +1,4 @@
-"""Positions of one or more joints with a sign opposite to that of the description."""
+"""Check for positions of joints whose sign is opposite to that of the description."""
 
 from __future__ import annotations
 
@@ -26,8 +26,9 @@ HINT, DRIVEN = 0.02, -2.0
 positive, and multiple of the standard deviation below which it counts as negative. Right signs give up to 0.01."""
 
 BEYOND = 0.015
-"""Smallest difference to the decrease by other signs of the torque. Wrong signs of the torque are more common, and
-they have nearly the same effect if a joint carries little mass."""
+"""Smallest amount by which other signs of the positions must decrease the residual more than other signs of the
+torque do. Wrong signs of the torque are more common, and they have nearly the same effect if a joint carries little
+mass."""
 
 LOOKED_AT, NEAR = 2, 0.05
 """Number of joints that are fitted to all rows, chosen by a quick fit, and margin by which the residual of that fit
@@ -38,12 +39,12 @@ MOST = 3
 
 
 def check(evidence: LogEvidence) -> list[Finding]:
-    """Reports wrong signs of positions if other signs explain the log."""
+    """Reports joints with wrong signs of the positions, if the model fits the log better with other signs."""
     return evidence.explained(CODE)
 
 
 def explain(state: LogState) -> Explanation | None:
-    """Explanation by other signs of the positions; `None` if the signs are right."""
+    """Explains the misfit of the model by wrong signs of positions; `None` if the signs are right."""
     n = state.rows.n
     rough = state.on(state.log.coarse())
     sign, cost = np.ones(n), cost_of(state.rows, products(state.rows))

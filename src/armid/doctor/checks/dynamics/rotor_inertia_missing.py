@@ -1,4 +1,4 @@
-"""Rotor inertia that affects the torque but is missing in the model of the study."""
+"""Check for rotor inertia that the torque shows, but that is missing in the model of the study."""
 
 from __future__ import annotations
 
@@ -25,8 +25,9 @@ SURE = 8.0
 """Number of standard deviations by which a rotor inertia must be positive."""
 
 MISSES = float(np.log(2.0))
-"""The same for an error in a recording that is compared with a run: half of what the model of the run misses is rotor
-inertia, which then counts as friction, load or links."""
+"""Smallest decrease of the mean logarithm of the RMS residuals for which the finding is an error, if the recording
+is compared with a run. Half of the residual of the run's model is then caused by rotor inertia, which would
+otherwise be attributed to friction, load or links."""
 
 ADDED = "armid identify adds rotor inertia if the study names no terms."
 
@@ -57,7 +58,10 @@ def check(evidence: LogEvidence) -> list[Finding]:
 
 
 def _rotors(state: LogState) -> tuple[list[str], str, float] | None:
-    """Joints with rotor inertia, a sentence about it and the decrease of the residual; `None` if none is found."""
+    """Names of the joints with rotor inertia, the evidence in words, and the decrease of the residual.
+
+    The result is `None` if no joint has one.
+    """
     without = _without_rotors(state)
     gain = solve(without).cost - state.fit.cost
     values, deviation = state.fit.values, state.fit.deviation
@@ -75,13 +79,13 @@ def _rotors(state: LogState) -> tuple[list[str], str, float] | None:
 
 
 def _term_names(evidence: LogEvidence) -> list[str]:
-    """Names of the terms of the study; `default` for the default terms, so that their shapes do not change."""
+    """Names of the torque terms of the study; the name `default` stands for the default terms."""
     terms = DEFAULT_TERMS if evidence.model is None else evidence.model.terms
     return ["default"] if terms == DEFAULT_TERMS else [term.name for term in terms]
 
 
 def _without_rotors(state: LogState) -> QuickRows:
-    """Rows without the columns of rotor inertia."""
+    """Rows of the log without the regressor columns of rotor inertia."""
     rows = state.rows
     keep = [
         np.array([state.model.parameters[state.base.kept[p]].symbol != "IA" for p in parameters])

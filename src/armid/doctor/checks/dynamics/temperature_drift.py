@@ -1,4 +1,4 @@
-"""Friction that changes during a log, for instance because gears warm up."""
+"""Check for friction that changes during a log, for instance because gears warm up."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ JOINTS = 0.4
 
 
 def check(evidence: LogEvidence) -> list[Finding]:
-    """Reports the joints whose friction changes, in one finding."""
+    """Reports the joints whose friction changes during the log, in one finding."""
     state = evidence.corrected
     if state is None or state.log.band.is_open:
         return []
@@ -55,7 +55,7 @@ def check(evidence: LogEvidence) -> list[Finding]:
             "temperature-drift",
             "warning",
             ", ".join(names[j] for j in np.flatnonzero(together)),
-            f"Friction changes over {np.ptp(time):.0f} s: {listed}; if the model contains this change, the residual "
+            f"Friction changes in {np.ptp(time):.0f} s: {listed}. If the model contains this change, the residual "
             f"is {1 - np.exp(-gain):.0%} smaller.",
             "record again with warm gears, or record one log for each temperature and set `friction_per_recording = "
             "true`",

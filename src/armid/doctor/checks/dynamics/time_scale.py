@@ -1,4 +1,4 @@
-"""Wrong scale of time: a wrong sample rate or unit of the clock, found from the ratio of gravity and inertia."""
+"""Check for a wrong sample rate or unit of the clock, by the ratio between torques of gravity and of inertia."""
 
 from __future__ import annotations
 
@@ -46,12 +46,12 @@ STEPS = 7
 
 
 def check(evidence: LogEvidence) -> list[Finding]:
-    """Reports a wrong scale of time if it explains the log."""
+    """Reports a wrong scale of time if the model fits the log better with another scale."""
     return evidence.explained(CODE)
 
 
 def explain(state: LogState) -> Explanation | None:
-    """Explanation by another scale of time; `None` if the scale of the log is correct.
+    """Explains the misfit of the model by a wrong scale of time; `None` if the scale of the log is correct.
 
     The torque by gravity does not depend on time, the torque by inertia does. Both depend on the same first moments,
     so a wrong scale of time increases the residual: if velocities are too large by a factor s, the first moments from
@@ -87,7 +87,7 @@ def explain(state: LogState) -> Explanation | None:
 
 
 def _costs(state: LogState, about: float) -> Callable[[float], float]:
-    """Function that returns the mean logarithm of the RMS residuals with velocities multiplied by a factor.
+    """Function of a factor on the velocities, which returns the mean logarithm of the RMS residuals with this factor.
 
     The torque of the links is the sum of a part at rest (gravity) and a part that is proportional to the square of
     the factor. The columns of friction and rotors have no part at rest, and their length has no effect on a fit. So
@@ -108,7 +108,7 @@ def _costs(state: LogState, about: float) -> Callable[[float], float]:
 
 
 def _products(still: Array, whole: Array) -> tuple[Array, Array, Array]:
-    """Products of columns: rest part with itself, rest part with moving part, moving part with itself."""
+    """Scalar products of columns at rest and of their changes by motion: rest-rest, rest-change, change-change."""
     moving = whole - still  # zero in the row of the torque
     mixed = still @ moving.T
     return still @ still.T, mixed + mixed.T, moving @ moving.T
@@ -137,7 +137,7 @@ def _scaled(log: DownsampledLog, factor: float) -> DownsampledLog:
 
 
 def _remedy(evidence: LogEvidence, factor: float) -> str:
-    """Line of a study with the rate or unit of time that follows from the dynamics."""
+    """Line of a study with the sample rate or the unit of time that corrects a wrong factor on the velocities."""
     recording, reading = evidence.recording, evidence.reading
     assert recording is not None
     note = "about; use the true value"

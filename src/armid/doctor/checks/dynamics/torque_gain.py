@@ -1,4 +1,4 @@
-"""Torque of one joint whose scale differs from that of the others.
+"""Check for a torque of one joint whose scale differs from the scale of the torques of the other joints.
 
 A link is carried by several joints, so its parameters affect the torques of all of them. One model can therefore fit
 all joints only if their torques have a common scale. This common scale cannot be determined without a description.
@@ -62,12 +62,12 @@ NOTE = "from the torque of the other joints; use the maker's value"
 
 
 def check(evidence: LogEvidence) -> list[Finding]:
-    """Reports a joint whose torque has another scale."""
+    """Reports a joint whose torque has another scale than the torques of the other joints."""
     return evidence.explained(CODE)
 
 
 def explain(state: LogState) -> Explanation | None:
-    """Explanation by another scale of one joint's torque; `None` if the scales agree."""
+    """Explains the misfit of the model by a wrong scale of one joint's torque; `None` if the scales agree."""
     n = state.rows.n
     if n < 2 or state.conflict < GAIN:
         return None
@@ -89,7 +89,12 @@ def explain(state: LogState) -> Explanation | None:
         for j in np.flatnonzero(gains > gains[best] - ALSO)
         if j != best and max(found[j][0], 1.0 / found[j][0]) >= LEAST
     ]
-    doubt = f" The log would fit about as well with the factor {' or '.join(others)} instead." if others else ""
+    doubt = (
+        " The model would fit about as well if, instead, the torque of another joint were wrong by a factor: "
+        f"{' or '.join(others)}."
+        if others
+        else ""
+    )
     return Explanation(
         CODE,
         float(gains[best]),
@@ -105,17 +110,20 @@ def explain(state: LogState) -> Explanation | None:
 
 
 def _cost(state: LogState, pairs: Sequence[Array], j: int, factor: float) -> float:
-    """Mean logarithm of the RMS residuals in the units of the log, with a factor on the torque of joint j."""
+    """Mean logarithm of the RMS residuals if the torque of joint j is multiplied by a factor.
+
+    The factor does not change the unit of the residual of joint j, so that factors can be compared.
+    """
     factors = np.ones(state.rows.n)
     factors[j] = factor
     return cost_of(state.rows, pairs, factors) - float(np.log(factor)) / state.rows.n
 
 
 def _best_factor(cost_with: Callable[[float], float], begin: float, *, wide: bool) -> tuple[float, float]:
-    """Factor on a joint's torque with the smallest cost, and this cost, infinite if the factor is undetermined.
+    """Factor on the torque of a joint with the smallest cost, and this cost (infinite if no factor is determined).
 
     Args:
-        cost_with: Function that returns the mean logarithm of the RMS residuals with a factor.
+        cost_with: Function that returns the cost (mean logarithm of the RMS residuals) for a factor.
         begin: Mean logarithm of the RMS residuals with the factor 1.
         wide: True if the factors between units of torque are tried, too.
     """
@@ -127,12 +135,13 @@ def _best_factor(cost_with: Callable[[float], float], begin: float, *, wide: boo
 
 
 def _lowest_about(cost_with: Callable[[float], float], middle_factor: float, apart: int) -> tuple[float, float]:
-    """Best product of a factor and one of `FACTORS`, interpolated, and its cost, infinite if it is not determined.
+    """Product of a factor and one of `FACTORS` with the smallest cost, interpolated; and this cost.
 
     Args:
-        cost_with: Function that returns the mean logarithm of the RMS residuals with a factor.
+        cost_with: Function that returns the cost (mean logarithm of the RMS residuals) for a factor.
         middle_factor: Factor that is multiplied by each of `FACTORS`.
-        apart: Number of steps from the best product to the two products whose costs must be larger.
+        apart: Number of steps in `FACTORS` from the best product, in either direction, after which the cost must be
+            larger by `SHARP`; otherwise the cost is infinite.
     """
     tried = middle_factor * FACTORS
     cost = np.array([cost_with(float(factor)) for factor in tried])
@@ -146,7 +155,7 @@ def _lowest_about(cost_with: Callable[[float], float], middle_factor: float, apa
 
 
 def _gain(evidence: LogEvidence, correction: Array) -> str:
-    """Drive gains of the log format with a corrected gain of one joint, and their standard deviations."""
+    """Lines of a study with drive gains, of which one is corrected, and their relative standard deviations."""
     reading = evidence.reading
     given = np.ones(len(correction)) if reading.drive_gain is None else np.asarray(reading.drive_gain)
     deviation = np.zeros(len(correction))

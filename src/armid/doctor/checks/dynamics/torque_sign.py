@@ -1,4 +1,4 @@
-"""Torque of one or more joints with a sign opposite to the convention of the description."""
+"""Check for torques of joints whose sign is opposite to the convention of the description."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ ALIKE = 0.8
 
 
 def check(evidence: LogEvidence) -> list[Finding]:
-    """Reports wrong signs of the torque."""
+    """Reports joints with a wrong sign of the torque."""
     return evidence.explained(CODE)
 
 
@@ -52,7 +52,7 @@ CODE = "torque-sign"
 
 
 def explain(state: LogState) -> Explanation | None:
-    """Explanation by other signs of the torque; `None` if the signs are right."""
+    """Explains the misfit of the model by wrong signs of torques; `None` if the signs are right."""
     rows = state.rows
     sign, gain, indifferent = relative_signs(state)
     votes = _votes(state if (sign > 0.0).all() else state.with_torque(sign))
@@ -80,7 +80,7 @@ def explain(state: LogState) -> Explanation | None:
 
 
 def signs_value(sign: Array) -> int | list[int]:
-    """Value of the study's key for signs (n,): a single number if all signs are equal, otherwise a list."""
+    """Value of a key of the study for the signs (n,): one number if all signs are equal, otherwise a list."""
     whole = [int(s) for s in sign]
     return whole[0] if len(set(whole)) == 1 else whole
 
@@ -102,7 +102,7 @@ def _evidence(state: LogState, wrong: NDArray[np.intp], gain: float) -> str:
 
 
 def relative_signs(state: LogState) -> tuple[Array, float, NDArray[np.bool_]]:
-    """Relative signs with which one model fits all joints best, and the decrease of `QuickFit.cost`.
+    """Relative signs of the torques with which one model fits all joints best, and the decrease of `QuickFit.cost`.
 
     The common sign remains unknown. The third value, shape (n,), flags the joints whose sign relative to the others
     cannot be determined.
@@ -124,7 +124,7 @@ def relative_signs(state: LogState) -> tuple[Array, float, NDArray[np.bool_]]:
 
 
 def _best_of_all(rows: QuickRows, pairs: Sequence[Array], first: float) -> tuple[Array, float]:
-    """Signs with the smallest residual, and this residual; the sign of the first joint is fixed.
+    """Signs (n,) of the torques with the smallest cost (`QuickFit.cost`), and this cost; the first sign is fixed.
 
     All combinations are tried: if several signs are wrong, a change of only one sign may not reduce the residual.
     """
@@ -138,17 +138,21 @@ def _best_of_all(rows: QuickRows, pairs: Sequence[Array], first: float) -> tuple
 
 
 def cost_with_signs(state: LogState, sign: Array) -> float:
-    """Mean logarithm of the RMS residuals, with the motion multiplied by signs (n,)."""
+    """Mean logarithm of the RMS residuals, with the motion of each joint multiplied by a sign.
+
+    `sign` has shape (n,).
+    """
     rows = make_rows(state.source, state.log.scaled(sign))
     return cost_of(rows, products(rows))
 
 
 def _doubt(state: LogState, sign: Array) -> str:
-    """Sentence that other signs of the positions explain the log equally well; empty if they explain it less well."""
+    """Sentence that the model fits equally well with other signs of the positions; empty if it fits less well."""
     if (sign < 0.0).all() or cost_with_signs(state, sign) > cost_of(state.rows, products(state.rows), sign) + ALSO:
         return ""
     return (
-        f" The opposite sign of positions, position_sign = {signs_value(sign)}, would explain the log equally well."
+        " The model would fit the log equally well with the opposite sign of positions, position_sign = "
+        f"{signs_value(sign)}."
     )
 
 
@@ -159,7 +163,10 @@ def _flipped(sign: Array, j: int) -> Array:
 
 
 def _votes(state: LogState) -> Array:
-    """Evidence for the sign of each joint from friction, inertia and description; above 1 or below -1 it suffices."""
+    """Evidence for the torque sign of each joint, shape (n,); a value above 1 means that it is right, below -1 wrong.
+
+    The evidence comes from the signs of friction and inertia, and from the torque of the description.
+    """
     votes = (np.clip(state.dissipation, -MOST, MOST) + np.clip(state.inertia, -MOST, MOST) / 2) / SURE
     if state.nominal is not None:
         r = state.nominal.correlation

@@ -1,4 +1,4 @@
-"""Channels that are stuck at one value for some time, and standstill of the arm."""
+"""Check for channels that are stuck at one value for some time, and for standstill of the arm."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from armid.errors import Finding
 from armid.measurement.remedy_builders import excluding, lines
 
 STANDSTILL = 1.0
-"""Shortest rest of all joints that is reported [s]; shorter ones are left out of the rows in use."""
+"""Shortest rest of all joints that is reported [s]; rows of shorter rests are never used."""
 
 
 def check(evidence: LogEvidence) -> list[Finding]:
@@ -39,7 +39,7 @@ def check(evidence: LogEvidence) -> list[Finding]:
 
 
 def _rests(evidence: LogEvidence) -> Finding | None:
-    """Information about the rests of all joints, or `None` if there are none.
+    """Finding about times at which no joint moves; `None` if there are none.
 
     A motion that is repeated with pauses contains several rests. They are not a fault: gravity can be seen in long
     rests, and every repetition contains them.

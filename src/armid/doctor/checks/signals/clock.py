@@ -1,4 +1,4 @@
-"""Gaps and jitter of the clock."""
+"""Check of the clock for gaps and for uneven steps (jitter)."""
 
 from __future__ import annotations
 
@@ -27,13 +27,16 @@ missing. Steps of random length deviate by a quarter."""
 
 
 def check(evidence: LogEvidence) -> list[Finding]:
-    """Reports gaps and uneven steps."""
+    """Reports gaps and uneven steps of the clock."""
     recording = evidence.recording
     if recording is None or recording.time is None or recording.consecutive is False:
         return []
     # Use the clock as logged: leaving out repeated rows must not create gaps.
     segments, gaps = cut_at_gaps(_as_logged(evidence.raw) or _clock_alone(recording), CUTOFF)
-    remedy = "record it again if the rows near the gap are needed; armid cuts the log into two parts at the gap"
+    remedy = (
+        "record the motion again if the rows near the gap are needed; otherwise there is nothing to do, because "
+        "armid cuts the log into two parts at the gap"
+    )
     findings = [replace(gap, channel="time", remedy=remedy) for gap in gaps]
     uneven = [segment for segment in segments if not is_even(segment.time, segment.number)]
     if uneven:
@@ -60,7 +63,7 @@ def check(evidence: LogEvidence) -> list[Finding]:
 
 
 def _missing(segments: Sequence[Segment]) -> int:
-    """Number of missing rows, if long steps are whole multiples of the median step; otherwise 0."""
+    """Number of rows that are missing in segments of a log; 0 if long steps are not multiples of the median step."""
     lost = 0
     for segment in segments:
         steps = np.diff(segment.time) / (1 if segment.number is None else np.diff(segment.number))
@@ -73,27 +76,42 @@ def _missing(segments: Sequence[Segment]) -> int:
 
 
 def _as_logged(raw: Recording) -> Recording | None:
-    """Recording with only the time stamps of a file; `None` if time stamps are missing or do not increase."""
+    """Recording with the time stamps of the file and zeros for all signals.
+
+    The result is `None` if time stamps are missing or do not increase.
+    """
     if raw.time is None or not np.isfinite(raw.time).all() or not (np.diff(raw.time) > 0.0).all():
         return None
     return _clock_alone(raw)
 
 
 def _clock_alone(recording: Recording) -> Recording:
-    """The recording with its clock, and with zeros for all other values."""
+    """The recording with its time stamps, and with zeros for all signals."""
     still = np.zeros_like(recording.q)
     return replace(recording, q=still, dq=None, ddq=None, effort=still)
 
 
 def _round_rate(segment: Segment, off: float) -> float:
-    """Rate with the fewest digits that agrees with time stamps `off` steps away from a uniform clock [Hz]."""
+    """Sample rate [Hz], rounded to the fewest digits that the time stamps allow.
+
+    Args:
+        segment: Segment of rows without a gap.
+        off: Standard deviation of the time stamps from a uniform clock [steps].
+    """
     doubt = 2.0 * off / segment.samples
     rounded = (float(f"{segment.rate:.{digits}g}") for digits in range(2, 10))
     return next((rate for rate in rounded if abs(rate / segment.rate - 1.0) < doubt), segment.rate)
 
 
 def _trial(evidence: LogEvidence, rate: float) -> RemedyTrial | None:
-    """Held-out errors with the time stamps of the log and with a uniform clock; `None` if there is no model."""
+    """Held-out errors with the time stamps of the log and with a uniform clock.
+
+    The result is `None` if no model can be fitted.
+
+    Args:
+        evidence: The log.
+        rate: Rate of the uniform clock [Hz].
+    """
     state, recording = evidence.state, evidence.recording
     if state is None or recording is None:
         return None

@@ -1,4 +1,4 @@
-"""Angles of joints in another unit than the study states, in cases that cannot be seen from the joint limits."""
+"""Check for angles in another unit than the study states, by the torque; the joint limits need not show the fault."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ gravity torques, and it changes inertias by a factor of 57."""
 
 
 def check(evidence: LogEvidence) -> list[Finding]:
-    """Reports another unit if it explains the log."""
+    """Reports a wrong unit of angles if the model fits the log better with the other unit."""
     return evidence.explained(CODE)
 
 
 def explain(state: LogState) -> Explanation | None:
-    """Explanation by other units of angles; `None` if the units with which the log is read are correct."""
+    """Explains the misfit of the model by a wrong unit of angles; `None` if the unit is correct."""
     best: tuple[float, LogState, NDArray[np.bool_], str] | None = None
     for which, factor, unit in _suspects(state):
         after = state.on(state.log.scaled(np.where(which, factor, 1.0)))
@@ -61,10 +61,10 @@ def explain(state: LogState) -> Explanation | None:
 
 
 def _suspects(state: LogState) -> list[tuple[NDArray[np.bool_], float, str]]:
-    """Joints that may have the other unit, factor on their angles, and unit in which they are read.
+    """Masks (n,) of joints that may have the other unit; factor on their angles; and name of the unit in use.
 
-    Candidates are all revolute joints, or only the joints that are outside their limits by whole turns or hardly
-    move.
+    One mask contains all revolute joints; the others contain joints that are outside their limits by whole turns or
+    that hardly move.
     """
     joints = state.model.robot.joints
     turns = np.array([not joint.is_prismatic for joint in joints])

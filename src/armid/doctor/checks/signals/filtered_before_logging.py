@@ -1,4 +1,4 @@
-"""Torque that was low-pass filtered before logging.
+"""Check for torque that was low-pass filtered before logging.
 
 A filter is suspected if the spectrum of the torque falls without reaching a noise floor, or if its noise floor is
 only that of the rounding. Both can have another cause: the noise of a sensor may be smaller than its resolution. The
@@ -44,7 +44,8 @@ ROUNDING = 4.0
 be no other noise. Rounding alone gives one."""
 
 DECIMALS = 9
-"""Largest number of decimals that is looked for; beyond it, rounding is below the noise of every computation."""
+"""Largest number of decimals for which rounding is searched; rounding to more decimals is below the noise of every
+computation."""
 
 TESTED = 256
 """Number of values of a channel from which its decimals are found."""
@@ -58,14 +59,18 @@ with a cut-off of the study of 5 Hz, intervals of 58 parameters held 56 true val
 10 Hz, 50 with one at 5 Hz, 45 at 3 Hz and 33 at 1 Hz."""
 
 HARMFUL = 1.0 / 3.0
-"""Ratio below which most of an estimate is wrong: intervals of friction held the truth at 2 of 5 Hz and not at 1."""
+"""Ratio of the filter's cut-off to that of the study below which most of an estimate is wrong. With a cut-off of
+the study of 5 Hz, intervals of friction contained the true values with a filter at 2 Hz, but not with a filter at
+1 Hz."""
 
 NARROWER = 0.3
-"""Ratio of the cut-off of the study that is advised to that of the filter: torque and columns are then nearly alike.
-With it, intervals held 56 to 58 of 58 true values for filters at 2, 3, 5 and 7 Hz."""
+"""Ratio of the cut-off that is recommended for the study to the cut-off of the filter. Below the recommended
+cut-off, the filter hardly changes the torque. With this ratio, intervals held 56 to 58 of 58 true values for filters
+at 2, 3, 5 and 7 Hz."""
 
 LEAST = 1.0
-"""Lowest cut-off that is advised [Hz]; at 0.8 Hz, too few rows remain, and intervals held 33 of 58 true values."""
+"""Lowest cut-off that is recommended [Hz]; at 0.8 Hz, too few rows remain, and intervals held 33 of 58 true
+values."""
 
 AGAIN = "log the unfiltered torque"
 
@@ -90,14 +95,15 @@ def check(evidence: LogEvidence) -> list[Finding]:
     if falling.sum() < MOST * recording.n:
         return []
     text = (
-        f"The torque of {falling.sum()} joints has no noise floor: its spectrum falls further and further, and from "
-        f"{median(ends[falling]):.3g} Hz on it is below a thousandth of its value just above the band of the motion."
+        f"The torque of {falling.sum()} joints has no noise floor: its spectrum falls up to the highest "
+        "frequencies, and above "
+        f"{median(ends[falling]):.3g} Hz it is below a thousandth of its value just above the band of the motion."
     )
     return [Finding("filtered-before-logging", "info", "effort", text, AGAIN)]
 
 
 def _found(joints: int, cutoff: float, used: float) -> Finding:
-    """Finding about a filter; its severity depends on the effect of the filter on the estimate.
+    """Finding that a filter was applied to the torque; its severity depends on the effect on the estimate.
 
     Args:
         joints: Number of joints.
@@ -121,7 +127,7 @@ def _found(joints: int, cutoff: float, used: float) -> Finding:
 
 
 def _suspicions(effort: Array, rate: float, logged: Array) -> tuple[Array, NDArray[np.bool_]]:
-    """Signs of a filter in the spectrum of each joint's torque.
+    """Searches the spectrum of the torque of each joint for the effects of a low-pass filter.
 
     Args:
         effort: Torque on a uniform clock, shape (N, n) [N·m or N].
@@ -149,7 +155,7 @@ def _suspicions(effort: Array, rate: float, logged: Array) -> tuple[Array, NDArr
 
 
 def _step(values: Array) -> float:
-    """Step to which values (N,) are rounded, a power of ten; 0 if no step is found."""
+    """Step to which values (N,) are rounded, which is a power of ten; 0 if the values are not rounded."""
     few = values[:: max(1, len(values) // TESTED)]
     size = float(np.abs(few).max(initial=0.0))
     for decimals in range(-1, DECIMALS + 1):
@@ -160,7 +166,7 @@ def _step(values: Array) -> float:
 
 
 def _spectrum(x: Array, rate: float) -> tuple[Array, Array]:
-    """Frequencies (F,) above zero [Hz] and power (F, n).
+    """Spectrum of n signals: frequencies (F,) above zero [Hz] and power at these frequencies, shape (F, n).
 
     The spectrum of second differences is computed and divided by their transfer function. Otherwise the power of the
     motion, a million times that of the sensor noise, would leak into all frequencies.

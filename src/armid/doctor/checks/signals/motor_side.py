@@ -1,4 +1,4 @@
-"""Motor torque, motor current, or torque in another unit that is logged instead of joint torque."""
+"""Check whether motor torque, motor current or torque in another unit is logged instead of joint torque."""
 
 from __future__ import annotations
 
@@ -94,7 +94,7 @@ def check(evidence: LogEvidence) -> list[Finding]:
 
 
 def _covers(evidence: LogEvidence, finding: Finding) -> bool:
-    """Tests whether the gains that a finding proposes lie within the given gains and their stated deviations."""
+    """True if proposed drive gains agree with the gains of the log format, within the deviations stated there."""
     given, stated = evidence.reading.drive_gain, evidence.reading.drive_gain_deviation
     if given is None or stated is None or evidence.known is not None:  # a run has the same gains
         return False
@@ -104,16 +104,17 @@ def _covers(evidence: LogEvidence, finding: Finding) -> bool:
 
 
 def _declared(finding: Finding) -> Finding:
-    """The finding as a warning, because a user who states so large a deviation has not forgotten the gains."""
+    """The finding as a warning, for a user who stated the deviation of the gains and so has not forgotten them."""
     evidence = (
-        f"{finding.evidence} This is within the stated deviation of the drive gains, so it is not an error; the "
+        f"{finding.evidence} This is possible with the stated deviation of the drive gains, so it is not an error; "
+        "the "
         "intervals are as wide as the deviation."
     )
     return replace(finding, severity="warning", evidence=evidence)
 
 
 def explain(state: LogState) -> Explanation | None:
-    """Explanation by another scale of the effort; `None` if the scale agrees with the description."""
+    """Explains the misfit by a wrong scale of the effort; `None` if the scale agrees with the description."""
     nominal = state.nominal
     if nominal is None:
         return None
@@ -130,7 +131,7 @@ def explain(state: LogState) -> Explanation | None:
 
 
 def _small_share(state: LogState, known: NDArray[np.bool_], typical: float) -> Explanation:
-    """Explanation by a motor torque or current, for an effort that is a small share of the described torque.
+    """Explains the misfit by motor torques or currents, if the effort is a small share of the described torque.
 
     Each joint gets the factor that follows from the description. If the held-out error then increases, all joints get
     the same factor: errors of the described masses may be larger than the differences of the factors.
@@ -138,7 +139,7 @@ def _small_share(state: LogState, known: NDArray[np.bool_], typical: float) -> E
     Args:
         state: The log.
         known: Joints whose scale is known, shape (n,).
-        typical: Share of the described torque, the median over these joints.
+        typical: Ratio of the effort to the described torque, median over these joints.
     """
     nominal = state.nominal
     assert nominal is not None
@@ -166,16 +167,17 @@ def _small_share(state: LogState, known: NDArray[np.bool_], typical: float) -> E
 
 
 def _other_unit(state: LogState, known: NDArray[np.bool_], typical: float) -> Explanation:
-    """Explanation by a unit, for a torque that is a multiple or a tiny share of the described torque.
+    """Explains the misfit by a wrong unit, if the effort is a multiple or a tiny share of the described torque.
 
-    The same factor is used for all joints if it is that of a unit, or if the joints agree with it. It corrects the
-    unit, but not the errors of the description. A factor that is not that of a unit has the accuracy of the masses in
-    the description. Therefore the gains get standard deviations, as for currents.
+    If the ratio of effort to described torque is about the factor of a unit, all joints get this factor. Otherwise
+    the factor is estimated, and all joints get the same one unless the joints contradict each other. An estimated
+    factor is only as accurate as the masses in the description; therefore the gains get standard deviations, as for
+    currents.
 
     Args:
         state: The log.
         known: Joints whose scale is known, shape (n,).
-        typical: Multiple of the described torque, the median over these joints.
+        typical: Ratio of the effort to the described torque, median over these joints.
     """
     nominal = state.nominal
     assert nominal is not None
@@ -226,13 +228,18 @@ def has_placeholder_masses(state: LogState) -> bool:
 
 
 def _deviations(correlation: Array, known: NDArray[np.bool_]) -> list[float]:
-    """Relative standard deviations (n,) of scales from the description; they increase if the shapes differ."""
+    """Relative standard deviations (n,) of scales that are computed with the torque of the description.
+
+    Args:
+        correlation: Correlation of measured and described torque, shape (n,); the deviation grows as it falls.
+        known: Joints whose scale is known, shape (n,).
+    """
     shape = np.sqrt(1.0 / np.where(known, correlation, 1.0) ** 2 - 1.0)
     return [float(f"{each:.2g}") for each in np.where(known, np.hypot(DESCRIBED, shape), UNSEEN)]
 
 
 def _gains(evidence: LogEvidence, gains: list[float], note: str, deviations: list[float] | None = None) -> str:
-    """Corrected drive gains: present gains of the log format times the ratio of joint torque and logged effort."""
+    """Lines of a study with corrected drive gains: gains of the log format times ratio of joint torque to effort."""
     given = evidence.reading.drive_gain
     total = np.asarray(gains) * (1.0 if given is None else np.asarray(given))
     given_gains = [float(f"{gain:.3g}") for gain in total]

@@ -1,4 +1,4 @@
-"""Repetitions of a motion that do not begin at multiples of the stated period."""
+"""Check for repetitions of a motion that do not begin at multiples of the stated period."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ STEPS = 25
 
 
 def check(evidence: LogEvidence) -> list[Finding]:
-    """Reports the repetition with the largest shift."""
+    """Reports the repetition whose begin differs most from a multiple of the period."""
     recording, period = evidence.recording, evidence.reading.stated_period
     if recording is None or period is None or recording.effort is None or recording.consecutive is False:
         return []
@@ -41,7 +41,8 @@ def check(evidence: LogEvidence) -> list[Finding]:
     remedy = (
         lines(period=float(f"{period + np.diff(late).mean() / even.rate:.6g}"))
         if even_steps
-        else "record it again, or cut the log into one recording for each repetition and leave out the key `period`"
+        else "record the motion again, or cut the log into one recording for each repetition and leave out the key "
+        "`period`"
     )
     return [
         Finding(
@@ -57,7 +58,14 @@ def check(evidence: LogEvidence) -> list[Finding]:
 
 
 def _lag(q: Array, first: int, begin: int, samples: int) -> float:
-    """Lag of the repetition that begins at `begin` behind the one that begins at `first` [samples]."""
+    """Lag of one repetition of a motion behind another one [samples].
+
+    Args:
+        q: Positions, shape (N, n).
+        first: First row of the repetition that serves as the reference.
+        begin: First row of the repetition whose lag is computed.
+        samples: Number of samples of one period.
+    """
     margin = samples // 8
     inside = np.arange(margin, samples - margin)
     reference = q[first + inside]

@@ -1,4 +1,4 @@
-"""Joints outside their limits in the whole motion: log of another arm, other zeros, or motor positions."""
+"""Check for joints outside their limits in the whole motion, as in a log of another arm or of motor positions."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def check(evidence: LogEvidence) -> list[Finding]:
 
 
 def always_outside(robot: Robot, q: Array) -> NDArray[np.bool_]:
-    """Mask (n,) of moving joints that are outside their limits in nearly all samples, also plus whole turns.
+    """Mask (n,) of moving joints that are outside their limits in nearly all samples, even if whole turns are added.
 
     Args:
         robot: The arm.
@@ -82,7 +82,7 @@ def always_outside(robot: Robot, q: Array) -> NDArray[np.bool_]:
 
 
 def outside_limits(robot: Robot, q: Array, j: np.intp | int) -> str:
-    """Text about the range of joint j, which is outside its limits.
+    """Text that states the range of the positions of joint j and its limits.
 
     Args:
         robot: The arm.

@@ -1,4 +1,4 @@
-"""Findings of the readers of the recording and of the description."""
+"""Check that passes on findings of the readers of the recording and of the description."""
 
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ EFFECTS = {
     "are unwrapped.",
     "clock-missing": "Velocities and accelerations, and all parameters that depend on them, have no scale.",
     "columns-guessed": "If the columns are wrong, the estimate is useless; check their names.",
-    "units-of-header": "No effect if the names are right. In a study, these lines state the same units.",
+    "units-of-header": "No effect if the units in the column names are right. In a study, the lines of the remedy "
+    "state them.",
     "clock-received": "Jitter of the network and the recorder becomes noise of velocity and acceleration.",
     "joints-extra": "No effect: channels of joints that the model does not have are not used.",
     "joints-merged": "Interpolated values are smoother than measured values, and they are shifted by a fraction of a "
@@ -23,7 +24,7 @@ EFFECTS = {
     "rows-repeated": "Velocity would be zero at every repeated row; these rows are excluded.",
     "rows-not-consecutive": "Nothing can be filtered or differentiated, and terms with hysteresis cannot be used.",
     "effort-missing": "Without torque or current, no parameters can be identified.",
-    "value-missing": "Nothing can be computed from it.",
+    "value-missing": "Nothing can be computed from a recording with missing values.",
     "description-rounded": "Angles that miss a multiple of 15° by rounding only would add base parameters that the "
     "real arm does not have.",
     "topic-chosen": "No effect: the other topics contain no joints of the arm, or they are commands.",
@@ -31,8 +32,8 @@ EFFECTS = {
     "used.",
     "sticking": "At rest, static friction can have any value up to its bound, so no function of the velocity "
     "describes it.",
-    "spikes": "A filter would spread each of them over the rows around it; single zeros among positions can make the "
-    "error of an estimate forty times as large. They are left out.",
+    "spikes": "A filter would spread each spike over the rows around it; single zeros among positions can make the "
+    "error of an estimate forty times as large. These samples are left out.",
     "standstill": "At standstill, static friction can have any value up to its bound, which can bias the estimate.",
 }
 """Effects on an estimate, by code, of the faults that only readers find."""
@@ -52,7 +53,7 @@ the doctor checks processing itself."""
 
 
 def check(evidence: LogEvidence) -> list[Finding]:
-    """Reports the findings of these codes without repetitions."""
+    """Reports each finding of the readers once, if its code is in `EFFECTS` or in `OF_OTHERS`."""
     return list(dict.fromkeys(finding for finding in evidence.noted if finding.code in {*EFFECTS, *OF_OTHERS}))
 
 

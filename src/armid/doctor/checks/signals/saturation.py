@@ -1,4 +1,4 @@
-"""Saturated torque: a plateau, or torque at the limit of the description; and torque beyond this limit."""
+"""Check for saturated torque (a plateau, or torque at the limit of the description) and torque beyond the limit."""
 
 from __future__ import annotations
 
@@ -54,7 +54,10 @@ def check(evidence: LogEvidence) -> list[Finding]:
 
 
 def _clipped(joint: Joint, flat: Plateau, *, kept: bool) -> Finding:
-    """Finding of a plateau; an error if the study uses the samples of the plateau and their number is not small."""
+    """Finding about a plateau of the torque.
+
+    It is an error if the study uses the samples of the plateau (`kept`) and their number is not small.
+    """
     text = (
         f"{flat.count} of {flat.samples} samples have the same extreme value, {flat.level:.4g} {joint.effort_unit}; "
         "the true torque is larger."
@@ -73,7 +76,7 @@ def _clipped(joint: Joint, flat: Plateau, *, kept: bool) -> Finding:
 
 
 def _beyond(joint: Joint, tau: Array) -> Finding:
-    """Finding of torque beyond the limit of the description."""
+    """Finding about torque of a joint that is beyond the effort limit of the description."""
     unit, limit, size = joint.effort_unit, joint.effort_limit, np.abs(tau)
     return Finding(
         "torque-beyond-limit",

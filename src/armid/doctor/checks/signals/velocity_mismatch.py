@@ -1,4 +1,4 @@
-"""Velocities that differ from the derivatives of the positions: wrong scale, sign, delay or joint."""
+"""Check for velocities that differ from the derivatives of the positions: wrong scale, sign, delay or joint."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from armid.measurement.recording import Recording
 from armid.measurement.remedy_builders import naming
 
 CUTOFF = 4.0
-"""Cut-off of the low-pass filter that is applied to both before they are compared [Hz]."""
+"""Cut-off of the low-pass filter that is applied to velocities and positions before they are compared [Hz]."""
 
 SCALE = 0.05
 """Smallest relative error of a scale that is reported; a derivative with ten samples per period has less."""
@@ -37,7 +37,10 @@ MOVING = 0.02
 
 
 def check(evidence: LogEvidence) -> list[Finding]:
-    """Reports each joint whose velocity does not match; if there are none, a common delay of the velocities."""
+    """Reports each joint whose velocity is not the derivative of its position.
+
+    If there is no such joint, a common delay of the velocities is reported.
+    """
     recording = evidence.recording
     if recording is None or recording.dq is None or recording.effort is None or recording.consecutive is False:
         return []
@@ -66,7 +69,9 @@ def check(evidence: LogEvidence) -> list[Finding]:
 
 def _remedy(evidence: LogEvidence) -> str:
     return naming(
-        evidence.reading, {"dq": ""}, "or give the right columns; without velocities, positions are differentiated"
+        evidence.reading,
+        {"dq": ""},
+        "or name the right columns; if velocities are not read, positions are differentiated",
     )
 
 
@@ -77,7 +82,16 @@ def _severity(late: float) -> Literal["warning", "info"]:
 def _of_joint(
     evidence: LogEvidence, logged: Array, derived: Array, j: int, scale: float, correlation: float
 ) -> Finding:
-    """Finding about the logged velocity of one joint, with its relation to the positions."""
+    """Finding about the logged velocity of joint j, which is not the derivative of its position.
+
+    Args:
+        evidence: The log.
+        logged: Logged velocities in the band of the filter, shape (M, n).
+        derived: Derivatives of the positions, shape (M, n).
+        j: Index of the joint.
+        scale: Ratio of logged to derived velocity of the joint.
+        correlation: Correlation of logged and derived velocity of the joint.
+    """
     names = evidence.robot.joint_names
     others = [abs(_correlation(logged[:, j], derived[:, k])) if k != j else 0.0 for k in range(len(names))]
     best = int(np.argmax(others))
@@ -102,7 +116,10 @@ def _correlation(x: Array, y: Array) -> float:
 
 
 def _in_band(recording: Recording) -> tuple[Array, Array, Array, float]:
-    """Logged and derived velocity and the derivative of the latter, (M, n) each, and the sample rate [Hz]."""
+    """Low-pass filtered velocities: logged, and derived from the positions; with accelerations, and sample rate [Hz].
+
+    The three arrays have shape (M, n). The accelerations are derived from the positions, too.
+    """
     logged: list[Array] = []
     derived: list[Array] = []
     slope: list[Array] = []
