@@ -57,7 +57,7 @@ def test_the_other_joint_of_a_pair_is_said_where_the_log_cannot_tell_which():
     """Of two joints that agree with each other alone, one has a torque that is too large or the other too small."""
     case = scaled(sound(IIWA), 3, 1.6)
     (told,) = found(case)
-    others = re.findall(r"with the factor (\S+) (\S+) instead", told.evidence)
+    others = re.findall(r"wrong by a factor: (\S+) ([\d.]*\d)", told.evidence)
     assert told.channel == case.robot.joint_names[3]
     assert [name for name, _ in others] == [case.robot.joint_names[1]]
     assert float(others[0][1]) == pytest.approx(1.0 / 1.6, rel=torque_gain.DEVIATION)
