@@ -2,7 +2,7 @@
 
 `graph` is symbolic arithmetic in which equal operations exist only once. `rigid_bodies` and `term_laws` compute the
 dynamics with it. `functions` defines the functions for which code is generated. `program` represents a function as a
-list of operations, and the modules in `languages` write this list in a code language. `sympy_functions` converts
-functions to SymPy expressions, and `operation_tape` converts them to a form that the kernel can run. `generation`
-returns the text of the files.
+list of operations, and the modules in `languages` write this list in a programming language. `sympy_functions`
+converts functions to SymPy expressions, and `operation_tape` converts them to a form that the kernel can run.
+`generation` returns the text of the files.
 """

@@ -1,4 +1,4 @@
-"""Catalogue `LANGUAGES` of code languages: a new language needs a module and one line here."""
+"""Catalogue `LANGUAGES` of programming languages: a new language needs a module and one line here."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ if TYPE_CHECKING:
 
 
 class Language(Protocol):
-    """Interface of the module of a code language."""
+    """Interface that the module of a programming language has."""
 
     @staticmethod
     def write(source: FunctionSource) -> dict[str, str]:
-        """Text of each file, by the path of the file."""
+        """Generated text of each file; the keys are the paths of the files."""
         ...
 
 
@@ -28,4 +28,4 @@ LANGUAGES: Catalogue[Language] = Catalogue(
         "julia": "armid.codegen.languages.julia",
     }
 )
-"""Modules of the languages, by the names that `armid export --to` uses."""
+"""Modules of the languages; the keys are the names that `armid export --to` accepts."""

@@ -1,4 +1,7 @@
-"""Program as lines of text in a code language: a result that is used several times becomes a variable."""
+"""Conversion of a program to lines of text in a programming language.
+
+A value that is used several times becomes a variable.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +12,7 @@ from armid.codegen.graph import Node, Scalar
 from armid.codegen.program import Program
 
 LONGEST = 7
-"""Largest number of operations in one statement; more would not fit on a line of text."""
+"""Largest number of operations in one statement of generated code; more would not fit on a line of text."""
 
 INFIX = {"add": (" + ", 1), "sub": (" - ", 1), "mul": (" * ", 2), "div": (" / ", 2)}
 """Infix operators and their precedence."""
@@ -19,13 +22,13 @@ NEGATIVE, ATOM = 3, 4
 
 @dataclass(frozen=True, slots=True)
 class Notation:
-    """Notation of a code language.
+    """Notation of a programming language for expressions and statements.
 
     Attributes:
         element: Function that gives the text of an element of an input, from its name and its index from 0.
-        functions: Patterns of function calls, with `{}` for each argument.
+        functions: Pattern of the call of each function, with `{}` for each argument, by name of the function.
         declare: Pattern of a statement that assigns a value to a new variable.
-        variables: Names of the parameters.
+        variables: Names of the variables for the elements of the input `parameters`.
     """
 
     element: Callable[[str, int], str]
@@ -34,7 +37,10 @@ class Notation:
     variables: Sequence[str]
 
     def local(self, symbol: tuple[str, int]) -> str:
-        """Name of the variable for an element of an input."""
+        """Name of the variable for an element of an input.
+
+        `symbol` is the name of the input and the index of the element.
+        """
         name, index = symbol
         if name == "parameters":
             return self.variables[index]
@@ -43,7 +49,13 @@ class Notation:
 
 @dataclass(frozen=True, slots=True)
 class _Text:
-    """Text of an expression, its lowest precedence, and its number of operations."""
+    """Text of an expression in a programming language.
+
+    Attributes:
+        text: The text.
+        binding: Precedence of the operator that is applied last.
+        size: Number of operations in the expression.
+    """
 
     text: str
     binding: int = ATOM
@@ -84,13 +96,13 @@ def body(program: Program, notation: Notation) -> tuple[list[str], dict[int, str
 
 
 def matrix_rows(program: Program) -> list[list[int]]:
-    """Indices of the elements of the flattened result, one list for each row."""
+    """Indices of the elements of a matrix in the result flattened row by row, one list for each row of the matrix."""
     rows, columns = program.shape
     return [list(range(columns * i, columns * (i + 1))) for i in range(rows)]
 
 
 def _trigonometric(node: Node, notation: Notation) -> str | None:
-    """Name such as `s3` for the sine of q3; `None` for other operations."""
+    """Name such as `s3` for the sine or `c3` for the cosine of q3; `None` for other operations."""
     inner = node.operands[0]
     if node.operation in ("sin", "cos") and isinstance(inner, Node) and inner.symbol[0] == "q":
         return f"{node.operation[0]}{inner.symbol[1] + 1}"

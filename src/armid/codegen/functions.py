@@ -1,8 +1,8 @@
 """Functions of a model for which code is generated: regressors, torques, mass matrix, friction, hysteresis state.
 
-The only parameters of the functions are base parameters. Each base parameter is used in the place of the standard
-parameter whose column is kept; all other standard parameters are zero. The torque is the same, and parameters without
-effect need no operations.
+The functions take base parameters, and no standard parameters. Each base parameter is used in the place of the
+standard parameter whose regressor column is kept; all other standard parameters are zero. The torque is the same as
+with the standard parameters, and parameters without effect need no operations.
 """
 
 from __future__ import annotations
@@ -28,16 +28,17 @@ PROGRAMS = (
     "state_start",
     "state_update",
 )
-"""Names of the functions, in the order of the code; the last two exist only for models with hysteresis."""
+"""Names of the functions, in the order in which they are written; the last two exist only for models with
+hysteresis."""
 
 
 def make_programs(
     model: DynamicsModel, base: BaseParameters, wanted: Sequence[str] = PROGRAMS
 ) -> tuple[Program, ...]:
-    """Makes the programs of functions of a model; each program can be used without the others.
+    """Makes a program for each of the wanted functions of a model; each program can be used without the others.
 
     Args:
-        model: Arm and torque terms; it needs load parameters if a term depends on the load.
+        model: Arm and torque terms. If a term depends on the load torque, the model needs `load_parameters`.
         base: Base parameters of the model.
         wanted: Names of the functions. For models without hysteresis, the functions of the hysteresis state are
             omitted.
@@ -59,13 +60,14 @@ def make_programs(
 
 @dataclass(eq=False, slots=True)
 class Maker:
-    """Generator of the functions of one model; all add their operations to the same graph.
+    """Generator of the programs of one model; all programs share the operations of one graph.
 
     Attributes:
         model: Arm and torque terms.
         base: Base parameters of the model.
         graph: Graph that contains the operations.
-        geometry: Geometry of the arm, which may contain symbols; if `None`, the numeric geometry of `model`.
+        geometry: Geometry of the arm, whose lengths and directions may be symbols; if `None`, the numeric geometry of
+            `model` is used.
     """
 
     model: DynamicsModel
@@ -120,11 +122,11 @@ class Maker:
         return self.geometry
 
     def _theta(self, inputs: Mapping[str, Sequence[Scalar]]) -> dict[int, Scalar]:
-        """Base parameters, by the column of the standard parameter in whose place they are used."""
+        """Base parameters; the keys are the columns of the standard parameters in whose place they are used."""
         return dict(zip(self.base.kept.tolist(), inputs["parameters"], strict=True))
 
     def _bodies(self, theta: Mapping[int, Scalar]) -> list[list[Scalar]]:
-        """Inertial parameters of the links (n, 10)."""
+        """Inertial parameters of the n links, ten scalars each, from parameters given by column."""
         columns = self.model.inertial_columns.tolist()
         flat: list[Scalar] = [theta.get(c, 0.0) for c in columns] or [0.0] * (10 * self.model.n)
         return [flat[10 * i : 10 * i + 10] for i in range(self.model.n)]
@@ -160,7 +162,7 @@ class Maker:
         return torque
 
     def _with_load(self, inputs: Mapping[str, Sequence[Scalar]]) -> dict[str, Sequence[Scalar]]:
-        """Inputs of the laws; the load torque is added if a law depends on it."""
+        """Inputs for the laws of the terms: the given inputs, and the load torque if a law depends on it."""
         if not uses(self.model, "load"):
             return dict(inputs)
         if self.model.load_parameters is None:

@@ -1,4 +1,4 @@
-"""Source code of a model in one of the languages."""
+"""Generation of the source code of a model in one of the programming languages."""
 
 from __future__ import annotations
 
@@ -24,19 +24,19 @@ def generate(
     heading: Sequence[str] = (),
     wanted: Sequence[str] = PROGRAMS,
 ) -> dict[str, str]:
-    """Generates the source code of a model, as the text of each file by its path.
+    """Generates the source code of a model: the text of each file; the keys are the paths of the files.
 
     Args:
-        model: Arm and torque terms; it needs load parameters if a term depends on the load.
+        model: Arm and torque terms. If a term depends on the load torque, the model needs `load_parameters`.
         base: Base parameters of the model.
         values: Values of the base parameters, shape (b,).
         language: Name of the language, one of `LANGUAGES`.
-        name: Name of the code; if empty, the name of the robot.
+        name: Name of the generated module and prefix of its functions; if empty, the name of the robot is used.
         heading: Lines about the origin of the code, for the head of the files.
-        wanted: Names of the functions, from `PROGRAMS`.
+        wanted: Names of the functions that are generated, from `PROGRAMS`.
 
     Raises:
-        OutputError: There is no such language.
+        OutputError: `language` is not in `LANGUAGES`.
         ModelError: A function does not exist, or a term depends on the load and no load parameters are given.
     """
     if language not in LANGUAGES:

@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterable
 from typing import Any, TypeAlias
 
 Scalar: TypeAlias = "Node | float"
-"""Type of a scalar: number or node."""
+"""Type of a scalar: a number, or a node of a graph."""
 
 
 def _sign(x: float) -> float:
@@ -40,7 +40,8 @@ FUNCTIONS: dict[str, Callable[..., float]] = {
     "max": _larger,
     "min": _smaller,
 }
-"""Functions of nodes, with their numeric implementations; add, sub, mul, div and neg are operations, too."""
+"""Functions that can be applied to nodes, with the function of a number that gives the same value. In addition,
+nodes have the operations add, sub, mul, div and neg."""
 
 ODD = frozenset({"sin", "tanh", "sign"})
 EVEN = frozenset({"cos", "abs"})
@@ -48,12 +49,12 @@ SYMMETRIC = frozenset({"add", "mul", "max", "min"})
 
 
 class Node:
-    """Operation on scalars, or a symbol: an element of an input.
+    """Operation on scalars, or a symbol, which stands for an element of an input vector.
 
     Attributes:
         graph: Graph to which the node belongs.
         number: Index in this graph; the operands have smaller indices.
-        operation: Kind: `add`, `sub`, `mul`, `div`, `neg`, a function, or `symbol`.
+        operation: Name of the operation: `add`, `sub`, `mul`, `div`, `neg`, a function of `FUNCTIONS`, or `symbol`.
         operands: Operands of the operation.
         symbol: Name of the input and index of the element; ("", 0) for an operation.
     """
@@ -102,21 +103,21 @@ _SCALARS = (Node, float)
 
 
 class Graph:
-    """Graph of nodes in which each node exists once."""
+    """Graph of operations in which each operation on given operands is one node."""
 
     def __init__(self) -> None:
         self._known: dict[object, Node] = {}
 
     def symbols(self, name: str, count: int) -> list[Scalar]:
-        """Nodes of all elements of an input."""
+        """Nodes that stand for the `count` elements of an input vector."""
         return [self.symbol(name, index) for index in range(count)]
 
     def symbol(self, name: str, index: int) -> Node:
-        """Node of one element of an input, or of a number that is given by name."""
+        """Node that stands for one element of an input vector."""
         return self._node("symbol", (), (name, index))
 
     def node(self, operation: str, operands: tuple[Scalar, ...]) -> Node:
-        """Node of an operation that is not simplified."""
+        """Node for an operation on operands; the operation is not simplified."""
         if operation in SYMMETRIC:
             operands = tuple(sorted(operands, key=_place))
         return self._node(operation, operands, ("", 0))
@@ -151,12 +152,12 @@ def _graph(arguments: Iterable[Scalar]) -> Graph | None:
 
 
 def _place(x: Scalar) -> tuple[int, float]:
-    """Sort key of operands: numbers come before nodes."""
+    """Sort key for the operands of symmetric operations: numbers come before nodes."""
     return (1, x.number) if isinstance(x, Node) else (0, x)
 
 
 def _inside_negative(x: Scalar) -> Scalar | None:
-    """The negative of x, if x is a negation or a negative number; otherwise `None`."""
+    """The value -x, if x is a negated node or a negative number; otherwise `None`."""
     if isinstance(x, Node):
         return x.operands[0] if x.operation == "neg" else None
     return -x if x < 0.0 else None
@@ -227,7 +228,7 @@ def _product(a: Scalar, b: Scalar) -> Scalar:
 
 
 def _power(graph: Graph, base: Scalar, exponent: Scalar) -> Scalar:
-    """Power; other operations replace `pow` if they are faster."""
+    """Power of a base; for some exponents, faster operations such as products or `sqrt` are used instead of `pow`."""
     if exponent == 1.0:
         return base
     if exponent == 2.0:

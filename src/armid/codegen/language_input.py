@@ -1,4 +1,4 @@
-"""Input for a code language: functions of a model, its parameters, and names."""
+"""Input for the module of a programming language: functions of a model, base parameters, and names."""
 
 from __future__ import annotations
 
@@ -32,11 +32,11 @@ HELD_IN_A_LINE = 3
 
 @dataclass(frozen=True, slots=True)
 class NamedValue:
-    """Base parameter in generated code.
+    """Base parameter as it is written into generated code.
 
     Attributes:
-        name: Name as in armid, for instance `ZZR_2`.
-        variable: Name as a variable in code.
+        name: Name of the base parameter, for instance `ZZR_2`.
+        variable: Name of the variable in the code.
         unit: Unit of the parameter.
         value: Estimated value.
         formula: Formula of the base parameter in terms of standard parameters.
@@ -50,7 +50,7 @@ class NamedValue:
 
     @property
     def note(self) -> str:
-        """Formula and unit, for a comment."""
+        """Text of a comment: formula and unit of the base parameter."""
         alone = self.formula == f"{self.name} = {self.name}"
         return f"{self.name if alone else self.formula} [{self.unit}]"
 
@@ -61,10 +61,10 @@ class FunctionSource:
 
     Attributes:
         name: Name of the file or module, and prefix of functions.
-        heading: Lines about the origin of the code.
+        heading: Lines for the head of the files, which say from which data the code was made.
         joints: Names of the joints.
-        parameters: Base parameters in order.
-        columns: Names of the standard parameters; they belong to the columns of the regressor.
+        parameters: Base parameters, in the order of the columns of the base regressor.
+        columns: Names of the standard parameters, in the order of the columns of the regressor.
         programs: Programs of the functions, by name.
         widths: For each hysteresis state, its coordinate and half-width, as text for comments.
         model: Model for which the code is generated.
@@ -87,7 +87,7 @@ class FunctionSource:
         return len(self.joints)
 
     def about(self) -> list[str]:
-        """Lines for the head of the files of every language."""
+        """Lines of text for the head of the generated files: data source, joints, units, gravity, hysteresis."""
         lines = [
             *map(_harmless, self.heading),
             "",
@@ -109,7 +109,7 @@ class FunctionSource:
         return lines
 
     def _locked(self) -> list[str]:
-        """Lines that give the positions at which joints of the description are locked."""
+        """Lines of text that state the positions at which joints of the description are locked."""
         held = [f"{_harmless(each.name)} = {each.position:.10g} {each.unit}" for each in self.model.robot.held]
         if not held:
             return []
@@ -126,14 +126,14 @@ def make_source(
     heading: Sequence[str] = (),
     wanted: Sequence[str] = PROGRAMS,
 ) -> FunctionSource:
-    """Prepares the input of a code language for a model.
+    """Prepares a model for the module of a programming language.
 
     Args:
         model: Arm and torque terms.
         base: Base parameters of the model.
         values: Values of the base parameters, shape (b,).
-        name: Name of the code; if empty, the name of the robot.
-        heading: Lines about the origin of the code.
+        name: Name of the generated module and prefix of its functions; if empty, the name of the robot is used.
+        heading: Lines for the head of the files, which say from which data the code was made.
         wanted: Names of the functions, from `PROGRAMS`.
     """
     numbers = array(values, (base.count,), "base parameters")
@@ -160,7 +160,7 @@ def make_source(
 
 
 def identifier(name: str) -> str:
-    """Identifier that is valid in every language, for instance `iiwa14_r820` for `iiwa14-r820`."""
+    """Changes a name so that it is a valid identifier in every language: `iiwa14-r820` gives `iiwa14_r820`."""
     plain = re.sub(r"[^0-9A-Za-z]+", "_", name).strip("_").lower()
     if not plain or plain[0].isdigit() or plain in RESERVED or keyword.iskeyword(plain):
         plain = f"arm_{plain}".rstrip("_")
@@ -168,16 +168,16 @@ def identifier(name: str) -> str:
 
 
 def _numbers(vector: Array) -> str:
-    """Vector as text, with enough digits to distinguish constants of gravity."""
+    """Writes a vector as text, with enough digits to distinguish 9.8, 9.81 and 9.80665 m/s²."""
     return f"({', '.join(f'{x + 0.0:.10g}' for x in vector)})"
 
 
 def _harmless(text: str) -> str:
-    """Text that is safe in a comment of any language: it cannot end a comment, string or line."""
+    """Replaces characters of a text that could end a comment, a string or a line in generated code."""
     return re.sub(r"[^\w .,:;()/+=-]", "_", text)
 
 
 def _coordinate(coordinate: Sequence[tuple[int, float]]) -> str:
-    """Coordinate as text: `q3`, or a sum with weights such as `q5 + q6`."""
+    """Writes a weighted sum of joint positions as text, for instance `q3` or `q5 + q6`."""
     parts = [f"q{j + 1}" if weight == 1.0 else f"{weight:g} q{j + 1}" for j, weight in coordinate]
     return " + ".join(parts)

@@ -1,4 +1,7 @@
-"""Tape: a program as runs of equal operations, which the kernel can carry out for single samples."""
+"""Conversion of a program to a tape: a list of operations that the kernel carries out for one sample at a time.
+
+Operations of the same kind that follow each other are stored together as one group.
+"""
 
 from __future__ import annotations
 
@@ -18,15 +21,16 @@ Integers = NDArray[np.int32]
 
 @dataclass(frozen=True, eq=False, slots=True)
 class TapeRecord:
-    """Operations of a tape for the kernel.
+    """Operations, constants and indices that make up a tape for the kernel.
 
     All values are stored in one array: the inputs, then the constants, then the results of the operations in order.
 
     Attributes:
         sizes: Number of elements of each input.
         constants: Constants, which are stored after the inputs.
-        runs: Code of an operation and how often it is repeated, for each run of equal operations, shape (runs, 2).
-        operands: Indices of the values that each operation uses, shape (operations, 2).
+        runs: For each of g groups of operations of the same kind: code of the operation and number of operations,
+            shape (g, 2).
+        operands: Indices of the two values that each of m operations uses, shape (m, 2).
         results: Index of the value of each element of the result; -1 for zero.
     """
 
@@ -38,18 +42,24 @@ class TapeRecord:
 
 
 def make_tape(program: Program, given: Mapping[str, Array]) -> _native.Tape:
-    """Tape of a program, which the kernel can run.
+    """Converts a program to a tape that the kernel can run.
 
     Args:
-        program: The function.
-        given: Inputs with fixed values, by name. All other inputs are inputs of the tape, in the same order.
+        program: Program of a function of a model.
+        given: Values of the inputs that are constant, by name. All other inputs of the program are inputs of the
+            tape, in the same order.
     """
     record = record_tape(program, given)
     return _native.Tape(record.sizes, record.constants, record.runs, record.operands, record.results)
 
 
 def record_tape(program: Program, given: Mapping[str, Array]) -> TapeRecord:
-    """Operations and constants from which `make_tape` makes a tape; the arguments are the same."""
+    """Computes the operations and constants from which `make_tape` makes a tape.
+
+    Args:
+        program: Program of a function of a model.
+        given: Values of the inputs that are constant, by name.
+    """
     inputs = [argument for argument in program.arguments if argument.name not in given]
     sizes = [argument.length for argument in inputs]
     starts = dict(zip((a.name for a in inputs), np.cumsum([0, *sizes]).tolist(), strict=False))
@@ -62,7 +72,10 @@ def record_tape(program: Program, given: Mapping[str, Array]) -> TapeRecord:
         return places[x]
 
     def outside(x: Scalar) -> int | None:
-        """Index of the value of an input or a constant; `None` if x is an operation."""
+        """Index at which the tape stores x, if x is an element of an input or a constant.
+
+        The result is `None` if x is an operation.
+        """
         if not isinstance(x, Node):
             return of_number(x)
         if x.operation != "symbol":
@@ -94,7 +107,11 @@ def record_tape(program: Program, given: Mapping[str, Array]) -> TapeRecord:
 
 
 def _in_runs(program: Program) -> tuple[list[Node], list[tuple[int, int]]]:
-    """Operations in an order with few changes of kind: the next kind is the one with most executable operations."""
+    """Orders the operations of a program so that many operations of the same kind follow each other.
+
+    The next kind is the one with the most operations whose operands are already computed. The second value gives code
+    of the operation and number of operations for each group.
+    """
     codes = {name: code for code, name in enumerate(_native.Tape.operations())}
     waiting = {
         node: sum(isinstance(x, Node) and x.operation != "symbol" for x in node.operands) for node in program.nodes

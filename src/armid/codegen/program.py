@@ -1,4 +1,4 @@
-"""Program of a function: the operations of a graph that its result needs, in the order of computation."""
+"""Program of a function of a model: the operations that compute the result, in the order of computation."""
 
 from __future__ import annotations
 
@@ -36,14 +36,14 @@ class Argument:
 
 @dataclass(frozen=True, eq=False)
 class Program:
-    """Function of vectors without branches or loops.
+    """Function of vectors, given by a list of operations without branches or loops.
 
     Attributes:
         name: Name of the function.
-        summary: Description of the result in one line.
+        summary: Description of the result in one line, for comments in generated code.
         arguments: Inputs of the function.
         shape: Shape of the result: (n,) or (rows, columns).
-        entries: Elements of the result that are not zero, by index into the result flattened row by row.
+        entries: Elements of the result that are not zero. The keys are indices into the result flattened row by row.
         output: Name of the result.
     """
 
@@ -61,7 +61,7 @@ class Program:
 
     @cached_property
     def results(self) -> dict[int, Scalar]:
-        """Elements of `entries` with fewer negations: -(a - b) becomes b - a if a - b is not used otherwise."""
+        """The elements of `entries` with fewer operations: -(a - b) becomes b - a if a - b is used nowhere else."""
         return _without_signs({k: x for k, x in sorted(self.entries.items()) if isinstance(x, Node) or x != 0.0})
 
     @cached_property
@@ -71,13 +71,13 @@ class Program:
 
     @cached_property
     def uses(self) -> Counter[Node]:
-        """Number of operations and results that use each node."""
+        """Number of times that each node is used, by operations and by elements of the result."""
         read = [x for node in self.nodes for x in node.operands] + list(self.results.values())
         return Counter(x for x in read if isinstance(x, Node))
 
     @property
     def operations(self) -> Counter[str]:
-        """Number of operations of each kind in one call."""
+        """Number of operations of each kind (`add`, `mul`, `sin` …) in one call of the function."""
         return Counter(node.operation for node in self.nodes)
 
     @property
@@ -86,7 +86,14 @@ class Program:
         return frozenset(x.symbol[0] for x in _reached(self.results.values()) if x.operation == "symbol")
 
     def evaluate(self, inputs: Mapping[str, ArrayLike]) -> Array:
-        """Numeric result for inputs (..., length), shape (..., *shape); generated code must give the same values."""
+        """Computes the numeric result of the function; generated code must give the same values.
+
+        Args:
+            inputs: Values of each input by name, shape (…, length), where … are any leading dimensions.
+
+        Returns:
+        The result, shape (…, n) or (…, rows, columns).
+        """
         given = {name: np.asarray(x, dtype=np.float64) for name, x in inputs.items()}
         leading = np.broadcast_shapes(*(given[a.name].shape[:-1] for a in self.arguments))
         values: dict[Node, Array] = {}
@@ -124,7 +131,7 @@ _NUMPY: dict[str, Callable[..., Any]] = {
 
 
 def _reached(results: Iterable[Scalar]) -> list[Node]:
-    """Nodes on which scalars depend, in the order in which they were created."""
+    """Nodes on which the given scalars depend, in the order in which the nodes were created."""
     needed: set[Node] = set()
     waiting = [x for x in results if isinstance(x, Node)]
     while waiting:
@@ -136,7 +143,7 @@ def _reached(results: Iterable[Scalar]) -> list[Node]:
 
 
 def _without_signs(results: dict[int, Scalar]) -> dict[int, Scalar]:
-    """Same results in a new graph: a difference of which only the negative is used has its operands exchanged."""
+    """Copies results to a new graph, with -(a - b) replaced by b - a if a - b is used nowhere else."""
     nodes = _reached(results.values())
     readers = Counter(x for node in nodes for x in node.operands if isinstance(x, Node))
     readers.update(x for x in results.values() if isinstance(x, Node))

@@ -1,10 +1,11 @@
-"""Symbolic rigid-body dynamics of a tree.
+"""Symbolic rigid-body dynamics of an arm whose links form a tree.
 
-The recursion is that of Newton and Euler. Inertia is given about the origin of the link frame, so that everything is
-linear in the ten inertial parameters [Khalil2004]. Let ω be the angular velocity of a link, α its angular
-acceleration, a the acceleration of the origin of its frame minus gravity, and U = [α]× + [ω]×[ω]×. The link needs the
-force m a + U h, where m is its mass and h its first moment, and a moment that is also linear in its parameters.
-`_columns` computes both for torque and regressor. Vectors are object arrays of scalars.
+The algorithm is the recursion of Newton and Euler. Inertia is given about the origin of the link frame, so that
+forces and moments are linear in the ten inertial parameters of a link [Khalil2004]. Let ω be the angular velocity of
+a link, α its angular acceleration, a the acceleration of the origin of its frame minus gravity, and U = [α]× +
+[ω]×[ω]×. Here [ω]× is the matrix with [ω]× v = ω × v. A link of mass m and first moment h needs the force m a + U h,
+and a moment that is also linear in the inertial parameters. `_columns` computes force and moment for a unit value of
+each parameter, from which both torque and regressor follow. Vectors are object arrays of scalars.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ ROUNDING = 4e-16
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Geometry:
-    """Kinematic tree whose lengths, directions and gravity are scalars.
+    """Kinematic tree whose lengths, directions and gravity are scalars: numbers or nodes of a graph.
 
     Attributes:
         parent: Index of the joint whose link carries the joint; -1 for the base.
@@ -52,7 +53,7 @@ class Geometry:
         return len(self.parent)
 
     def chain(self, i: int) -> list[int]:
-        """Indices of the joints from i to the base, including i."""
+        """Indices of the joints between link i and the base, beginning with joint i."""
         joints: list[int] = []
         while i >= 0:
             joints.append(i)
@@ -61,7 +62,7 @@ class Geometry:
 
 
 def numbers(tree: Tree) -> Geometry:
-    """Numeric geometry of a robot; elements of rotations close to -1, 0 and 1 are rounded to them."""
+    """Geometry with the numbers of a robot; elements of rotations within `ROUNDING` of -1, 0 or 1 are rounded."""
     return Geometry(
         tuple(tree.parent.tolist()),
         tuple(bool(p) for p in tree.prismatic),
@@ -79,7 +80,7 @@ def inverse_dynamics(
     dq: Sequence[Scalar],
     ddq: Sequence[Scalar],
 ) -> list[Scalar]:
-    """Torque of each joint for bodies with inertial parameters (n, 10)."""
+    """Torque of each joint that a motion requires, for links with ten inertial parameters each (`bodies`)."""
     joints = _joints(geometry, q)
     states = _states(geometry, joints, dq, ddq)
     forces = [_weighted(_columns(state), body) for state, body in zip(states, bodies, strict=True)]
@@ -87,7 +88,7 @@ def inverse_dynamics(
 
 
 def mass_matrix(geometry: Geometry, bodies: Sequence[Sequence[Scalar]], q: Sequence[Scalar]) -> list[list[Scalar]]:
-    """Mass matrix M(q) by the composite-rigid-body algorithm."""
+    """Mass matrix M(q), n rows of n scalars, computed by the composite-rigid-body algorithm."""
     n, joints = geometry.n, _joints(geometry, q)
     composites = [_Body.of(body) for body in bodies]
     M: list[list[Scalar]] = [[0.0] * n for _ in range(n)]
@@ -112,7 +113,17 @@ def regressor(
     dq: Sequence[Scalar],
     ddq: Sequence[Scalar],
 ) -> dict[tuple[int, int, int], Scalar]:
-    """Nonzero elements of the regressor, by the indices of joint, link and inertial parameter of the link."""
+    """Nonzero elements of the regressor.
+
+    A key contains the indices of joint, link and inertial parameter of the link.
+
+    Args:
+        geometry: The arm.
+        kept: Indices of the inertial parameters whose columns are computed, for each link.
+        q: Joint positions.
+        dq: Joint velocities.
+        ddq: Joint accelerations.
+    """
     joints = _joints(geometry, q)
     entries: dict[tuple[int, int, int], Scalar] = {}
     jacobians: list[dict[int, tuple[Symbols, Symbols]]] = []
@@ -134,10 +145,11 @@ def regressor(
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Joint:
-    """Frame of a joint in the frame of its parent, for a symbolic position.
+    """Pose of the frame of a joint in the frame of its parent, as a function of the joint position.
 
-    If the joint turns about an axis of its frame, the turn is stored separately from the constant rotation before it,
-    which for most arms needs no operations. Otherwise `rotation` contains both and `turn` is `None`.
+    If the joint rotates about an axis of its frame, `turn` is this rotation, and `rotation` is the constant rotation
+    before it, which for most arms needs no operations. Otherwise `rotation` is the product of both, and `turn` is
+    `None`.
     """
 
     rotation: Symbols  # (3, 3)
@@ -145,14 +157,14 @@ class _Joint:
     translation: Symbols  # (3,) in the parent's frame
 
     def to_parent(self, v: Symbols) -> Symbols:
-        """Vector v transformed to the frame of the parent: R v."""
+        """Transforms a vector v from this frame to the frame of the parent: R v, where R is the rotation."""
         if self.turn is not None:
             axis, c, s = self.turn
             v = _turned(v, axis, c, s)
         return self.rotation @ v
 
     def to_child(self, v: Symbols) -> Symbols:
-        """Vector v transformed from the frame of the parent: Rᵀ v."""
+        """Transforms a vector v from the frame of the parent to this frame: Rᵀ v, where R is the rotation."""
         v = self.rotation.T @ v
         if self.turn is None:
             return v
@@ -160,18 +172,31 @@ class _Joint:
         return _turned(v, axis, c, -s)
 
     def wrench_to_parent(self, force: Symbols, moment: Symbols) -> tuple[Symbols, Symbols]:
-        """Force and moment about the origin of the parent's frame, from those about the origin of this frame."""
+        """Transforms a force and a moment from this frame to the frame of the parent.
+
+        The given moment is about the origin of this frame, the result about the origin of the parent's frame.
+        """
         force = self.to_parent(force)
         return force, self.to_parent(moment) + _cross(self.translation, force)
 
     def motion_to_child(self, angular: Symbols, linear: Symbols) -> tuple[Symbols, Symbols]:
-        """Velocity of the parent body at the origin of this frame, from that at the origin of the parent frame."""
+        """Transforms angular and linear velocity of the parent link from the frame of the parent to this frame.
+
+        The linear velocity is that of the point of the parent link at the origin of the frame.
+        """
         return self.to_child(angular), self.to_child(linear + _cross(angular, self.translation))
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _State:
-    """Motion of the frame of a link: ω, α, a minus gravity, and U."""
+    """Motion of the frame of a link.
+
+    Attributes:
+        omega: Angular velocity ω.
+        alpha: Angular acceleration α.
+        acceleration: Acceleration of the origin of the frame minus gravity.
+        U: Matrix [α]× + [ω]×[ω]×.
+    """
 
     omega: Symbols
     alpha: Symbols
@@ -181,7 +206,7 @@ class _State:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Body:
-    """Rigid body with inertia about the origin of a frame."""
+    """Mass, first moment, and inertia about the origin of a frame, of a rigid body."""
 
     mass: Scalar
     moment: Symbols
@@ -196,7 +221,7 @@ class _Body:
         return _Body(self.mass + other.mass, self.moment + other.moment, self.inertia + other.inertia)
 
     def seen_from(self, joint: _Joint) -> _Body:
-        """Same body with inertia about the origin of the parent's frame."""
+        """The same body with first moment and inertia about the origin of the parent's frame."""
         p, h = joint.translation, joint.to_parent(self.moment)
         half = np.column_stack([joint.to_parent(column) for column in self.inertia.T])
         turned = _symmetric(np.array([joint.to_parent(row) for row in half], dtype=object))
@@ -231,7 +256,7 @@ def _joint(geometry: Geometry, i: int, q: Scalar) -> _Joint:
 def _states(
     geometry: Geometry, joints: Sequence[_Joint], dq: Sequence[Scalar], ddq: Sequence[Scalar]
 ) -> list[_State]:
-    """Motion of every link, from the base to the tips."""
+    """Motion of the frame of every link, computed from the base to the tips."""
     base = _state(_ZERO, _ZERO, -geometry.gravity)
     states: list[_State] = []
     for i, joint in enumerate(joints):
@@ -258,7 +283,7 @@ def _state(omega: Symbols, alpha: Symbols, acceleration: Symbols) -> _State:
 
 
 def _columns(state: _State) -> list[tuple[Symbols, Symbols]]:
-    """Force and moment about the origin for a unit value of each of the ten inertial parameters."""
+    """Force, and moment about the origin of the link frame, for a unit value of each inertial parameter."""
     (x, y, z), (a, b, c), U = state.omega, state.alpha, state.U
     u, v, w = state.acceleration
     yz, zx, xy = y * z, x * z, x * y
@@ -276,7 +301,7 @@ def _columns(state: _State) -> list[tuple[Symbols, Symbols]]:
 
 
 def _weighted(columns: list[tuple[Symbols, Symbols]], body: Sequence[Scalar]) -> tuple[Symbols, Symbols]:
-    """Force and moment that a body with ten parameters requires for its motion."""
+    """Force and moment that a body requires for its motion: columns weighted with its ten inertial parameters."""
     force, moment = _ZERO, _ZERO
     for (f, m), parameter in zip(columns, body, strict=True):
         force, moment = force + parameter * f, moment + parameter * m
@@ -284,7 +309,7 @@ def _weighted(columns: list[tuple[Symbols, Symbols]], body: Sequence[Scalar]) ->
 
 
 def _gathered(geometry: Geometry, joints: Sequence[_Joint], wrenches: list[tuple[Symbols, Symbols]]) -> list[Scalar]:
-    """Torque of each joint from the forces and moments of the links, from the tips to the base."""
+    """Torque of each joint from the forces and moments on the links, which are summed from the tips to the base."""
     total = list(wrenches)
     torque: list[Scalar] = [0.0] * geometry.n
     for i in reversed(range(geometry.n)):
@@ -297,12 +322,12 @@ def _gathered(geometry: Geometry, joints: Sequence[_Joint], wrenches: list[tuple
 
 
 def _along(geometry: Geometry, j: int, wrench: tuple[Symbols, Symbols]) -> Scalar:
-    """Component of a force and a moment along the axis of a joint."""
+    """Component along the axis of joint j: of the moment for a revolute joint, of the force for a prismatic joint."""
     return geometry.axis[j] @ (wrench[0] if geometry.prismatic[j] else wrench[1])
 
 
 def _turned(v: Symbols, axis: int, c: Scalar, s: Scalar) -> Symbols:
-    """Vector v rotated about an axis of the frame, given cosine and sine of the angle."""
+    """Vector v rotated about axis x, y or z (0, 1 or 2) by an angle with cosine c and sine s."""
     result = v.copy()
     j, k = (axis + 1) % 3, (axis + 2) % 3
     result[j], result[k] = c * v[j] - s * v[k], s * v[j] + c * v[k]
@@ -318,7 +343,7 @@ def _vector(x: Scalar, y: Scalar, z: Scalar) -> Symbols:
 
 
 def _symmetric(matrix: Symbols) -> Symbols:
-    """Symmetric matrix from its upper triangle."""
+    """Symmetric matrix with the upper triangle of a matrix."""
     result = matrix.copy()
     for i, j in ((1, 0), (2, 0), (2, 1)):
         result[i, j] = result[j, i]

@@ -1,4 +1,4 @@
-"""Functions of a model as SymPy expressions, in which symbols can stand for the geometry."""
+"""Conversion of functions of a model to SymPy expressions, in which symbols can stand for lengths and directions."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ from armid.model.dynamics_model import DynamicsModel
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Symbolic:
-    """Function as SymPy expressions.
+    """Function of a model as SymPy expressions.
 
     Attributes:
         result: Result as a SymPy matrix, (n, 1) or (rows, columns), in terms of `definitions`.
-        definitions: Symbols of shared expressions, each with its expression, in order; an expression uses earlier
-            symbols.
-        geometry: Symbols of lengths, directions and gravity, with their values.
+        definitions: Pairs of a symbol and the expression that it stands for. An expression may contain symbols of
+            earlier pairs.
+        geometry: Numeric value of each symbol that stands for a length, a direction or gravity.
         inputs: Symbols of the elements of each input.
     """
 
@@ -39,7 +39,7 @@ class Symbolic:
     inputs: Mapping[str, tuple[Any, ...]]
 
     def expanded(self) -> Any:
-        """Result in terms of the inputs and the geometry only; it can be very large."""
+        """Result as an expression of the symbols of inputs and geometry only; this expression can be very large."""
         values: dict[Any, Any] = {}
         for symbol, expression in self.definitions:
             values[symbol] = expression.xreplace(values)
@@ -53,7 +53,8 @@ def make_symbolic(model: DynamicsModel, base: BaseParameters, name: str, *, geom
         model: Arm and torque terms.
         base: Base parameters of the model.
         name: Name of the function, one of `armid.codegen.PROGRAMS`.
-        geometry: Whether lengths, gravity and directions not along an axis are symbols; otherwise they are numbers.
+        geometry: True to use symbols for lengths, gravity and directions that are not along an axis, false to use
+            numbers.
 
     Raises:
         MissingExtraError: SymPy is not installed.
@@ -77,7 +78,7 @@ def make_symbolic(model: DynamicsModel, base: BaseParameters, name: str, *, geom
 
 
 def _named(tree: Geometry, graph: Graph) -> tuple[Geometry, dict[str, float]]:
-    """Geometry with a symbol for each number except -1, 0 and 1, and the values of the symbols."""
+    """Replaces each number of a geometry except -1, 0 and 1 by a symbol; also returns the values of the symbols."""
     given: dict[str, float] = {}
 
     def symbols(values: NDArray[Any], name: str) -> NDArray[Any]:
@@ -115,7 +116,7 @@ def _name(argument: str, k: int, base: BaseParameters) -> str:
 def _expressed(
     program: Program, sympy: Any, symbols_by_name: Mapping[str, Any], inputs: Mapping[str, tuple[Any, ...]]
 ) -> tuple[Any, tuple[tuple[Any, Any], ...]]:
-    """Program as SymPy expressions, with a symbol for each node that is used more than once."""
+    """Converts a program to SymPy expressions: result, and definitions of symbols for shared expressions."""
     functions: dict[str, Callable[..., Any]] = {
         "add": operator.add,
         "sub": operator.sub,

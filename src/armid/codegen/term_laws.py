@@ -1,4 +1,4 @@
-"""Symbolic evaluation of the laws of torque terms and their hysteresis states."""
+"""Symbolic evaluation of the laws of torque terms and of the update of hysteresis states."""
 
 from __future__ import annotations
 
@@ -13,7 +13,11 @@ from armid.model.torque_law_expression import Expression, derivative, number, sy
 
 
 def carried_out(expression: Expression, environment: Mapping[str, Scalar]) -> Scalar:
-    """Value of an expression, whose symbols have given scalar values.
+    """Value of the expression of a law.
+
+    Args:
+        expression: Expression of a torque term.
+        environment: Scalar value of each symbol in the expression.
 
     Raises:
         ModelError: The expression contains a function for which no code can be generated.
@@ -32,7 +36,9 @@ def carried_out(expression: Expression, environment: Mapping[str, Scalar]) -> Sc
         raise ModelError(
             f"A torque term contains the function {head!r}, for which no code can be generated.",
             possible=", ".join(sorted(KNOWN)),
-            remedy="use one of these, or add the function to armid.codegen.graph.FUNCTIONS and to each language.",
+            remedy="use only the possible functions in the term, or add the function to "
+            "armid.codegen.graph.FUNCTIONS "
+            "and to each module in armid.codegen.languages.",
         )
     return call(head, *values)
 
@@ -41,22 +47,23 @@ KNOWN = frozenset({"add", "mul", "pow", "sign", "tanh", "abs", "exp", "sin", "co
 
 
 def uses(model: DynamicsModel, name: str) -> bool:
-    """Tests whether a law of the model depends on the symbol `name`: `load` or `state`."""
+    """True if a law of the model depends on the symbol `name`, which is `load` or `state`."""
     return any(name in symbols(law.expression) for _, law in model.laws)
 
 
 def is_inertia(law: Law) -> bool:
-    """Tests whether a law is proportional to the acceleration, so that it is a part of the mass matrix."""
+    """True if a law is proportional to the acceleration, so that it contributes to the mass matrix."""
     return derivative(law.expression, "ddq") != number(0.0)
 
 
 def law_value(model: DynamicsModel, law: Law, inputs: Mapping[str, Sequence[Scalar]]) -> Scalar:
-    """Value of a law, without its parameter and weight.
+    """Value of the expression of a law, not yet multiplied by its parameter and by the weights of its coordinate.
 
     Args:
         model: Model that contains the law.
         law: Law of a torque term.
-        inputs: `q`, `dq`, `ddq` and `load` by joint, and `state` by hysteresis node, as far as the law needs them.
+        inputs: Values of the inputs `q`, `dq`, `ddq` and `load` (one for each joint) and `state` (one for each
+            hysteresis node). Inputs that the law does not use may be absent.
     """
     return carried_out(law.expression, _environment(model, law, inputs))
 
@@ -64,7 +71,16 @@ def law_value(model: DynamicsModel, law: Law, inputs: Mapping[str, Sequence[Scal
 def rotor_matrix(
     model: DynamicsModel, theta: Mapping[int, Scalar], q: Sequence[Scalar]
 ) -> dict[tuple[int, int], Scalar]:
-    """Part of the mass matrix from laws that are proportional to the acceleration, for parameters given by column."""
+    """Contribution to the mass matrix of the laws that are proportional to the acceleration, such as rotor inertia.
+
+    Args:
+        model: Arm and torque terms.
+        theta: Parameters that are not zero; the keys are the columns of the standard parameters.
+        q: Joint positions.
+
+    Returns:
+        Elements of the matrix that are not zero, by row and column.
+    """
     zero: list[Scalar] = [0.0] * model.n
     inputs = {"q": q, "dq": zero, "ddq": zero}
     matrix: dict[tuple[int, int], Scalar] = {}
@@ -93,7 +109,7 @@ def combined(coordinate: Coordinate, values: Sequence[Scalar]) -> Scalar:
 
 
 def _environment(model: DynamicsModel, law: Law, inputs: Mapping[str, Sequence[Scalar]]) -> dict[str, Scalar]:
-    """Values of the symbols that a law contains."""
+    """Value of each symbol in the expression of a law."""
     wanted = symbols(law.expression) | symbols(derivative(law.expression, "ddq"))
     values = {name: combined(law.coordinate, inputs[name]) for name in wanted if name in inputs and name != "state"}
     if "state" in wanted and "state" in inputs:

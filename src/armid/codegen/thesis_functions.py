@@ -1,8 +1,9 @@
-"""Functions of the thesis [Halper2024]: func_Y, func_Y_b, func_pi and func_pi_b.
+"""Programs of the functions func_Y, func_Y_b, func_pi and func_pi_b of the thesis [Halper2024].
 
 The vector π of standard parameters contains for each link M MX MY MZ XX XY XZ YY YZ ZZ, then friction. The vector μ
 of physical parameters contains for each link mass, centre of mass, inertia about the centre of mass, then friction.
-The function π(μ) computes standard parameters, and π_b(π) computes base parameters from them.
+The function π(μ) computes standard parameters, and π_b(π) computes base parameters from standard parameters. The
+regressors func_Y and func_Y_b have the columns of π and π_b.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ PHYSICAL = ("m", "rx", "ry", "rz", "Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz")
 
 
 def thesis_order(source: FunctionSource) -> list[int]:
-    """Indices of the standard parameters in the order of the thesis."""
+    """Indices of the standard parameters in `source.columns`, in the order in which the thesis lists them."""
 
     def place(k: int) -> tuple[int, int, int]:
         parameter = source.model.parameters[k]
@@ -32,7 +33,10 @@ def thesis_order(source: FunctionSource) -> list[int]:
 
 
 def thesis_programs(source: FunctionSource) -> list[tuple[Program, list[str]]]:
-    """Programs of the functions, each with lines that name its elements; regressors only if they are requested."""
+    """Programs of the functions of the thesis, each with comment lines that name the elements of its result.
+
+    The two regressors are included only if `source` contains the programs of regressors.
+    """
     order = thesis_order(source)
     rank = {column: k for k, column in enumerate(order)}
     rows = sorted(range(source.base.count), key=lambda k: rank[int(source.base.kept[k])])
@@ -53,7 +57,13 @@ def thesis_programs(source: FunctionSource) -> list[tuple[Program, list[str]]]:
 
 
 def _reordered(program: Program, name: str, columns: list[int]) -> Program:
-    """Regressor with its columns in another order."""
+    """Program of a regressor with its columns in another order.
+
+    Args:
+        program: Program of the regressor.
+        name: Name of the new function.
+        columns: Index in `program` of each column of the new regressor.
+    """
     width = program.shape[1]
     rank = {column: k for k, column in enumerate(columns)}
     entries = {index - index % width + rank[index % width]: x for index, x in program.entries.items()}
@@ -73,7 +83,15 @@ def _pi(source: FunctionSource, order: list[int]) -> Program:
 
 
 def _about_origin(start: int, mu: list[Scalar]) -> Mapping[int, Scalar]:
-    """First moments, and inertia about the origin of the link frame, by index."""
+    """First moments, and inertia about the origin of the link frame, of one link, from its physical parameters.
+
+    Args:
+        start: Index of the mass of the link in μ.
+        mu: The ten physical parameters of the link.
+
+    Returns:
+        Standard parameters; the keys are their indices in π.
+    """
     m, x, y, z, xx, xy, xz, yy, yz, zz = mu
     mx, my, mz = m * x, m * y, m * z
     values = [m, mx, my, mz]
@@ -102,5 +120,5 @@ def _physical(parameter: Parameter) -> str:
 
 
 def _lines(names: list[str]) -> list[str]:
-    """Names as lines with twelve names each."""
+    """Lines of text with twelve names each."""
     return [f"  {' '.join(names[k : k + 12])}" for k in range(0, len(names), 12)]

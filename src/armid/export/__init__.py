@@ -1,1 +1,1 @@
-"""Export of the model of a run as a robot description, which is checked by reading it back, or as source code."""
+"""Export of the model of a run: as a robot description, which is read back and checked, or as source code."""

@@ -1,9 +1,10 @@
 """Distribution of the identified inertia of a link among several bodies of the description.
 
-A fixed or locked joint does not move, so the bodies that it connects are one link of the arm. In the file they are
-still separate bodies: the heaviest of them gets the difference between the identified link and the others, and the
-others keep the inertia of the description. A body that has a mass but no inertia in the description, as sensors and
-tools often do, has no inertia in the file either.
+A fixed or locked joint does not move, so the bodies that it connects are one link of the arm, whose inertia is
+identified as a whole. In the file these bodies are still separate. One of them, the main body, is the heaviest. It
+gets the identified inertia of the link minus the inertia of the other (attached) bodies, which keep the inertia of
+the description. A body that has a mass but no inertia in the description, as sensors and tools often do, has no
+inertia in the file either.
 """
 
 from __future__ import annotations
@@ -46,15 +47,18 @@ def placed(raw: Robot, locked: Mapping[str, float], robot: Robot, joint: int, po
 def share_out(
     links: Sequence[InertialParameters], bodies: Sequence[Body], *, lumped: bool = False
 ) -> tuple[dict[str, InertialParameters], tuple[Finding, ...]]:
-    """New inertias of the bodies of a file; their sums are the inertias of the links.
+    """Distributes the inertia of each link among the bodies of the file.
+
+    The inertias of the bodies add up to that of the link.
 
     Args:
         links: Identified inertia of each link, in the frame of the link.
         bodies: Bodies of the file that move.
-        lumped: Whether the main body of a link gets the whole inertia of the link, and the attached bodies get none.
+        lumped: True to give the whole inertia of a link to its main body, and none to the attached bodies.
 
     Returns:
-        Inertias that change, by the name of the body, in the frame of the body; and findings about the changes.
+        New inertia of each body whose inertia changes, by name, in the frame of the body; and findings about these
+        changes.
     """
     changed: dict[str, InertialParameters] = {}
     findings: list[Finding] = []
@@ -79,14 +83,17 @@ def share_out(
 
 
 def _solid(body: Body) -> Body:
-    """Body without the inertia that programs compute from meshes; on a locked joint it gets a negligible mass."""
+    """Copy of a body without the inertia that programs compute from meshes.
+
+    A body on a locked joint gets a negligible mass instead, because programs need a mass there.
+    """
     if body.is_guessed and body.is_welded:
         return replace(body, nominal=SPECK)
     return body
 
 
 def carried_by(bodies: Sequence[Body], links: int) -> Array:
-    """Described inertia (links, 10) of the bodies attached to the main body of each link, in the link frame."""
+    """Sum of the described inertias of the bodies attached to each main body, in the link frame, shape (n, 10)."""
     result = np.zeros((links, 10))
     for i in range(links):
         link_bodies = [body for body in bodies if body.link == i]
@@ -97,14 +104,15 @@ def carried_by(bodies: Sequence[Body], links: int) -> Array:
 
 
 def carriers(bodies: Sequence[Body]) -> list[Body]:
-    """Main bodies, which get the identified inertia: one for each link that has bodies."""
+    """Main bodies, which get the identified inertia: one body for each link that has bodies in the file."""
     return [_carrier([body for body in bodies if body.link == i]) for i in sorted({body.link for body in bodies})]
 
 
 def _carrier(bodies: Sequence[Body]) -> Body:
     """Main body of a link: the heaviest body that is not on a locked joint; the first one of equally heavy bodies.
 
-    The main body gets the change of the whole link. This change could make a light body physically inconsistent.
+    The heaviest body is chosen because it gets the change of the whole link, which could make a light body physically
+    inconsistent.
     """
 
     def mass(body: Body) -> float:
@@ -114,7 +122,7 @@ def _carrier(bodies: Sequence[Body]) -> Body:
 
 
 def _seen_from_body(body: Body, inertial: InertialParameters) -> InertialParameters:
-    """Inertia in a body's own frame, from the inertia in the frame of the link."""
+    """Transforms an inertia from the frame of the link to the frame of a body."""
     if (body.placement == np.eye(4)).all():
         return inertial
     R, p = body.placement[:3, :3], body.placement[:3, 3]
@@ -126,6 +134,7 @@ def _emptied(name: str, carrier: str) -> Finding:
         "mesh-mass-removed",
         "info",
         name,
-        f"the description gives this body no inertia, so other programs would compute one from its meshes; {carrier} "
+        "the description gives this body no inertia, so other programs would compute an inertia from its meshes; "
+        f"{carrier} "
         "has the identified inertia of the whole link in the file, so this body is written without inertia",
     )

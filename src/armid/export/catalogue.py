@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 class Exporter(Protocol):
-    """Interface of the module of a format."""
+    """Interface that the module of a format has."""
 
     SUFFIX: str
     """Suffix of the file's name, with the dot."""
@@ -33,7 +33,7 @@ class Exporter(Protocol):
 
     @staticmethod
     def open_description(path: Path, data: bytes) -> OpenedDescription | None:
-        """Text of a description for editing; `None` if this exporter cannot edit it, for instance for its format.
+        """Reads a description so that it can be edited; `None` if its format is not that of this exporter.
 
         Args:
             path: Path of the description.
@@ -43,7 +43,9 @@ class Exporter(Protocol):
 
     @staticmethod
     def bodies(source: DescriptionSource, raw: Robot, robot: Robot) -> list[Body]:
-        """Moving bodies of a description; the main body of a link comes before the bodies attached to it.
+        """Bodies of a description that move.
+
+        The main body of a link comes before the bodies attached to the main body.
 
         Args:
             source: The description.
@@ -54,22 +56,25 @@ class Exporter(Protocol):
 
     @staticmethod
     def write(content: Content) -> WrittenDescription:
-        """File with the content: the edited description if there is one, otherwise a new file."""
+        """Makes the file to be written: the edited description if there is one, otherwise a new description."""
         ...
 
     @staticmethod
     def missing_limits(robot: Robot) -> OutputError | None:
-        """Error about limits that a new file needs but the arm does not have; `None` if no limit is missing."""
+        """Error about limits that the format needs in a new file, but that are unknown.
+
+        The result is `None` if no limit is missing.
+        """
         ...
 
     @staticmethod
     def read(data: bytes, locked: Mapping[str, float]) -> Robot:
-        """Arm of a written file; angles are not corrected, and locked joints are still joints."""
+        """Reads the arm from a written file; rounded angles are not corrected, and locked joints are still joints."""
         ...
 
     @staticmethod
     def witnesses(data: bytes, content: Content, q: Array, dq: Array, ddq: Array) -> list[Witness]:
-        """Models that other programs read from a written file, with their rigid-body torque at states (N, n)."""
+        """Models that other programs read from a written file, with the rigid-body torque of each at N states."""
         ...
 
 
@@ -80,4 +85,4 @@ EXPORTERS: Catalogue[Exporter] = Catalogue(
         "sdf": "armid.export.formats.sdf",
     }
 )
-"""Modules of the formats, by the names that `armid export --to` uses."""
+"""Modules of the formats; the keys are the names that `armid export --to` accepts."""

@@ -1,4 +1,7 @@
-"""Export of the model of a run as source code, which is first compared with the model at random states."""
+"""Export of the model of a run as source code.
+
+Before the code is written, its results are compared with those of the model at random states.
+"""
 
 from __future__ import annotations
 
@@ -25,8 +28,8 @@ from armid.runs.run import Run
 from armid.validation.torque_validation import Check
 
 AGREEMENT = 1e-10
-"""Largest allowed relative difference from the model. Rounding errors, which depend on the order of sums, are about
-1e-15."""
+"""Largest allowed relative difference between generated code and model. Rounding errors, which depend on the order
+of sums, are about 1e-15."""
 
 STATES = 64
 """Number of random states at which code and model are compared."""
@@ -34,14 +37,15 @@ STATES = 64
 
 @dataclass(frozen=True, slots=True)
 class CodeExported:
-    """Result of an export as code.
+    """Result of an export as source code.
 
     Attributes:
         files: Paths of the written files.
         language: Name of the language.
-        operations: Number of operations of each kind in one call, by function.
-        checks: For each function, the largest difference from the model, divided by the largest element of the
-            result.
+        operations: For each function by name, the number of operations of each kind (`add`, `mul`, `sin` …) in one
+            call.
+        checks: For each function, the largest difference between code and model, divided by the largest element of
+            the result.
     """
 
     files: tuple[Path, ...]
@@ -57,7 +61,7 @@ def export_code(run: Run, to: str, out: Path | str | None = None, *, name: str =
         run: The run.
         to: Name of the language, one of `armid.codegen.catalogue.LANGUAGES`.
         out: Folder for the code; `None` for the folder `code` in the folder of the run.
-        name: Name of the code; if empty, the name of the arm.
+        name: Name of the generated module and prefix of its functions; if empty, the name of the arm is used.
 
     Raises:
         OutputError: The language is unknown, the code differs from the model, files cannot be written, or files exist
@@ -82,7 +86,7 @@ def export_code(run: Run, to: str, out: Path | str | None = None, *, name: str =
 
 
 def code_record(exported: CodeExported) -> dict[str, Any]:
-    """Content of the output of `export --json` for code."""
+    """Data that `armid export --json` prints for an export as source code."""
     return {
         "files": [str(path) for path in exported.files],
         "format": exported.language,
@@ -92,7 +96,7 @@ def code_record(exported: CodeExported) -> dict[str, Any]:
 
 
 def _heading(run: Run) -> tuple[str, ...]:
-    """Lines about the origin of the values, for the head of the code."""
+    """Lines for the head of the code: method, recordings, terms and digest of the estimate that the code contains."""
     estimate = run.estimate
     per_recording = any(name.recording for name in estimate.fit.names)
     return (
@@ -110,12 +114,15 @@ def _heading(run: Run) -> tuple[str, ...]:
 
 
 def _origin(run: Run) -> str:
-    """Line by which the files of a run can be recognised."""
+    """Line in the head of the code by which armid recognises files that were exported from this run."""
     return f"Inputs and options: sha256 {digest(*map(str, run.estimate.made_from))}."
 
 
 def _others(files: Mapping[Path, str], run: Run) -> list[Path]:
-    """Existing files with another text; none if one of them is an earlier export of this run."""
+    """Existing files that would be overwritten with another text.
+
+    The result is empty if one of the files is an earlier export of this run.
+    """
     present = {path: path.read_text(encoding="utf-8", errors="replace") for path in files if path.is_file()}
     if any(_origin(run) in text for text in present.values()):
         return []
@@ -123,7 +130,7 @@ def _others(files: Mapping[Path, str], run: Run) -> list[Path]:
 
 
 def _compared(model: DynamicsModel, base: BaseParameters, values: Array) -> list[Check]:
-    """Compares each function with the model at random states, with random hysteresis states if there are any."""
+    """Compares the result of each function with the model, at random states and random hysteresis states."""
     rng = np.random.default_rng(0)
     q, dq, ddq = (bound * rng.uniform(-1.0, 1.0, (STATES, model.n)) for bound in (3.0, 2.0, 4.0))
     motion = model.remember(Motion.of_states(q, dq, ddq))
@@ -152,14 +159,14 @@ def _compared(model: DynamicsModel, base: BaseParameters, values: Array) -> list
 
 
 def _rotor_torque(model: DynamicsModel, theta: Array, q: Array, ddq: Array) -> Array:
-    """Torque of the rotor inertias, computed with the mass matrix."""
+    """Torque (N, n) of the rotor inertias at N states, computed with the mass matrix."""
     rotors = theta.copy()
     rotors[model.inertial_columns] = 0.0
     return np.einsum("nij,nj->ni", model.mass_matrix(q, rotors), ddq)
 
 
 def _written(files: Mapping[str, str], folder: Path) -> tuple[Path, ...]:
-    """Writes all files; if one cannot be written, the new files are removed.
+    """Writes all files; if a file cannot be written, the files that were written before are removed.
 
     Raises:
         OutputError: The folder cannot be written.

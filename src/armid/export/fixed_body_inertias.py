@@ -1,4 +1,7 @@
-"""Inertias of the bodies attached to the main body of a link: those of the description, changed only if necessary."""
+"""Inertias of the bodies that are attached to the main body of a link by fixed or locked joints.
+
+They are those of the description, and are changed only if otherwise the main body could not be physically consistent.
+"""
 
 from __future__ import annotations
 
@@ -21,24 +24,25 @@ SPECK = InertialParameters.from_com(1e-6, np.zeros(3), 1e-10 * np.eye(3))
 MuJoCo."""
 
 LEFT = 0.5
-"""Factor with which bodies are scaled, divided by the largest possible factor; the other half is left for the main
-body."""
+"""Factor with which attached bodies are scaled, divided by the largest possible factor. The other half remains for
+the main body."""
 
 FLATTEST = 1e-3
-"""Smallest ratio of smallest and largest second moment of a body whose tensor was corrected."""
+"""Smallest ratio of smallest to largest second moment of a body whose inertia tensor was corrected."""
 
 THINNEST = 1e-3
-"""Smallest radius of gyration, about a plane through the centre of mass, of a body whose tensor was corrected [m]."""
+"""Smallest radius of gyration, about a plane through the centre of mass, of a body whose inertia tensor was
+corrected [m]."""
 
 
 def is_possible(body: InertialParameters) -> bool:
-    """Tests whether a distribution of positive mass has these parameters, with a margin for rounding."""
+    """True if a body of positive mass can have these inertial parameters; the test has a margin for rounding."""
     eigenvalues = np.linalg.eigvalsh(body.pseudo_inertia)
     return bool(eigenvalues[0] > POSSIBLE * eigenvalues[-1])
 
 
 def is_thin(body: Body, written: InertialParameters) -> bool:
-    """Tests whether a body is a point mass (it has a mass but no inertia) in the description and in the file."""
+    """True if a body is a point mass, with a mass but no inertia, both in the description and in the file."""
     nominal = body.nominal
     if nominal is None or nominal.mass <= 0.0 or is_possible(nominal) or not nominal.is_consistent():
         return False
@@ -47,25 +51,25 @@ def is_thin(body: Body, written: InertialParameters) -> bool:
 
 
 def moved(body: Body, inertial: InertialParameters) -> InertialParameters:
-    """Inertia of a body in the frame of its link."""
+    """Transforms an inertia from the frame of a body to the frame of its link."""
     return inertial.seen_from(body.placement[:3, :3], body.placement[:3, 3])
 
 
 def as_carried(
     link: InertialParameters, carrier: str, bodies: Sequence[Body], *, lumped: bool = False
 ) -> tuple[list[InertialParameters], list[Finding]]:
-    """Inertia of each body attached to the main body of a link, in the frame of the body, and findings.
+    """Computes the inertia of each body attached to the main body of a link, in the frame of the body, and findings.
 
-    The inertia of these bodies was not identified separately. They therefore keep the inertia of the description,
-    even if it is physically inconsistent, as long as the rest of the link is consistent. Otherwise, inconsistent
-    bodies are corrected and scaled down. If this is not sufficient, all attached bodies are scaled down. If the link
-    itself is inconsistent, the attached bodies are not changed.
+    Attached bodies were not identified separately. They therefore keep the inertia of the description, even a
+    physically inconsistent one, as long as the rest of the link is consistent. Otherwise, inconsistent attached
+    bodies are corrected and scaled down. If the rest of the link is still inconsistent, all attached bodies are
+    scaled down. If the identified link itself is inconsistent, the attached bodies are not changed.
 
     Args:
         link: Identified inertia of the link with all bodies, in the frame of the link.
         carrier: Name of the main body, which gets the remaining inertia.
         bodies: Bodies that are attached to the main body.
-        lumped: Whether the attached bodies get no inertia.
+        lumped: True if the attached bodies get no inertia, false if they get that of the description.
     """
     described = [body.nominal or InertialParameters.zero() for body in bodies]
     if not bodies:
@@ -97,13 +101,19 @@ def as_carried(
 def _rest(
     link: InertialParameters, bodies: Sequence[Body], inertials: Sequence[InertialParameters]
 ) -> InertialParameters:
-    """Inertia of a link without some of its bodies, in the frame of the link."""
+    """Inertia of a link minus the inertias of some of its bodies, in the frame of the link."""
     attached = (moved(body, each).vector for body, each in zip(bodies, inertials, strict=True))
     return InertialParameters.from_vector(link.vector - sum(attached, np.zeros(10)))
 
 
 def _factor(room: InertialParameters, bodies: Sequence[Body], inertials: Sequence[InertialParameters]) -> float:
-    """Factor for the inertia of some bodies, at most 1, with which the rest of the link is physically consistent."""
+    """Factor, at most 1, by which bodies are scaled so that the rest of the link is physically consistent.
+
+    Args:
+        room: Inertia of the link from which the bodies are subtracted, in the frame of the link.
+        bodies: The bodies that are scaled.
+        inertials: Inertia of each of these bodies before it is scaled, in the frame of the body.
+    """
     together = sum((moved(body, each).vector for body, each in zip(bodies, inertials, strict=True)), np.zeros(10))
     # P - s C stays positive as long as s is less than the inverse of the largest eigenvalue of P⁻¹ C.
     L = np.linalg.cholesky(room.pseudo_inertia)
@@ -117,7 +127,10 @@ def _scaled(inertial: InertialParameters, factor: float) -> InertialParameters:
 
 
 def _corrected(inertial: InertialParameters) -> InertialParameters:
-    """Inertia with the same mass and centre of mass and the nearest consistent tensor; zero without positive mass."""
+    """Replaces an inertia tensor by the nearest consistent one, for the same mass and centre of mass.
+
+    The result is zero if the mass is not positive.
+    """
     if inertial.mass <= 0.0:
         return InertialParameters.zero()
     J, com = _about(inertial)
@@ -134,7 +147,7 @@ def _about(inertial: InertialParameters) -> tuple[Array, Array]:
 
 
 def _thin(bodies: Sequence[Body]) -> list[Finding]:
-    """Findings about attached bodies that are point masses."""
+    """Findings about attached bodies that have a mass but no inertia in the description."""
     names = [body.name for body in bodies if body.nominal is not None and is_thin(body, body.nominal)]
     if not names:
         return []

@@ -1,4 +1,4 @@
-"""Description and validation recordings of a run, which are read again and verified by their digests."""
+"""Description and validation recordings of a run, read again and verified with the digests in the run."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ from armid.study.config import RecordingChoice, parse_robot
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Unseen:
-    """Recordings with which a run was validated.
+    """Recordings with which a run was validated, read again for the check of an exported file.
 
     Attributes:
         recordings: Recordings that can be read.
-        missing: Messages about recordings that cannot be read.
+        missing: Messages, one for each recording that cannot be read again.
     """
 
     recordings: tuple[tuple[RecordingChoice, Recording], ...]
@@ -38,7 +38,7 @@ def find_source(run: Run, description: Path | str | None = None) -> DescriptionS
 
     Args:
         run: The run.
-        description: Present path of the description, if it was moved.
+        description: Path of the description, if it was moved after the identification.
 
     Raises:
         OutputError: The file does not exist, or it has changed.
@@ -68,7 +68,10 @@ def find_source(run: Run, description: Path | str | None = None) -> DescriptionS
 
 
 def _former_digest(path: Path) -> str | None:
-    """Digest of a description in runs of earlier versions, if it was another one: that of an MJCF left out meshes."""
+    """Digest that earlier versions of armid stored for a description, if it differs from the present digest.
+
+    Earlier versions left the files of meshes out of the digest of an MJCF.
+    """
     text = path.read_text(encoding="utf-8")
     return mjcf.digest_without_meshes(text, source=str(path)) if mjcf.recognises(text) else None
 
@@ -78,7 +81,7 @@ def unseen_recordings(run: Run, data: Path | str | None = None) -> Unseen:
 
     Args:
         run: The run.
-        data: Folder that is searched first, for the paths of the recordings in the study or for their names.
+        data: Folder that is searched first, for the path that the study gives to a recording, and for its file name.
     """
     study = _record(run)
     recordings: list[tuple[RecordingChoice, Recording]] = []
@@ -97,13 +100,13 @@ def unseen_recordings(run: Run, data: Path | str | None = None) -> Unseen:
 
 
 def _relative_folder(study: Mapping[str, Any]) -> Path:
-    """Folder of the study; if it is inside the working folder, its path relative to the working folder."""
+    """Folder of the study, as a path relative to the working folder if the study is inside the working folder."""
     folder, here = Path(str(study["folder"])), Path.cwd()
     return folder.relative_to(here) if folder.is_relative_to(here) else folder
 
 
 def _read(path: Path, locked: Mapping[str, float]) -> DescriptionSource:
-    """Description with its text prepared for editing."""
+    """Reads a description with an exporter that can edit its format."""
     data = path.read_bytes()
     for name, exporter in EXPORTERS.items():
         opened = exporter.open_description(path, data)
@@ -113,7 +116,7 @@ def _read(path: Path, locked: Mapping[str, float]) -> DescriptionSource:
 
 
 def _record(run: Run) -> dict[str, Any]:
-    """Content of the file `study.json` of the run."""
+    """Reads the file `study.json` of a run."""
     path = Path(run.folder) / "study.json"
     try:
         return json.loads(path.read_text(encoding="utf-8"))

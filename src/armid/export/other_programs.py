@@ -1,4 +1,4 @@
-"""Checks of a written file with other programs: the parameters that they read, and their torque."""
+"""Check of a written file with Pinocchio and MuJoCo: which parameters they read and which torque they compute."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ SOURCE = "the written file"
 def pinocchio_witness(
     make: Callable[[Any], Any], content: Content, q: Array, dq: Array, ddq: Array, *, reads: Sequence[str]
 ) -> Witness:
-    """Torque of the file, computed by the inverse dynamics of Pinocchio with locked joints at their positions.
+    """Rigid-body torque of the file, computed by Pinocchio with the locked joints at their locked positions.
 
     Args:
         make: Function that makes the model, given the module `pinocchio`.
@@ -57,7 +57,7 @@ def pinocchio_witness(
 
 
 def mujoco_witness(text: str, content: Content, q: Array, dq: Array, ddq: Array, *, reads: Sequence[str]) -> Witness:
-    """Torque of the rigid bodies by the inverse dynamics of MuJoCo, without contacts, limits, springs and friction.
+    """Rigid-body torque of the file, computed by MuJoCo without contacts, limits, springs and friction.
 
     Args:
         text: Text of the file, without elements that need meshes.
@@ -115,11 +115,14 @@ def _without_log(mj: Any) -> Generator[None]:
 
 
 def _ignore_warning(_: str) -> None:
-    """Ignores a warning of MuJoCo."""
+    """Does nothing; MuJoCo calls this function with each of its warnings."""
 
 
 def _set(model: Any, position: Array, name: str, value: float) -> None:
-    """Sets the position of a joint; Pinocchio stores the angle of a joint without limits as cosine and sine."""
+    """Sets the position of a joint in a vector of positions of Pinocchio.
+
+    Pinocchio stores the angle of a joint without limits as cosine and sine.
+    """
     joint = model.joints[model.getJointId(name)]
     if joint.nv != 1:
         return

@@ -1,4 +1,4 @@
-"""Checks for bodies that are physically inconsistent, not identified, or far from the description."""
+"""Checks of an export for bodies that are physically inconsistent, not identified, or far from the description."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ NAMED = 4
 
 
 def unphysical_names(content: Content, placeless: Collection[int], bodies: Sequence[Body]) -> list[str]:
-    """Names of physically inconsistent links, bodies and joints, except those unchanged from the description."""
+    """Names of links, bodies and joints with inconsistent parameters, unless the description has the same ones."""
     links = {link.name: link.inertial for k, link in enumerate(content.robot.links) if k not in placeless}
     changed = content.bodies or {}
     thin = {each.name for each in bodies if each.name in changed and is_thin(each, changed[each.name])}
@@ -49,10 +49,15 @@ def unphysical_names(content: Content, placeless: Collection[int], bodies: Seque
 
 
 def refuse_unphysical(run: Run, names: Sequence[str], *, allowed: bool) -> tuple[Finding, ...]:
-    """Checks that no physically inconsistent links, bodies or joints would be written without permission.
+    """Refuses to write physically inconsistent parameters, unless this is allowed; then a finding is returned.
+
+    Args:
+        run: The run.
+        names: Names of the links, bodies and joints with inconsistent parameters.
+        allowed: True if these parameters may be written.
 
     Raises:
-        OutputError: There are such links, bodies or joints, and it is not allowed to write them.
+        OutputError: `names` is not empty, and inconsistent parameters are not allowed.
     """
     if not names:
         return ()
@@ -69,7 +74,7 @@ def refuse_unphysical(run: Run, names: Sequence[str], *, allowed: bool) -> tuple
 
 
 def refuse_unidentified(run: Run, theta: Array, placeless: Collection[int], *, allowed: bool) -> tuple[Finding, ...]:
-    """Checks for links whose mass neither the torque nor the description determines, unless they are allowed.
+    """Refuses to write links whose mass neither the torque nor the description determines, unless this is allowed.
 
     Links with a mass in the description are accepted, because the prior keeps their estimates near it.
 
@@ -77,10 +82,10 @@ def refuse_unidentified(run: Run, theta: Array, placeless: Collection[int], *, a
         run: The run.
         theta: Standard parameters (p,) that would be written.
         placeless: Indices of the links that have no body in the file.
-        allowed: Whether such links are written with a finding.
+        allowed: True if these links may be written; then a finding is returned.
 
     Raises:
-        OutputError: There are such links, and it is not allowed to write them.
+        OutputError: There are links of this kind, and it is not allowed to write them.
     """
     standard = standard_of(run.model, run.estimate.base)
     columns = standard.inertial[:, 0]
@@ -111,8 +116,8 @@ def refuse_unidentified(run: Run, theta: Array, placeless: Collection[int], *, a
 def _determined(run: Run) -> NDArray[np.bool_]:
     """Mask of the standard parameters (p,) that the torque determines.
 
-    If the estimate has standard parameters, the mask contains the identified ones. Otherwise it contains the standard
-    parameters that follow from the base parameters.
+    If the estimate has standard parameters, the mask is true for those with the status identified. Otherwise it is
+    true for the standard parameters that follow from the base parameters.
     """
     standard, kept = standard_of(run.model, run.estimate.base), run.estimate.fit.standard
     if kept is not None:  # by name, since the fit has copies of friction parameters for several recordings
@@ -126,7 +131,7 @@ def _determined(run: Run) -> NDArray[np.bool_]:
 def far_bodies(
     run: Run, content: Content, bodies: Sequence[Body] | None, kind: str, shared: Sequence[Finding] = ()
 ) -> list[Finding]:
-    """Findings about bodies of the file whose mass or centre of mass is far from that of the description.
+    """Findings about bodies of the file whose mass or centre of mass is far from the value in the description.
 
     There is at most one finding about the bodies that the torque determines, and at most one about all other bodies.
     A body is not compared if its mass in the description is a placeholder.
@@ -178,8 +183,9 @@ def _far_finding(run: Run, what: str, kind: str, rest: Sequence[str], *, known: 
         run: The run.
         what: Text that names the bodies.
         kind: Kind of the standard parameters.
-        rest: Names of main bodies, which get the inertia of their link minus that of the attached bodies.
-        known: Whether the torque determines these bodies.
+        rest: Names of the main bodies among these bodies. A main body gets the inertia of its link minus the inertia
+            of the attached bodies.
+        known: True if the torque determines mass and centre of mass of these bodies.
     """
     if known:
         evidence = (
@@ -191,7 +197,7 @@ def _far_finding(run: Run, what: str, kind: str, rest: Sequence[str], *, known: 
     evidence = (
         f"{what}: the torque does not determine such a body separately, so this does not change the torque of the arm"
     )
-    nearest = "use --nearest, which writes the bodies nearest to the description that give the same torque"
+    nearest = "use --nearest, which writes, of all bodies that give the same torque, those nearest to the description"
     ways = [nearest] if kind == "estimated" else []
     standard = run.estimate.fit.standard
     if standard is None or standard.prior.kind != "log-det":
@@ -204,7 +210,7 @@ def _far_finding(run: Run, what: str, kind: str, rest: Sequence[str], *, known: 
 
 
 def _far_com(robot: Robot, link: int, name: str, new: InertialParameters, old: InertialParameters) -> str:
-    """Text about a centre of mass that is far outside the described body; empty if it is not."""
+    """Text that a body has its centre of mass far outside the described body; empty if it is near."""
     if new.mass <= 0.0 or old.mass <= 0.0:
         return ""
     spread = float(np.sqrt(max(np.trace(old.pseudo_inertia[:3, :3]), 0.0) / old.mass))

@@ -1,4 +1,4 @@
-"""Sidecar file: the whole model as JSON, including the values that a robot description cannot store."""
+"""Sidecar file of a written description: the whole model as JSON, also values that descriptions cannot store."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from armid.runs.run import Run
 from armid.study.storage.records import finding_record
 
 KIND = "armid-model 1"
-"""Kind of the file and number of its format; the number is increased if a key changes its meaning."""
+"""Name of the kind of file, and version of its format; the version is increased if a key changes its meaning."""
 
 
 def side_record(run: Run, content: Content, theta: Array, data: bytes, name: str, kind: str) -> dict[str, Any]:
-    """Model of a run as a record for a JSON file.
+    """Content of the sidecar file: the model of a run as a record that can be stored as JSON.
 
     Args:
         run: The run.
@@ -51,14 +51,14 @@ def side_record(run: Run, content: Content, theta: Array, data: bytes, name: str
 
 
 def refuse_overwriting(others: Sequence[Path], run: Run) -> None:
-    """Checks that no file is overwritten unless it is an earlier export of this run.
+    """Refuses to overwrite files that are not an earlier export of this run.
 
     Args:
         others: Existing files that are not an export of this run.
         run: The run.
 
     Raises:
-        OutputError: There is such a file.
+        OutputError: `others` is not empty.
     """
     if others:
         more = f" and {len(others) - 1} more" if len(others) > 1 else ""
@@ -69,7 +69,10 @@ def refuse_overwriting(others: Sequence[Path], run: Run) -> None:
 
 
 def _parameters(run: Run, content: Content, theta: Array) -> list[dict[str, Any]]:
-    """Standard parameters with their laws; `in_file` says whether the description stores them, too."""
+    """Standard parameters with the laws that they belong to.
+
+    `in_file` is true if the description contains the value, too.
+    """
     model = run.model
     laws = dict(zip(model.law_columns.tolist(), model.laws, strict=True))
     result: list[dict[str, Any]] = []
@@ -95,7 +98,7 @@ def _parameters(run: Run, content: Content, theta: Array) -> list[dict[str, Any]
 
 
 def _base_parameters(estimate: Estimate) -> list[dict[str, Any]]:
-    """Base parameters with their values and formulas."""
+    """Base parameters with their values, units and formulas in terms of standard parameters."""
     base = estimate.base
     values, formulas = collapse(base.names, estimate.fit), base_formulas(base, "text")
     return [

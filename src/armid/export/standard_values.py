@@ -1,8 +1,10 @@
-"""Standard parameters for a file: estimated ones, or those of links with exactly the estimated base parameters.
+"""Choice of the standard parameters that are written: those of the estimate, or others with the same base parameters.
 
-Base parameters do not determine how the mass is distributed among the links: θ = particular + basis · z for any z. Of
-all consistent links with these base parameters, those nearest to the description are taken; the distance is relative
-to the pseudo-inertias of the description. If the description contains no masses, the smallest links are taken.
+Base parameters do not determine how the mass is distributed among the links. All standard parameters with given base
+parameters are θ = particular + basis · z, where `particular` is one solution and z is any vector. Of all physically
+consistent solutions, the one whose links are nearest to the description is taken; the distance is relative to the
+pseudo-inertias of the description. If the description contains no masses, the solution with the smallest links is
+taken.
 """
 
 from __future__ import annotations
@@ -26,10 +28,11 @@ from armid.robot.robot import InertialParameters
 from armid.runs.run import Run
 
 EPSILONS = (1e-6, 1e-8)
-"""Required smallest eigenvalues of the pseudo-inertias; they are tried one after another."""
+"""Smallest eigenvalues that the pseudo-inertias are required to have; the second value is tried if the first one
+is impossible."""
 
 LIGHTEST = 0.01
-"""Smallest mass with which a link is scaled, divided by the mean mass of the links."""
+"""Smallest mass by which changes of a link are scaled, divided by the mean mass of the links."""
 
 SAME = 1e-9
 """Largest allowed change of a base parameter by rounding in the regrouping, divided by the largest base parameter."""
@@ -46,24 +49,32 @@ def values_to_write(
     nearest: bool = False,
     allow_unphysical: bool = False,
 ) -> tuple[Array, str, tuple[Finding, ...]]:
-    """Standard parameters (p,) of a run for a file.
+    """Chooses the standard parameters (p,) of a run that are written into a file.
 
     Args:
         run: The run.
-        placeless: Links that have no body in the file, for instance those between two joints of one body.
-        carried: Inertial parameters (n, 10) of the attached bodies of the file; `None` if there are none.
-        nearest: Whether the bodies nearest to the description are taken in any case.
-        allow_unphysical: Whether inconsistent bodies near the description are taken if no consistent ones exist.
+        placeless: Indices of the links that have no body in the file, for instance a link between two joints of one
+            body.
+        carried: Sum of the inertial parameters of the attached bodies of each link, shape (n, 10); `None` if the file
+            has no attached bodies.
+        nearest: True to take the links nearest to the description, even if the links of the estimate could be
+            written.
+        allow_unphysical: True to take inconsistent links near the description if no consistent links exist.
 
     Returns:
         The parameters; their kind: `estimated`, `nearest` or `unphysical`; and findings about the choice.
 
     Raises:
-        OutputError: No such parameters exist.
+        OutputError: No consistent parameters exist, and inconsistent ones are not allowed; or the model has no rigid
+            bodies.
     """
     if not run.model.has_rigid_bodies:
         problem = "The model of the run has no rigid bodies, so no bodies can be written."
-        raise OutputError(problem, remedy="identify with the term rigid-body.")
+        raise OutputError(
+            problem,
+            remedy="identify again with the term rigid-body: add it to the key `terms` of the study, or to the "
+            "option --terms.",
+        )
     base, fit = run.estimate.base, run.estimate.fit
     standard = standard_of(run.model, base)
     theta = torque_parameters(base, fit) if fit.standard is not None else None
@@ -103,10 +114,11 @@ def values_to_write(
 def _all_with(
     standard: StandardParameters, values: Array, kept: NDArray[np.intp], empty: NDArray[np.intp]
 ) -> tuple[Array, Array]:
-    """All standard parameters with given base parameters: a particular solution (p,) and a basis (p, z).
+    """All standard parameters with given base parameters: one solution (p,), and a basis (p, k) of all changes.
 
-    The kept columns are an identity in the regrouping. The other parameters are therefore free, and the kept ones
-    follow from them. Parameters that must be zero are conditions on the free ones.
+    In the regrouping matrix, the kept columns form an identity matrix. The parameters of the other columns can
+    therefore be chosen freely, and the kept parameters follow from this choice. If parameters must be zero (`empty`),
+    the choice is restricted.
     """
     p = len(standard.names)
     free = np.setdiff1d(np.arange(p), kept)
@@ -130,7 +142,15 @@ def _search(
     empty: NDArray[np.intp],
     room: Array,
 ) -> Array | None:
-    """Consistent parameters with the given base parameters, and with links that can contain `room`; or `None`."""
+    """Consistent standard parameters with given base parameters; `None` if there are none.
+
+    Args:
+        standard: Standard parameters of the model, and their regrouping.
+        every: Particular solution and basis of all parameters with the base parameters.
+        anchor: Parameters of the description, shape (p,); `None` if it has no masses.
+        empty: Indices of the parameters that must be zero.
+        room: Inertial parameters of the attached bodies, shape (n, 10), which each link must be able to contain.
+    """
     values = standard.regrouping @ every[0]
     for epsilon in EPSILONS:
         try:
@@ -151,7 +171,11 @@ def _nearest(
     epsilon: float,
     room: Array,
 ) -> Array:
-    """Consistent parameters with given base parameters: nearest to the anchor; if it is `None`, the smallest."""
+    """Consistent parameters with given base parameters that are nearest to the anchor.
+
+    If the anchor is `None`, the parameters with the smallest links are returned. The arguments are those of
+    `_search`; `epsilon` is the required smallest eigenvalue of the pseudo-inertias.
+    """
     if np.abs(particular[empty]).max(initial=0.0) > SAME * np.abs(particular).max():
         raise EstimationError(
             "Links that have no body in the file must have no mass, which is impossible with these base parameters.",
@@ -187,10 +211,10 @@ def _nearest(
 
 
 def _in_even_steps(measure: Array, particular: Array, basis: Array, anchor: Array) -> tuple[Array, Array, Array]:
-    """Parameters relative to those nearest to the anchor, in a basis that is orthonormal with respect to the measure.
+    """Changes the basis of the solutions so that equal steps in it change the distance to the anchor equally.
 
-    With very light links, the lengths of the basis vectors would differ by a factor of 10⁴, and a solver would be
-    inaccurate.
+    The new particular solution is the one nearest to the anchor. Without this change, the distances for unit steps
+    would differ by a factor of 10⁴ if links are very light, and a solver would be inaccurate.
 
     Args:
         measure: Matrix M for which the length of M θ is the distance, shape (m, p).
@@ -211,7 +235,7 @@ def _in_even_steps(measure: Array, particular: Array, basis: Array, anchor: Arra
 
 
 def _relative_change(standard: StandardParameters, anchor: Array, there: list[NDArray[np.intp]]) -> Array:
-    """Matrix that maps a change of θ to the relative change of the links' pseudo-inertias, shape (16 links, p)."""
+    """Matrix (16 n, p) that maps a change of θ to the relative changes of the pseudo-inertias of the n links."""
     rows = np.zeros((16 * len(there), len(anchor)))
     least = LIGHTEST * max(float(anchor[standard.inertial[:, 0]].mean()), 1.0)
     thinnest = smallest_radius(standard)
@@ -223,7 +247,10 @@ def _relative_change(standard: StandardParameters, anchor: Array, there: list[ND
 
 
 def _thick(vector: Array, least: float, thinnest: float) -> Array:
-    """Inertial parameters moved into the consistent set, for use as a scale; those of a ball if all are zero."""
+    """Inertial parameters of a link, changed to be physically consistent, as a scale.
+
+    If all parameters are zero, those of a ball are returned.
+    """
     J = pseudo_inertia(vector)
     mass = float(J[3, 3])
     if mass < least:
@@ -235,16 +262,19 @@ def _thick(vector: Array, least: float, thinnest: float) -> Array:
 
 
 def _fits(remaining: Array) -> bool:
-    """Tests whether the links (n, 10) without their attached bodies are physically consistent."""
+    """True if links are physically consistent after their attached bodies are subtracted.
+
+    `remaining` has shape (n, 10).
+    """
     return all(is_possible(InertialParameters.from_vector(each)) for each in remaining)
 
 
 def distance_to_description(run: Run, theta: Array) -> float:
     """Distance between the links of a run and those of the description; the option `--nearest` minimises it.
 
-    It is the root of the sum over links of ‖J₀^(-1/2) (J - J₀) J₀^(-1/2)‖², where J are the pseudo-inertias of the
-    values and J₀ those of the description. It measures masses, first moments and inertias together, relative to the
-    described link.
+    The distance is the root of the sum over the links of ‖J₀^(-1/2) (J - J₀) J₀^(-1/2)‖², where J is the
+    pseudo-inertia of a link with the given values and J₀ its pseudo-inertia in the description. Changes of masses,
+    first moments and inertias are measured together, relative to the described link.
 
     Args:
         run: The run.
@@ -261,7 +291,7 @@ def distance_to_description(run: Run, theta: Array) -> float:
 
 
 def _reason(run: Run, theta: Array | None, empty: NDArray[np.intp], *, nearest: bool, usable: bool) -> str:
-    """Reason why the links of the file are not those of the estimate, as text."""
+    """Text that states why the links of the file are not those of the estimate."""
     if nearest:
         return "the option --nearest was given"
     if theta is None:
@@ -296,7 +326,7 @@ def _none_nearer() -> Finding:
         "no physically consistent links with these base parameters were found that are nearer to the description "
         "than those of the estimate; the file has the inertial parameters of the estimate"
     )
-    remedy = "use single masses of the file with care; the torque that it gives in free motion is right"
+    remedy = "use single masses of the file with care; the torque of the arm in free motion is right"
     return Finding("nearest-not-found", "warning", "", what, remedy)
 
 

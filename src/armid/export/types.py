@@ -1,4 +1,4 @@
-"""Input and output types of exporters: identified inertias, joint parameters, descriptions, and written files."""
+"""Types for the input and output of exporters: inertias, joint parameters, descriptions, and written files."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ class DescriptionSource:
 
     Attributes:
         path: Path of the description, or name of a built-in arm.
-        format: Name of the exporter that can edit it; `dh` if none can.
+        format: Name of the exporter that can edit the description; `dh` if no exporter can.
         data: Text of the description, with xacro expanded and included files inserted.
         locked: Positions of the locked joints [rad or m], by name.
-        files: Paths of the files from which the text was put together.
-        findings: Changes that were made to obtain this text.
+        files: Paths of the description and of the files that it includes.
+        findings: Findings about changes, such as included files, that were made to obtain the text.
     """
 
     path: str
@@ -43,8 +43,8 @@ class OpenedDescription:
 
     Attributes:
         data: Text of the description, with xacro expanded and included files inserted.
-        files: Paths of the files from which the text was put together.
-        findings: Changes that were made to obtain this text.
+        files: Paths of the description and of the files that it includes.
+        findings: Findings about changes, such as included files, that were made to obtain the text.
     """
 
     data: bytes
@@ -58,12 +58,13 @@ class Body:
 
     Attributes:
         name: Name of the body in the file.
-        link: Index of the link to which it belongs.
+        link: Index of the link to which the body belongs.
         placement: Pose of the body in the frame of the link, shape (4, 4).
-        nominal: Inertia of the body in the file, in its own frame; `None` if the file contains none.
-        is_welded: Whether the body is attached by a locked joint; otherwise it is attached by fixed joints, or it is
-            the main body.
-        is_guessed: Whether other programs compute the inertia of the body from meshes.
+        nominal: Inertia of the body in the description, in the frame of the body; `None` if the description contains
+            none.
+        is_welded: True if a locked joint attaches the body to its link; false if only fixed joints do, or for the
+            main body.
+        is_guessed: True if other programs compute the inertia of the body from meshes.
     """
 
     name: str
@@ -80,9 +81,9 @@ class Content:
 
     Attributes:
         robot: Arm whose links have the identified inertias.
-        joints: Parameters of each joint that a format may store, by the names of joint and term.
+        joints: Parameters that a format may store for a joint, by name of the joint and name of the term.
         source: The description to edit; `None` for a new file.
-        bodies: New inertia of each body of the description, in its own frame.
+        bodies: New inertia of each body of the description, in the frame of the body; `None` for a new file.
     """
 
     robot: Robot
@@ -92,13 +93,13 @@ class Content:
 
     @property
     def locked(self) -> Mapping[str, float]:
-        """Joints of the file that are locked, with their positions."""
+        """Positions of the joints that are locked in the file, by name [rad or m]."""
         return {} if self.source is None else self.source.locked
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class WrittenDescription:
-    """Description as an exporter has written it.
+    """File content that an exporter has made, before it is verified and stored.
 
     Attributes:
         data: Content of the file.
@@ -111,15 +112,15 @@ class WrittenDescription:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Witness:
-    """Model that another program reads from a written file.
+    """Model that another program reads from a written file, to check the file.
 
     Attributes:
         name: Name of the program.
         torque: Torque of the rigid bodies at the given states, shape (N, n) [N·m or N]; `None` if the program rejects
             the file.
-        joints: Parameters of the joints that the program has read, by joint and term.
+        joints: Parameters that the program has read for the joints, by name of the joint and name of the term.
         reason: Reason why the program rejects the file.
-        is_absent: Whether the program is not installed.
+        is_absent: True if the program is not installed.
     """
 
     name: str
@@ -130,12 +131,12 @@ class Witness:
 
 
 def text_of(*numbers: float) -> str:
-    """Numbers as text with up to seventeen digits, from which exactly the same numbers are read back."""
+    """Writes numbers as text with up to seventeen digits, from which exactly the same numbers can be read."""
     return " ".join(repr(float(x) + 0.0) for x in numbers)
 
 
 def com_form(body: InertialParameters, name: str) -> tuple[float, Array, Array]:
-    """Mass, centre of mass (3,) and inertia about the centre of mass (3, 3), as formats store them.
+    """Converts inertial parameters to mass, centre of mass (3,) and inertia about the centre of mass (3, 3).
 
     Raises:
         OutputError: The body has a first moment or an inertia but no mass, so it has no centre of mass.
@@ -152,7 +153,7 @@ def com_form(body: InertialParameters, name: str) -> tuple[float, Array, Array]:
 
 
 def rpy_of(rotation: Array) -> tuple[float, float, float]:
-    """Roll, pitch and yaw [rad] with Rz(yaw) Ry(pitch) Rx(roll) = R (3, 3)."""
+    """Angles roll, pitch and yaw [rad] with Rz(yaw) Ry(pitch) Rx(roll) = R, for a rotation matrix R (3, 3)."""
     yaw = math.atan2(rotation[1, 0], rotation[0, 0])
     # Near a pitch of 90° the yaw is arbitrary, but roll and pitch are well determined for any yaw.
     rest = rotation_z(-yaw) @ rotation
@@ -160,7 +161,7 @@ def rpy_of(rotation: Array) -> tuple[float, float, float]:
 
 
 def unique_names(names: Sequence[str], taken: Sequence[str] = ()) -> list[str]:
-    """Names made unique: a number is appended to duplicates and to names in `taken`."""
+    """Makes names unique: a number is appended to names that occur twice and to names in `taken`."""
     used = set(taken)
     result: list[str] = []
     for name in names:

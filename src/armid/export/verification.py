@@ -1,4 +1,4 @@
-"""Verification of a written file: it is read back, and its torque is compared, also in other programs."""
+"""Verification of a file: it is read back, and its torque is compared with the model, also in other programs."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ STATES = 50
 """Number of random states at which torques are compared."""
 
 SPEED, ACCELERATION = 2.0, 4.0
-"""Bounds of the velocity and acceleration of these states [rad/s or m/s, rad/s² or m/s²]; with them, all parts of the
-torque have a similar size."""
+"""Bounds of the velocities [rad/s or m/s] and accelerations [rad/s² or m/s²] of the random states. With these
+bounds, torques by gravity, velocities and accelerations have a similar size."""
 
 REACH = np.pi
 """Bound of the position of a joint without limits [rad or m]."""
@@ -64,7 +64,7 @@ class Verified:
     """Result of the verification of a file.
 
     Attributes:
-        checks: Checks that were passed.
+        checks: Checks of the file; all were passed.
         predictions: Torque errors on validation motion.
         findings: Findings about checks that were not possible, and about consequences of the format.
     """
@@ -93,10 +93,10 @@ def verify(
         run: The run.
         theta: Standard parameters that were written, shape (p,).
         unseen: Validation recordings of the run.
-        unphysical: Whether the values are known to be physically inconsistent; then programs may reject the file.
+        unphysical: True if the values are physically inconsistent; then other programs may reject the file.
 
     Raises:
-        OutputError: The file differs from the identified model.
+        OutputError: The model in the file differs from the identified model, or another program rejects the file.
     """
     raw = exporter.read(written.data, content.locked)
     robot = _in_order(_held(raw, content), content.robot)
@@ -119,19 +119,20 @@ def verify(
             raise OutputError(
                 f"The written file differs from the identified model: {check.name}, relative difference "
                 f"{check.value:.2g}, at most {check.bound:g} allowed. Nothing was written.",
-                remedy="search the description for settings that change inertias, or write another format.",
+                remedy="search the description for settings that change inertias, or choose another format with "
+                "--to.",
             )
     return Verified(tuple(checks), tuple(predictions), tuple(findings))
 
 
 def _held(raw: Robot, content: Content) -> Robot:
-    """Arm of a file with its joints locked as in the run, and with the gravity of the run."""
+    """Arm of a file after its joints are locked as in the run, and with the gravity of the run."""
     held = {name: value for name, value in content.locked.items() if name in raw.joint_names}
     return raw.lock(held).with_gravity(content.robot.gravity)
 
 
 def _in_order(robot: Robot, like: Robot) -> Robot:
-    """Same arm with its joints in the order of another arm."""
+    """The same arm with its joints in the order in which another arm has them."""
     if robot.joint_names == like.joint_names:
         return robot
     if sorted(robot.joint_names) != sorted(like.joint_names):
@@ -149,7 +150,7 @@ def _in_order(robot: Robot, like: Robot) -> Robot:
 def _torques(
     exporter: Exporter, written: WrittenDescription, content: Content, robot: Robot, unphysical: bool
 ) -> tuple[list[Check], list[Finding]]:
-    """Checks of the rigid-body torque and of the joint parameters, as several programs read them from the file."""
+    """Compares rigid-body torque and joint parameters of the file, as several programs read it, with the model."""
     q, dq, ddq = _states(content.robot)
     expected = _inverse_dynamics(robot, _inertial(content.robot), q, dq, ddq)
     largest = float(np.abs(expected).max()) or 1.0
@@ -173,13 +174,13 @@ def _torques(
 
 
 def _refuse_broken(exporter: Exporter, content: Content, witness: Witness) -> None:
-    """Raises an error if a program rejects the file although it accepts the description."""
+    """Raises an error if another program rejects the file although the same program accepts the description."""
     q = np.zeros((1, content.robot.n))
     before = [] if content.source is None else exporter.witnesses(content.source.data, content, q, q, q)
     if not any(each.name == witness.name and each.torque is None for each in before):
         raise OutputError(
             f"{witness.name} rejects the file that would be written: {witness.reason} Nothing was written.",
-            remedy="write another format.",
+            remedy="choose another format with --to.",
         )
 
 
@@ -189,7 +190,7 @@ def _check(name: str, actual: Array, expected: Array, largest: float) -> Check:
 
 
 def _states(robot: Robot) -> tuple[Array, Array, Array]:
-    """Random states within the limits of the joints."""
+    """Positions, velocities and accelerations, (N, n) each, of random states within the limits of the joints."""
     rng = np.random.default_rng(0)
     limits = np.array([joint.position_limits for joint in robot.joints])
     low, high = np.maximum(limits[:, 0], -REACH), np.minimum(limits[:, 1], REACH)
@@ -201,7 +202,7 @@ def _states(robot: Robot) -> tuple[Array, Array, Array]:
 
 
 def _inertial(robot: Robot) -> Array:
-    """Inertial parameters of the links (n, 10)."""
+    """Inertial parameters of the links of an arm, shape (n, 10)."""
     vector = robot.inertial_vector
     return np.zeros((robot.n, 10)) if vector is None else vector
 
@@ -211,7 +212,7 @@ def _inverse_dynamics(robot: Robot, inertial: Array, q: Array, dq: Array, ddq: A
 
 
 def _rounding(content: Content, robot: Robot) -> list[Finding]:
-    """Finding about the effect on the torque, if the run has corrected rounded angles of the description."""
+    """Finding that states the change of the torque if the run has corrected rounded angles; empty if it has not."""
     q, dq, ddq = _states(content.robot)
     exact = _inverse_dynamics(content.robot, _inertial(content.robot), q, dq, ddq)
     as_written = _inverse_dynamics(robot, _inertial(content.robot), q, dq, ddq)
@@ -219,14 +220,14 @@ def _rounding(content: Content, robot: Robot) -> list[Finding]:
     if error <= TORQUE:
         return []
     what = (
-        "the run corrected rounded angles of the description, but the file keeps the rounded ones; the torque "
+        "the run corrected rounded angles of the description, but the file keeps the rounded angles; the torque "
         f"changes by {error:.1g} of its largest value"
     )
     return [Finding("description-rounded", "info", "", what)]
 
 
 def _predictions(run: Run, robot: Robot, theta: Array, unseen: Unseen) -> tuple[list[Prediction], list[Check]]:
-    """Torque errors of the estimate and of the file on validation motion, and checks that they agree."""
+    """Torque errors of the estimate and of the file on validation motion, and checks that the two errors agree."""
     from_file = theta.copy()
     from_file[run.model.inertial_columns] = _inertial(robot).ravel()
     model = DynamicsModel(robot, run.model.terms, run.model.load_parameters)
@@ -251,13 +252,13 @@ def _predictions(run: Run, robot: Robot, theta: Array, unseen: Unseen) -> tuple[
 
 
 def _rms(values: Array, mask: Array | np.ndarray) -> Array:
-    """Root mean square of each column over the rows in the mask; zero if there are no rows."""
+    """Root mean square of each column over the rows in the mask; zero if the mask contains no rows."""
     counted = np.where(mask, values, 0.0)
     return np.sqrt(np.sum(counted**2, axis=0) / np.maximum(np.sum(mask, axis=0), 1))
 
 
 def places_of(model: DynamicsModel, theta: Array) -> dict[str, dict[str, float]]:
-    """Parameters that belong to a single joint and that a format may store, by joint and term."""
+    """Values of friction and rotor inertia that a format may store, by name of the joint and name of the term."""
     stored_terms = {term for exporter in EXPORTERS.values() for term in exporter.PLACES}
     stored: dict[str, dict[str, float]] = {name: {} for name in model.robot.joint_names}
     for column, (term, law) in zip(model.law_columns, model.laws, strict=True):
@@ -267,7 +268,7 @@ def places_of(model: DynamicsModel, theta: Array) -> dict[str, dict[str, float]]
 
 
 def without_place(model: DynamicsModel, places: Sequence[str]) -> Mapping[str, list[str]]:
-    """Names of parameters that a format cannot store, by term."""
+    """Names of the parameters that a format cannot store, by name of the term."""
     not_stored: dict[str, list[str]] = {}
     names = [parameter.name for parameter in model.parameters]
     for column, (term, law) in zip(model.law_columns, model.laws, strict=True):

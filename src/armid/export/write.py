@@ -41,10 +41,10 @@ class Exported:
         path: Path of the robot description.
         side: Path of the sidecar file, which contains the whole model.
         format: Name of the format.
-        edited: Path of the description that was edited; empty if a new file was written.
-        standard: Kind of the parameters: `estimated`, `nearest` or `unphysical`.
+        edited: Path of the description that was edited to make the file; empty if a new file was written.
+        standard: Kind of the standard parameters in the file: `estimated`, `nearest` or `unphysical`.
         checks: Checks of the file after it was read back.
-        predictions: Torque errors on validation motion.
+        predictions: Torque errors of the estimate and of the file on validation motion.
         findings: Findings about changes, and about values that the format cannot store.
     """
 
@@ -80,17 +80,18 @@ def export_run(
         run: The run.
         to: Name of the format, one of `armid.export.catalogue.EXPORTERS`.
         out: Path of the file; `None` for a file in the folder of the run.
-        description: Present path of the description of the run, if it was moved.
-        data: Present folder of the recordings of the run, if they were moved.
-        limits: Limits by joint and kind (`velocity`, `effort`, or `position` with a lower and an upper limit), for a
-            new file if the description has no limits. Names of joints may be patterns.
-        nearest: Whether the links are those nearest to the description that have the estimated base parameters.
-        lumped: Whether the main body of a link gets the whole mass of the link, and bodies attached to it get none.
-        allow_unphysical: Whether physically inconsistent links may be written.
-        allow_unidentified: Whether links may be written whose mass neither the torque nor the description determines.
+        description: Path of the description of the run, if it was moved after the identification.
+        data: Folder of the recordings of the run, if they were moved after the identification.
+        limits: Limits for a new file, if the description has none. A key contains the name of a joint, which may be a
+            pattern, and `velocity`, `effort` or `position`; limits of position are a lower and an upper limit.
+        nearest: True to write, of all links with the estimated base parameters, those nearest to the description.
+        lumped: True to give the whole inertia of a link to its main body, and none to the attached bodies.
+        allow_unphysical: True if physically inconsistent links may be written.
+        allow_unidentified: True if links may be written whose mass neither the torque nor the description determines.
 
     Raises:
-        OutputError: A file of another origin exists, the file cannot be written, or would differ from the model.
+        OutputError: A file exists that is not an export of this run, the file cannot be written, or its model would
+            differ from the model of the run.
     """
     exporter, source = _exporter(to), find_source(run, description)
     path = Path(out) if out is not None else _default(run, source, exporter)
@@ -122,7 +123,7 @@ def export_run(
 
 @contextmanager
 def _beside(missing: OutputError | None) -> Generator[None]:
-    """Adds missing limits to an error about the values, so that one message names everything that is missing."""
+    """Context that adds missing limits to an error raised inside it, so that one message names all missing data."""
     try:
         yield
     except OutputError as error:
@@ -131,7 +132,7 @@ def _beside(missing: OutputError | None) -> Generator[None]:
         raise OutputError(
             f"{error.problem} {missing.problem}",
             possible="; ".join(part for part in (error.possible, missing.possible) if part),
-            remedy=Remedy(*Remedy.read(error.remedy).parts, f" Besides, {missing.remedy}"),
+            remedy=Remedy(*Remedy.read(error.remedy).parts, f" In addition, {missing.remedy}"),
         ) from error
 
 
@@ -156,7 +157,7 @@ def _content(
     *,
     lumped: bool,
 ) -> tuple[Content, tuple[Finding, ...]]:
-    """Content to be written, and findings about the distribution of inertia among the bodies of the description."""
+    """Content for the exporter, and findings about the distribution of inertia among bodies of the description."""
     robot = _identified(run, robot, theta)
     joints = {
         name: {term: value for term, value in values.items() if term in exporter.PLACES}
@@ -171,7 +172,7 @@ def _content(
 
 
 def export_record(exported: Exported) -> dict[str, Any]:
-    """Content of the output of `export --json`."""
+    """Data that `armid export --json` prints for an export as a robot description."""
     return {
         "file": str(exported.path),
         "side": str(exported.side),
@@ -185,13 +186,13 @@ def export_record(exported: Exported) -> dict[str, Any]:
 
 
 def _default(run: Run, source: DescriptionSource, exporter: Exporter) -> Path:
-    """Path of a file in the folder of the run, named after the description or the arm."""
+    """Path of the file if the user gives none: in the folder of the run, with the name of description or arm."""
     stem = Path(source.path).stem if source.format != "dh" else run.robot.name
     return Path(run.folder) / (re.sub(r"[^\w.+-]+", "-", stem).strip(".-") + exporter.SUFFIX)
 
 
 def _refuse_target(path: Path, source: DescriptionSource, run: Run | None) -> None:
-    """Checks that the output overwrites neither the description nor a file that is not an export of this run."""
+    """Refuses to overwrite the description, or a file that is not an export of this run."""
     if any(path.exists() and path.samefile(part) for part in source.files):
         raise OutputError(
             f"The result cannot be written to {path}, because this file is the description or a part of it.",
@@ -202,7 +203,7 @@ def _refuse_target(path: Path, source: DescriptionSource, run: Run | None) -> No
 
 
 def _is_free(path: Path, run: Run) -> bool:
-    """Tests whether a file does not exist or is an earlier export of this run, by the digests in its sidecar file."""
+    """True if a file does not exist, or if the digests in its sidecar file show that it is an export of this run."""
     if not path.exists():
         return True
     try:
@@ -215,7 +216,7 @@ def _is_free(path: Path, run: Run) -> bool:
 def _refuse_options(
     source: DescriptionSource, limits: Mapping[tuple[str, str], Any] | None, bodies: object, *, lumped: bool
 ) -> None:
-    """Checks options: limits are only for new files, `lumped` only for edited descriptions."""
+    """Refuses options that have no effect: limits for an edited description, and `lumped` for a new file."""
     if limits and bodies is not None:
         raise OutputError(
             "Limits can be given only for a new file, but here the description "
@@ -230,7 +231,7 @@ def _refuse_options(
 
 
 def _limits_given(described: Robot, written: Robot) -> list[Finding]:
-    """Finding about limits that the file has but the description does not."""
+    """Finding that names the limits that were given with an option, because the description lacks them."""
     given = [
         f"{old.name}.{kind} = {after:g}"
         for old, new in zip(described.joints, written.joints, strict=True)
@@ -253,7 +254,7 @@ def _bodies(exporter: Exporter, source: DescriptionSource, robot: Robot) -> list
 
 
 def _identified(run: Run, robot: Robot, theta: Array) -> Robot:
-    """Arm whose links have the identified inertias."""
+    """Arm whose links have the inertias of the standard parameters `theta`."""
     vectors = theta[run.model.inertial_columns].reshape(-1, 10)
     links = [
         Link(link.name, InertialParameters.from_vector(vector))
@@ -263,14 +264,14 @@ def _identified(run: Run, robot: Robot, theta: Array) -> Robot:
 
 
 def _sidecar_only(run: Run, exporter: Exporter, side: str) -> list[Finding]:
-    """Findings about values that only the sidecar file contains."""
+    """Findings about values that the sidecar file contains and the description does not."""
     findings: list[Finding] = []
     for term, names in without_place(run.model, exporter.PLACES).items():
         what = f"the format cannot store {', '.join(names)}; {side} contains them"
         severe = term == "rotor-inertia"
         findings.append(Finding("no-place", "warning" if severe else "info", term, what))
     if any(name.recording for name in run.estimate.fit.names):
-        what = "friction was estimated for each recording; the mean over the recordings is written"
+        what = "friction was estimated for each recording separately; the file contains the mean over the recordings"
         findings.append(Finding("friction-averaged", "info", "", what))
     for use in run.estimate.terms:
         if use.name == "coulomb" and use.shapes.get("width"):
@@ -284,7 +285,7 @@ def _sidecar_only(run: Run, exporter: Exporter, side: str) -> list[Finding]:
 
 
 def _write_both(path: Path, data: bytes, record: Mapping[str, Any]) -> Path:
-    """Writes both files or none; returns the path of the sidecar file."""
+    """Writes the description and the sidecar file, or neither of them; returns the path of the sidecar file."""
     side = path.with_name(f"{path.name}{SIDE}")
     before = side.read_bytes() if side.is_file() else None
     replace_file(side, to_json(record) + "\n")

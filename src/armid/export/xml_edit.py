@@ -1,4 +1,4 @@
-"""Editing of parts of an XML text: all bytes outside the edits stay unchanged.
+"""Editing of an XML text: elements and attributes are changed, and all other bytes stay unchanged.
 
 A parser is used only to find the positions of elements; the text is not generated again from the parsed elements.
 Therefore comments, order, quotes, blanks and line ends of the text are kept.
@@ -27,11 +27,11 @@ class XmlNode:
         tag: Tag as written, including its prefix.
         values: Values of the attributes, decoded.
         start: Offset of the first byte of the element.
-        named: Offset after the name of the tag.
+        named: Offset of the byte after the name of the tag.
         spans: Three offsets for each attribute: of the blanks before it, of its value, and of the end of its value.
-        inner: Offset after the start tag.
-        closing: Offset of the end tag; `inner` if there is none.
-        end: Offset after the end of the element.
+        inner: Offset of the byte after the start tag.
+        closing: Offset of the end tag; equal to `inner` if the element has no end tag.
+        end: Offset of the byte after the element.
         children: Child elements.
     """
 
@@ -47,15 +47,15 @@ class XmlNode:
 
     @property
     def is_empty(self) -> bool:
-        """Tests whether the element has no end tag."""
+        """True if the element has no end tag."""
         return self.closing == self.end
 
     def find(self, tag: str) -> XmlNode | None:
-        """First child with a given tag; `None` if there is none."""
+        """First child element with a given tag; `None` if the element has no such child."""
         return next((child for child in self.children if child.tag == tag), None)
 
     def every(self, tag: str) -> list[XmlNode]:
-        """All children with a given tag."""
+        """All child elements with a given tag."""
         return [child for child in self.children if child.tag == tag]
 
     def walk(self) -> Iterator[XmlNode]:
@@ -95,7 +95,7 @@ class Document:
             self.replace(start, end + 1, "")
 
     def first(self, node: XmlNode, lines: Sequence[str]) -> None:
-        """Inserts lines at the beginning of an element."""
+        """Inserts lines of text directly after the start tag of an element."""
         if node.is_empty or not node.children:
             self.last(node, lines)
             return
@@ -103,7 +103,7 @@ class Document:
         self.replace(node.inner, node.inner, "".join(lead + line for line in lines))
 
     def last(self, node: XmlNode, lines: Sequence[str]) -> None:
-        """Inserts lines after the last child of an element."""
+        """Inserts lines of text after the last child of an element."""
         if node.children:
             lead = self._lead(node.children[-1])
             behind = node.children[-1].end
@@ -120,11 +120,11 @@ class Document:
             self.replace(node.inner, node.inner, text + ("" if broken else own))
 
     def replace(self, start: int, end: int, text: str) -> None:
-        """Replaces a range of bytes by a text."""
+        """Replaces the bytes from offset `start` to offset `end` (not included) by a text."""
         self._edits.append((start, end, len(self._edits), text.encode()))
 
     def edited(self) -> bytes:
-        """Text with all edits applied."""
+        """The text of the document with all edits applied."""
         parts: list[bytes] = []
         reached = 0
         for start, end, _, text in sorted(self._edits, key=lambda edit: (edit[0], edit[2])):
@@ -134,19 +134,19 @@ class Document:
         return b"".join([*parts, self.data[reached:]])
 
     def _lead(self, node: XmlNode) -> str:
-        """Line end and indentation before an element; empty if other text is before it on its line."""
+        """Line end and indentation before an element; empty if other text precedes the element on its line."""
         line = self.data.rfind(b"\n", 0, node.start) + 1
         before = self.data[line : node.start]
         return self.newline + before.decode() if line and not before.strip() else ""
 
 
 def element_text(tag: str, attributes: Mapping[str, str]) -> str:
-    """Text of an element that has no content."""
+    """Text of an XML element without content, such as `<mass value="1"/>`."""
     return f"<{tag} {' '.join(f'{key}={quoteattr(value)}' for key, value in attributes.items())}/>"
 
 
 def _parse(data: bytes) -> XmlNode:
-    """Root element of a document."""
+    """Parses an XML text and returns its root element."""
     parser = expat.ParserCreate("utf-8")
     parser.ordered_attributes = False
     open_: list[XmlNode] = []
@@ -171,7 +171,14 @@ def _parse(data: bytes) -> XmlNode:
 
 
 def _start_tag(data: bytes, start: int, tag: str, values: dict[str, Any]) -> XmlNode:
-    """Element from its start tag; the offset of its end is set later."""
+    """Element with the offsets of its start tag; the offset of its end is set later.
+
+    Args:
+        data: The XML text.
+        start: Offset of the start tag.
+        tag: Name of the tag.
+        values: Values of the attributes.
+    """
     named = at = start + 1 + len(tag.encode())
     spans: dict[str, tuple[int, int, int]] = {}
     while (match := ATTRIBUTE.match(data, at)) is not None:

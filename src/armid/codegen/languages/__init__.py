@@ -1,1 +1,1 @@
-"""Languages of generated code, each in its own module; `armid.codegen.catalogue` lists them."""
+"""Programming languages of generated code, one module each; `armid.codegen.catalogue` lists these modules."""

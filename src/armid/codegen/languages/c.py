@@ -1,4 +1,7 @@
-"""C99: a header and a source file without allocation, recursion and global state; the only loops write zeros."""
+"""Generation of C99: a header and a source file without allocation, recursion and global state.
+
+The only loops in the generated code set results to zero.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +30,7 @@ HELPERS = {
 
 
 def write(source: FunctionSource) -> dict[str, str]:
-    """Writes the files `NAME.h` and `NAME.c`."""
+    """Generates the texts of the files `NAME.h` and `NAME.c`, by path."""
     return {f"{source.name}.h": _header(source), f"{source.name}.c": _code(source)}
 
 
@@ -97,7 +100,7 @@ def _argument(source: FunctionSource, argument: Argument, program: Program) -> s
 
 
 def _note(source: FunctionSource, program: Program) -> list[str]:
-    """Comment lines that describe the result of a function."""
+    """Comment lines that describe the result of a function, and the names of its columns if it is a regressor."""
     lines = [f"{program.summary}."]
     if len(program.shape) == 2:
         rows, columns = program.shape
@@ -110,7 +113,7 @@ def _note(source: FunctionSource, program: Program) -> list[str]:
 
 
 def _wrapped(start: str, names: tuple[str, ...] | list[str]) -> list[str]:
-    """Names as lines with twelve names each."""
+    """Lines of text with twelve names each."""
     return [f"{start if k == 0 else '  '}{' '.join(names[k : k + 12])}" for k in range(0, len(names), 12)]
 
 

@@ -1,4 +1,4 @@
-"""C++17: a header with a class that calls the generated C code with arrays of fixed size."""
+"""Generation of C++17: a header with a class that calls the generated C code with arrays of fixed size."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from armid.codegen.program import STATE_FUNCTIONS, Program
 
 
 def write(source: FunctionSource) -> dict[str, str]:
-    """Writes the files `NAME.hpp`, `NAME.h` and `NAME.c`."""
+    """Generates the texts of the files `NAME.hpp`, `NAME.h` and `NAME.c`, by path."""
     return {**c.write(source), f"{source.name}.hpp": _header(source)}
 
 
@@ -37,7 +37,7 @@ def _header(source: FunctionSource) -> str:
 
 
 def _memory(source: FunctionSource) -> list[str]:
-    """Text of the class for the hysteresis state."""
+    """Lines of C++ code that define the class of the hysteresis state."""
     return [
         "",
         "// State of the hysteresis: constructed at the start of the motion, then updated once at every sample.",

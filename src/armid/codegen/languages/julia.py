@@ -1,4 +1,7 @@
-"""Julia: one module; each function has two forms, of which one fills a given array and one returns a new array."""
+"""Generation of Julia: one module with two forms of each function.
+
+One fills a given array, one returns a new array.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +24,7 @@ FUNCTIONS = {
 
 
 def write(source: FunctionSource) -> dict[str, str]:
-    """Writes the file `NAME.jl`."""
+    """Generates the text of the file `NAME.jl`, by path."""
     names = [f"{name}{mark}" for name in source.programs for mark in ("", "!")]
     lines = [f"# {line}".rstrip() for line in source.about()]
     lines += [
@@ -57,7 +60,7 @@ def _function(source: FunctionSource, program: Program) -> list[str]:
 
 
 def _place(program: Program, index: int) -> str:
-    """Index into the result, counted from 1."""
+    """Text of the index of an element of the result, counted from 1: `3` for a vector, `2, 3` for a matrix."""
     if len(program.shape) == 1:
         return str(index + 1)
     row, column = divmod(index, program.shape[1])

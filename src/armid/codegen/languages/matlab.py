@@ -1,4 +1,7 @@
-"""MATLAB and GNU Octave: a package folder with one file for each function, and the functions of the thesis."""
+"""Generation of MATLAB and GNU Octave: a package folder, with one file for each function.
+
+The functions of the thesis are generated, too.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +27,10 @@ FUNCTIONS = {
 
 
 def write(source: FunctionSource) -> dict[str, str]:
-    """Writes `+NAME/FUNCTION.m` for each function and the parameters, and the functions of the thesis next to it."""
+    """Generates the text of `+NAME/FUNCTION.m` for each function, and of the functions of the thesis, by path.
+
+    The values of the base parameters are a function, too. The functions of the thesis are next to the folder `+NAME`.
+    """
     variables = [p.variable for p in source.parameters]
     files = {f"+{source.name}/parameters.m": _parameters(source)}
     for program in source.programs.values():
@@ -59,7 +65,7 @@ def _function(program: Program, variables: Sequence[str], notes: Sequence[str]) 
 
 
 def _columns(source: FunctionSource, program: Program) -> list[str]:
-    """Names of the columns of a regressor, as comment lines."""
+    """Comment lines with the names of the columns of a regressor; no lines for other functions."""
     names = {"regressor": source.columns, "base_regressor": tuple(p.name for p in source.parameters)}
     columns = names.get(program.name, ())
     return [f"  {' '.join(columns[k : k + 12])}" for k in range(0, len(columns), 12)]

@@ -1,4 +1,4 @@
-"""Python: one module that imports only `math`."""
+"""Generation of Python: one module that imports only `math`."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ IMPORTED = ("cos", "exp", "pow", "sin", "sqrt", "tanh")
 
 
 def write(source: FunctionSource) -> dict[str, str]:
-    """Writes the file `NAME.py`."""
+    """Generates the text of the file `NAME.py`, by path."""
     used = {node.operation for program in source.programs.values() for node in program.nodes}
     about = source.about()
     lines = [f'"""{about[0]}', *about[1:], '"""', ""]

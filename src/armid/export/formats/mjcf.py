@@ -1,4 +1,4 @@
-"""Writer of MJCF: an `<inertial>` for each body; damping, frictionloss and armature for each joint.
+"""Writer of MJCF: writes an `<inertial>` for each body, and damping, frictionloss and armature for each joint.
 
 In a description only the attributes that change are replaced. The inertia tensor is written in the axes of the body,
 so it replaces the orientation and the principal moments of the `<inertial>`. Included files are inserted in the place
@@ -48,21 +48,31 @@ PLACES: Sequence[str] = tuple(ATTRIBUTES)
 FULL = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 TURNED = ("diaginertia", "quat", "axisangle", "xyaxes", "zaxis", "euler")
 KEPT = ("compiler", "option", "default", "worldbody", "size")
-"""Sections of a document that are needed for its rigid bodies."""
+"""Sections of an MJCF that are needed to compute the dynamics of its rigid bodies."""
 SHAPES = ("mesh", "hfield", "sdf", "skin")
 
 
 def open_description(path: Path, data: bytes) -> OpenedDescription | None:
-    """MJCF text of a description, with the contents of included files inserted."""
+    """Reads an MJCF so that it can be edited; the contents of included files are inserted.
+
+    The result is `None` for other formats.
+    """
     if not reader.recognises(data.decode()):
         return None
     text, files = whole(path, data)
-    included = (Finding("includes-inlined", "info", "", "the contents of included files were inserted"),)
+    included = (
+        Finding(
+            "includes-inlined",
+            "info",
+            "",
+            "the contents of the files that the description includes were inserted into the written file",
+        ),
+    )
     return OpenedDescription(text, files, included if text != data else ())
 
 
 def whole(path: Path, data: bytes, folder: Path | None = None) -> tuple[bytes, tuple[str, ...]]:
-    """Description with the contents of included files inserted; all other bytes stay unchanged.
+    """Inserts the contents of included files into a description; all other bytes stay unchanged.
 
     Args:
         path: Path of the description.
@@ -70,7 +80,7 @@ def whole(path: Path, data: bytes, folder: Path | None = None) -> tuple[bytes, t
         folder: Folder of the included files; `None` for the folder of the description.
 
     Returns:
-        The text, and the paths of the files from which it was put together.
+        Text with the included contents, and paths of the description and of all included files.
 
     Raises:
         RobotError: An included file cannot be read.
@@ -86,7 +96,7 @@ def whole(path: Path, data: bytes, folder: Path | None = None) -> tuple[bytes, t
             except OSError as error:
                 raise RobotError(
                     f"{path} includes {other}, which cannot be read ({error}).",
-                    remedy="put the file at that path.",
+                    remedy="put the included file at that path, or correct the path in the description.",
                 ) from error
             files += included_files
             inside = Document(text)
@@ -96,7 +106,7 @@ def whole(path: Path, data: bytes, folder: Path | None = None) -> tuple[bytes, t
 
 
 def bodies(source: DescriptionSource, raw: Robot, robot: Robot) -> list[Body]:
-    """Moving bodies of an MJCF; parents come before their children."""
+    """Bodies of an MJCF that move; parents come before their children."""
     plain = _plain(source.data, source.locked, Path(source.path).resolve().parent)
     model = _model(plain)
     frames = {f.name: f for f in model.frames if f.type.name == "BODY"}
@@ -117,7 +127,7 @@ def bodies(source: DescriptionSource, raw: Robot, robot: Robot) -> list[Body]:
 
 
 def write(content: Content) -> WrittenDescription:
-    """Description in which inertials and joint values are replaced, or a new MJCF without shapes."""
+    """Makes an MJCF: the description with inertias and joint values replaced, or a new one without shapes."""
     if content.source is None:
         return _fresh(content)
     document = Document(content.source.data)
@@ -133,17 +143,17 @@ def write(content: Content) -> WrittenDescription:
 
 
 def missing_limits(robot: Robot) -> OutputError | None:
-    """Returns no error, because the format needs no limits."""
+    """Returns `None`, because MJCF needs no limits."""
     del robot
 
 
 def read(data: bytes, locked: Mapping[str, float]) -> Robot:
-    """Arm that the text of an MJCF describes."""
+    """Reads the arm from the text of an MJCF."""
     return reader.read(data.decode(), source="the written file", locked=locked, tip=None)
 
 
 def witnesses(data: bytes, content: Content, q: Array, dq: Array, ddq: Array) -> list[Witness]:
-    """Models of a written MJCF as read by Pinocchio (from the plain form) and by MuJoCo."""
+    """Models that Pinocchio and MuJoCo read from a written MJCF; Pinocchio reads the plain form."""
     plain = _plain(data, content.locked)
     return [
         pinocchio_witness(lambda _: _model(plain), content, q, dq, ddq, reads=()),
@@ -152,13 +162,19 @@ def witnesses(data: bytes, content: Content, q: Array, dq: Array, ddq: Array) ->
 
 
 def _plain(data: bytes, locked: Mapping[str, float], folder: Path | None = None) -> Plain:
-    """Converts a description, whose meshes lie in a folder, to plain form."""
+    """Converts an MJCF to the plain form that Pinocchio reads correctly.
+
+    Args:
+        data: Text of the MJCF.
+        locked: Positions of the locked joints [rad or m], by name.
+        folder: Folder of the meshes.
+    """
     root = flatten(parse_xml(data.decode(), "the description"), "the description")
     return plain_mjcf(root, "the description", locked, folder=folder)
 
 
 def _model(plain: Plain) -> Any:
-    """Pinocchio model of a plain form."""
+    """Model that Pinocchio builds from the plain form of an MJCF."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "plain.xml"
         path.write_text(plain.text, encoding="utf-8")
@@ -166,7 +182,7 @@ def _model(plain: Plain) -> Any:
 
 
 def _nominal(element: ET.Element) -> InertialParameters | None:
-    """Inertia of a body of the plain form in the frame of the body, computed from a model with this body alone."""
+    """Inertia of a body in its own frame, which Pinocchio reads from a plain form with this body alone."""
     said = [child for child in element if child.tag in ("inertial", "geom")]
     if not said:
         return None
@@ -181,7 +197,10 @@ def _nominal(element: ET.Element) -> InertialParameters | None:
 
 
 def _names(root: XmlNode) -> dict[XmlNode, str]:
-    """Names of bodies and joints by their XML elements; the reader also gives names to unnamed elements."""
+    """Names of bodies and joints; the keys are their XML elements.
+
+    Elements without a name get the name that the reader gives.
+    """
     unnamed = count()
     result: dict[XmlNode, str] = {}
     for body in (node for node in root.walk() if node.tag == "body"):
@@ -193,7 +212,7 @@ def _names(root: XmlNode) -> dict[XmlNode, str]:
 
 
 def _refuse_computed(root: XmlNode) -> None:
-    """Raises an error about settings with which MuJoCo would compute other inertias than those in the file."""
+    """Raises an error if a setting makes MuJoCo use other inertias than those in the file."""
     for compiler in root.every("compiler"):
         found = [key for key in IGNORED_COMPILER if key in compiler.values]
         found += ["inertiafromgeom"] if compiler.values.get("inertiafromgeom") == "true" else []
@@ -231,10 +250,10 @@ def _relative_files(document: Document) -> tuple[Finding, ...]:
 
 
 def _without_meshes(data: bytes) -> str:
-    """Text of a file without elements that need other files, or that act on the bodies from outside.
+    """Removes from the text of an MJCF the elements that need other files or that act on the bodies from outside.
 
-    A body with an `<inertial>` needs no geoms. In other bodies the geoms stay, except meshes, because MuJoCo computes
-    the inertia of these bodies from them.
+    A body with an `<inertial>` needs no geoms. In other bodies, all geoms but meshes stay, because MuJoCo computes
+    the inertia of such a body from its geoms.
     """
     root = flatten(parse_xml(data.decode(), "the written file"), "the written file")  # gives every joint a name
     for section in [section for section in root if section.tag not in KEPT]:
@@ -255,7 +274,7 @@ def _without_meshes(data: bytes) -> str:
 
 
 def _fresh(content: Content) -> WrittenDescription:
-    """New MJCF of bodies with inertia but without shapes."""
+    """Makes a new MJCF, whose bodies have inertia but no shapes."""
     robot = content.robot
     names = unique_names([link.name for link in robot.links])
 

@@ -1,4 +1,4 @@
-"""Writer of SDF 1.8: new files with links, joints and their dynamics, without shapes.
+"""Writer of SDF 1.8: makes new files with links, joints, inertias and joint friction, without shapes.
 
 Every pose is relative to the link or joint that carries the element. The format has no element for rotor inertia.
 Gravity belongs to the world and not to the model. A fixed joint connects the arm to the world.
@@ -51,7 +51,7 @@ def bodies(source: DescriptionSource, raw: Robot, robot: Robot) -> list[Body]:
 
 
 def write(content: Content) -> WrittenDescription:
-    """New SDF model of the content."""
+    """Makes a new SDF model; a description is never edited."""
     robot = content.robot
     # Links, joints and frames share one namespace.
     base, tip, *links = unique_names(
@@ -83,12 +83,12 @@ def write(content: Content) -> WrittenDescription:
 
 
 def missing_limits(robot: Robot) -> OutputError | None:
-    """Returns no error, because the format needs no limits."""
+    """Returns `None`, because SDF needs no limits."""
     del robot
 
 
 def read(data: bytes, locked: Mapping[str, float]) -> Robot:
-    """Arm of a file that `write` has written.
+    """Reads the arm from a file that `write` has written.
 
     Raises:
         OutputError: The file contains no model.
@@ -111,7 +111,7 @@ def read(data: bytes, locked: Mapping[str, float]) -> Robot:
 
 
 def witnesses(data: bytes, content: Content, q: Array, dq: Array, ddq: Array) -> list[Witness]:
-    """Joint parameters, parsed from the text because Pinocchio and MuJoCo do not read SDF."""
+    """Joint parameters that are parsed from the text, because neither Pinocchio nor MuJoCo reads SDF."""
     del content, q, dq, ddq
     parsed: dict[str, dict[str, float]] = {}
     for joint in ET.fromstring(data).iter("joint"):
@@ -174,7 +174,13 @@ def _transform(numbers: list[float]) -> Array:
 
 
 def _index(element: ET.Element | None, attribute: str, carried: list[str]) -> int:
-    """Index of the link to which an element is relative; -1 for the base."""
+    """Index of the link that an attribute of an element names; -1 for the base.
+
+    Args:
+        element: XML element, such as a pose.
+        attribute: Attribute that contains the name of the link.
+        carried: Names of the moving links.
+    """
     name = "" if element is None else element.get(attribute, "")
     return carried.index(name) if name in carried else -1
 

@@ -1,9 +1,9 @@
-"""Writer of URDF: an `<inertial>` for each link, damping and friction for each joint.
+"""Writer of URDF: writes an `<inertial>` for each link, and damping and friction for each joint.
 
 The format cannot store rotor inertia and other friction laws. It requires limits of effort and velocity for each
 joint with position limits, and a limit of zero would block the joint. A new file is therefore refused if such a limit
-is unknown. In a description only the numbers that change are replaced: the orientation of an `<inertial>` stays, and
-the inertia tensor is rotated into it.
+is unknown. In a description only the numbers that change are replaced. The orientation of an `<inertial>` stays, and
+the inertia tensor is written in the axes of this orientation.
 """
 
 from __future__ import annotations
@@ -48,9 +48,9 @@ LIMITS = ("effort", "velocity")
 
 
 def open_description(path: Path, data: bytes) -> OpenedDescription | None:
-    """URDF text of a description; a xacro file is expanded to URDF."""
+    """Reads a URDF so that it can be edited; a xacro file is expanded to URDF. `None` for other formats."""
     if path.suffix.lower() == ".xacro":
-        what = "xacro was expanded; the written file is a URDF"
+        what = "the description is a xacro file and was expanded; the written file is a URDF"
         text = expand(data.decode(), str(path)).encode()
         return OpenedDescription(text, (str(path),), (Finding("xacro-expanded", "info", "", what),))
     is_urdf = reader.recognises(data.decode()) and path.suffix.lower() in READERS["urdf"].suffixes
@@ -58,7 +58,7 @@ def open_description(path: Path, data: bytes) -> OpenedDescription | None:
 
 
 def bodies(source: DescriptionSource, raw: Robot, robot: Robot) -> list[Body]:
-    """Moving links of a URDF; parents come before their children."""
+    """Links of a URDF that move; parents come before their children."""
     root = ET.fromstring(source.data)
     links = {link.get("name", ""): link for link in root.findall("link")}
     below: dict[str, list[ET.Element]] = {}
@@ -83,7 +83,7 @@ def bodies(source: DescriptionSource, raw: Robot, robot: Robot) -> list[Body]:
 
 
 def write(content: Content) -> WrittenDescription:
-    """Description in which inertials and friction are replaced, or a new URDF without shapes."""
+    """Makes a URDF: the description with inertias and friction replaced, or a new one without shapes."""
     if content.source is None:
         return _fresh(content)
     document = Document(content.source.data)
@@ -100,7 +100,10 @@ def write(content: Content) -> WrittenDescription:
 
 
 def missing_limits(robot: Robot) -> OutputError | None:
-    """Error about joints with position limits but without limits of effort or velocity; its remedy is an option."""
+    """Error about joints with position limits but without limits of effort or velocity.
+
+    The result is `None` if there is no such joint. The remedy is an option of `armid export`.
+    """
     without = [joint for joint in robot.joints if _has_stops(joint) and _missing(joint)]
     if not without:
         return None
@@ -116,12 +119,12 @@ def missing_limits(robot: Robot) -> OutputError | None:
 
 
 def read(data: bytes, locked: Mapping[str, float]) -> Robot:
-    """Arm that the text of a URDF describes."""
+    """Reads the arm from the text of a URDF."""
     return reader.read(data.decode(), source="the written file", locked=locked, tip=None)
 
 
 def witnesses(data: bytes, content: Content, q: Array, dq: Array, ddq: Array) -> list[Witness]:
-    """Models of a written URDF as read by Pinocchio and by MuJoCo."""
+    """Models that Pinocchio and MuJoCo read from a written URDF."""
     root = ET.fromstring(data)
     for link in root.iter("link"):
         for drawn in [*link.findall("visual"), *link.findall("collision")]:
@@ -144,19 +147,19 @@ def _named(joint: ET.Element, end: str) -> str:
 
 
 def _numbers(text: str | None) -> list[float]:
-    """Three numbers of a text; zeros if it is empty."""
+    """Three numbers that a text contains; three zeros if the text is empty."""
     return [float(word) for word in text.split()] if text and text.strip() else [0.0, 0.0, 0.0]
 
 
 def _pose(origin: ET.Element | None) -> Array:
-    """Transform that is given by a tag <origin>."""
+    """Transform (4, 4) that an element `<origin>` contains; the identity if there is no such element."""
     if origin is None:
         return np.eye(4)
     return homogeneous(rpy_rotation(_numbers(origin.get("rpy"))), _numbers(origin.get("xyz")))
 
 
 def _nominal(link: ET.Element) -> InertialParameters | None:
-    """Inertia of a link in its own frame."""
+    """Inertia of a link of a URDF in the frame of the link; `None` if the link has no `<inertial>`."""
     inertial = link.find("inertial")
     if inertial is None:
         return None
@@ -172,7 +175,7 @@ def _nominal(link: ET.Element) -> InertialParameters | None:
 
 
 def _edit_inertial(document: Document, link: XmlNode, body: InertialParameters) -> None:
-    """Replaces the inertia of a link; existing elements of `<inertial>` keep their place in the text."""
+    """Replaces the inertia of a link in the text; elements of `<inertial>` that exist keep their place."""
     mass, com, about = com_form(body, f"link {link.values.get('name')!r}")
     inertial = link.find("inertial")
     if inertial is None:
@@ -199,7 +202,7 @@ def _edit_inertial(document: Document, link: XmlNode, body: InertialParameters) 
 
 
 def _edit_dynamics(document: Document, joint: XmlNode, friction: Mapping[str, str]) -> None:
-    """Replaces damping and friction of a joint."""
+    """Replaces damping and friction of a joint in the text."""
     dynamics = joint.find("dynamics")
     if dynamics is None:
         document.last(joint, [element_text("dynamics", friction)])
@@ -217,7 +220,7 @@ def _inertial_element(mass: float, com: Array, about: Array) -> str:
 
 
 def _relative_meshes(document: Document) -> tuple[Finding, ...]:
-    """Finding about meshes whose paths are relative to the folder of the file."""
+    """Finding about meshes whose paths are relative to the folder of the description; empty if there are none."""
     names = [node.values.get("filename", "") for node in document.root.walk() if node.tag == "mesh"]
     relative = [name for name in names if name and "://" not in name and not name.startswith("/")]
     if not relative:
@@ -227,7 +230,7 @@ def _relative_meshes(document: Document) -> tuple[Finding, ...]:
 
 
 def _fresh(content: Content) -> WrittenDescription:
-    """New URDF of links with inertia but without shapes."""
+    """Makes a new URDF, whose links have inertia but no shapes."""
     robot = content.robot
     if (missing := missing_limits(robot)) is not None:
         raise missing
@@ -253,7 +256,8 @@ def _fresh(content: Content) -> WrittenDescription:
                 "info",
                 "",
                 what,
-                f"give them; the numbers here are only examples: {_example(endless)}",
+                "give the limits of these joints with an option; the numbers here are only examples: "
+                f"{_example(endless)}",
             )
         )
     parent = base if robot.tip.parent < 0 else names[robot.tip.parent]
@@ -289,7 +293,7 @@ def _joint_lines(joint: Joint, parent: str, child: str, values: Mapping[str, flo
 
 
 def _has_stops(joint: Joint) -> bool:
-    """Tests whether the format requires limits for a joint: it is prismatic, or it has position limits."""
+    """True if URDF requires limits for a joint, because it is prismatic or has position limits."""
     return joint.is_prismatic or bool(np.isfinite(joint.position_limits).all())
 
 
@@ -298,7 +302,7 @@ def _has_limits(joint: Joint) -> bool:
 
 
 def _missing(joint: Joint) -> list[str]:
-    """Missing limits of a joint, as example values of the option `--limit`."""
+    """Values of the option `--limit` for the limits that a joint lacks, with example numbers."""
     known_limits = {"velocity": math.isfinite(joint.velocity_limit), "effort": math.isfinite(joint.effort_limit)}
     known_limits["position"] = not joint.is_prismatic or bool(np.isfinite(joint.position_limits).all())
     return [f"{joint.name}.{kind}={EXAMPLES[kind]}" for kind, known in known_limits.items() if not known]
