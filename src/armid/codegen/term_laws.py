@@ -37,8 +37,7 @@ def carried_out(expression: Expression, environment: Mapping[str, Scalar]) -> Sc
             f"A torque term contains the function {head!r}, for which no code can be generated.",
             possible=", ".join(sorted(KNOWN)),
             remedy="use only the possible functions in the term, or add the function to "
-            "armid.codegen.graph.FUNCTIONS "
-            "and to each module in armid.codegen.languages.",
+            "armid.codegen.graph.FUNCTIONS and to each module in armid.codegen.languages.",
         )
     return call(head, *values)
 

@@ -135,6 +135,6 @@ def _emptied(name: str, carrier: str) -> Finding:
         "info",
         name,
         "the description gives this body no inertia, so other programs would compute an inertia from its meshes; "
-        f"{carrier} "
-        "has the identified inertia of the whole link in the file, so this body is written without inertia",
+        f"{carrier} has the identified inertia of the whole link in the file, so this body is written without "
+        "inertia",
     )

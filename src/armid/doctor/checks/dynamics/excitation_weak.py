@@ -197,8 +197,8 @@ def _advice(state: LogState) -> str:
             parts.append(f"{joint.name} wider than {span:.2g} and faster than {speed:.2g} {joint.unit}/s")
         elif narrow or slow:
             parts.append(
-                f"{joint.name} {'wider than' if narrow else 'faster than'} "
-                f"{span if narrow else speed:.2g} {joint.unit}{'' if narrow else '/s'}"
+                f"{joint.name} {'wider than' if narrow else 'faster than'} {span if narrow else speed:.2g} "
+                f"{joint.unit}{'' if narrow else '/s'}"
             )
     moves = "; ".join(parts) if parts else "all joints together, fast and wide"
     return f"record another motion, for instance one designed by armid excite; move {moves}"

@@ -151,8 +151,8 @@ def _by_description(state: LogState, judged: LogState, strength: float) -> Expla
         "error",
         "",
         f"The correlation of the torque with the torque of the description is {now:.2f}, but {best:.2f} if gravity "
-        f"is ({', '.join(f'{x + 0.0:.4g}' for x in g)}) m/s²; "
-        "joint zeros that are rotated by the same angle would have the same effect.",
+        f"is ({', '.join(f'{x + 0.0:.4g}' for x in g)}) m/s²; joint zeros that are rotated by the same angle would "
+        "have the same effect.",
         lambda _: _remedy((np.array(g), *rivals)),
         LogState(model, find_base_parameters(model), state.log),
     )

@@ -47,8 +47,7 @@ def check(evidence: LogEvidence) -> list[Finding]:
         steps_text = (
             f"The steps of the clock are {1e3 * steps.min():.3g} to {1e3 * steps.max():.3g} ms, median "
             f"{1e3 * median(steps):.3g} ms{missing}; the time stamps deviate from a uniform clock by {offset:.2g} "
-            "steps "
-            "(standard deviation)."
+            "steps (standard deviation)."
         )
         rate = _round_rate(segments[0], offset)
         trial = None if gaps else _trial(evidence, rate)

@@ -52,8 +52,7 @@ def explain(state: LogState) -> Explanation | None:
         "error",
         "q" if everywhere else names,
         f"Read as {unit}, the largest angle of {'all joints' if everywhere else names} is {largest:.3g} rad; with "
-        "the "
-        f"other unit, the residual is {1 - np.exp(-gain):.0%} smaller.",
+        f"the other unit, the residual is {1 - np.exp(-gain):.0%} smaller.",
         lambda evidence: lines(units=_units(evidence.reading, turned, everywhere=everywhere)),
         after,
         by_error_alone=True,

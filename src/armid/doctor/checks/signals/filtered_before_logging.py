@@ -95,9 +95,9 @@ def check(evidence: LogEvidence) -> list[Finding]:
     if falling.sum() < MOST * recording.n:
         return []
     text = (
-        f"The torque of {falling.sum()} joints has no noise floor: its spectrum falls up to the highest "
-        "frequencies, and above "
-        f"{median(ends[falling]):.3g} Hz it is below a thousandth of its value just above the band of the motion."
+        f"The torque of {falling.sum()} joints has no noise floor: its spectrum falls up to the highest frequencies, "
+        f"and above {median(ends[falling]):.3g} Hz it is below a thousandth of its value just above the band of the "
+        "motion."
     )
     return [Finding("filtered-before-logging", "info", "effort", text, AGAIN)]
 

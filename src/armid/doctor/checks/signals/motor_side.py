@@ -107,8 +107,7 @@ def _declared(finding: Finding) -> Finding:
     """The finding as a warning, for a user who stated the deviation of the gains and so has not forgotten them."""
     evidence = (
         f"{finding.evidence} This is possible with the stated deviation of the drive gains, so it is not an error; "
-        "the "
-        "intervals are as wide as the deviation."
+        "the intervals are as wide as the deviation."
     )
     return replace(finding, severity="warning", evidence=evidence)
 

@@ -50,8 +50,7 @@ def check(evidence: LogEvidence) -> list[Finding]:
             "warning",
             "q",
             f"Repetition {worst + 1} of {len(begins)} is shifted by {seconds:+.4g} s ({late[worst]:+.1f} samples) "
-            "against "
-            f"the period of {period:g} s; shifts of all: {', '.join(f'{x:+.1f}' for x in late)} samples.",
+            f"against the period of {period:g} s; shifts of all: {', '.join(f'{x:+.1f}' for x in late)} samples.",
             remedy,
         )
     ]
