@@ -92,7 +92,7 @@ class Program:
             inputs: Values of each input by name, shape (…, length), where … are any leading dimensions.
 
         Returns:
-        The result, shape (…, n) or (…, rows, columns).
+            The result, shape (…, n) or (…, rows, columns).
         """
         given = {name: np.asarray(x, dtype=np.float64) for name, x in inputs.items()}
         leading = np.broadcast_shapes(*(given[a.name].shape[:-1] for a in self.arguments))

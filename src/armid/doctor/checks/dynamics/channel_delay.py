@@ -116,10 +116,7 @@ def check(evidence: LogEvidence) -> list[Finding]:
 
 
 def _measured(evidence: LogEvidence) -> list[Finding]:
-    """Reports a delay if the model fits better without it.
-
-    If it is the strongest fault, a wider band is used to measure it.
-    """
+    """Reports a delay if it explains the misfit; if it is the strongest fault, it is measured in a wider band."""
     found = evidence.explained(CODE)
     sharp = _in_wider_band(evidence) if found and evidence.explanations[0].code == CODE else None
     if sharp is None or evidence.state is None:
@@ -171,14 +168,7 @@ def explain(state: LogState) -> Explanation | None:
 
 
 def _explained_by(state: LogState, judged: LogState) -> Explanation | None:
-    """Explains the misfit of the model by a delay that is significant in the rows of `judged`.
-
-    `None` if there is none.
-
-    Args:
-        state: The log with all rows.
-        judged: The same log, with all rows or with the rows away from reversals only.
-    """
+    """Explains the misfit by a delay that is significant in the rows of `judged`; `None` if there is no delay."""
     cost, whole = judged.fit.cost, judged is state
     hint = cost - solve(judged.rows, extra=judged.torque_slope()[None]).cost
     if hint < (HINT if whole else AGREED_HINT):
@@ -220,15 +210,9 @@ def _explained_by(state: LogState, judged: LogState) -> Explanation | None:
 def _with_reversals(delay: float, deviation: float, moving: float, spread: float) -> tuple[float, float]:
     """Combines the delays from all rows and from rows away from reversals: delay and standard deviation [s].
 
-    If the two delays differ by more than `spread`, the cause is probably stiction. The difference then counts as the
-    error of the delay from all rows. The result is the mean of the two delays, weighted with the inverse squares of
-    their errors.
-
-    Args:
-        delay: Delay from all rows [s].
-        deviation: Standard deviation of `delay` [s].
-        moving: Delay from rows away from reversals [s].
-        spread: Standard deviation of `moving` [s].
+    If the delay from all rows (`delay`) and that from rows away from reversals (`moving`) differ by more than the
+    standard deviation of the latter (`spread`), the cause is probably stiction. The difference then counts as the
+    error of `delay`. The result is the mean of the two delays, weighted with the inverse squares of their errors.
     """
     error = abs(delay - moving)
     if error <= spread:
@@ -255,22 +239,13 @@ def _delay_without_friction(after: LogState) -> tuple[float, float]:
 
 
 def _away_from_reversals_alone(state: LogState) -> tuple[float, float]:
-    """Delay from rows away from reversals, and its standard deviation [s].
-
-    The standard deviation is infinite if no joint has enough rows away from reversals.
-    """
+    """Delay from rows away from reversals and its standard deviation [s], infinite if there are too few rows."""
     moving = away_from_reversals(state)
     return delay_of(moving)[:2] if moving.rows.mask.any() else (0.0, np.inf)
 
 
 def _with_difference(deviation: float, difference: float, spread: float) -> float:
-    """Standard deviation [s] of a delay from all rows, including the possible error by friction at reversals.
-
-    Args:
-        deviation: Standard deviation of the delay from all rows without this error [s].
-        difference: Difference to the delay from rows away from reversals [s].
-        spread: Standard deviation of the delay from rows away from reversals [s]; infinite if there are too few rows.
-    """
+    """Standard deviation [s] of a delay from all rows, including the possible error by friction at reversals."""
     return float(np.hypot(deviation, difference)) if np.isfinite(spread) else deviation
 
 
@@ -278,11 +253,6 @@ def _is_in_every_band(evidence: LogEvidence, delay: float, whole: bool) -> bool:
     """True if the delay is the same in a wider band; an apparent delay by presliding friction depends on the band.
 
     If the noise of the positions does not allow a much wider band, the delay in a narrower band is compared, too.
-
-    Args:
-    evidence: The log.
-    delay: Delay in the band of the doctor [s].
-    whole: True if the delay was measured on all rows, false if on the rows away from reversals.
     """
     sharp = _in_wider_band(evidence)
     if sharp is None:
@@ -297,14 +267,7 @@ def _is_in_every_band(evidence: LogEvidence, delay: float, whole: bool) -> bool:
 
 
 def _delay_text(delay: float, deviation: float, gain: float, rate: float) -> str:
-    """Sentence that states a delay and the decrease of the residual without it.
-
-    Args:
-        delay: Delay of the torque [s]; negative if the torque is early.
-        deviation: Standard deviation of the delay [s].
-        gain: Decrease of the mean logarithm of the RMS residuals when the delay is removed.
-        rate: Sample rate of the log [Hz].
-    """
+    """Sentence that states a delay, its standard deviation and the decrease of the residual without it."""
     word = "lags behind" if delay > 0 else "runs ahead of"
     return (
         f"The torque {word} the positions by {1e3 * abs(delay):.2f} ± {1e3 * deviation:.2f} ms "
@@ -314,10 +277,7 @@ def _delay_text(delay: float, deviation: float, gain: float, rate: float) -> str
 
 
 def _total_delay(evidence: LogEvidence, delay: float) -> float | list[float]:
-    """Value of the key `delay` [s]: the delay that was found plus the delay that the log format already contains.
-
-    It is one number if all joints have the same delay, otherwise a list with one number for each joint.
-    """
+    """Value of the key `delay` [s]: new delay plus that of the log format; a list if joints have different delays."""
     whole = [round(float(d) + delay, DIGITS) for d in np.asarray(evidence.reading.delay)]
     return whole[0] if len(set(whole)) == 1 else whole
 

@@ -83,7 +83,7 @@ def check(evidence: LogEvidence) -> list[Finding]:
 def explain(state: LogState) -> Explanation | None:
     """Explains the misfit of the model by another direction of gravity.
 
-    `None` if the gravity of the study is right.
+    The result is `None` if the gravity of the study is right.
     """
     g0 = np.asarray(state.model.robot.gravity)
     strength = float(np.linalg.norm(g0))

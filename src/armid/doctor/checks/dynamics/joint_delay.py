@@ -78,12 +78,12 @@ class JointDelay:
     """Estimated delay of the positions of one joint.
 
     Attributes:
-            joint: Index of the joint.
-            seconds: Delay [s].
-            deviation: Standard deviation of the delay [s], enlarged if the torques of the other joints show different
-                delays.
-            gain: Decrease of the mean logarithm of the RMS residuals when the delay is removed.
-            after: The log in which the delay is removed.
+        joint: Index of the joint.
+        seconds: Delay [s].
+        deviation: Standard deviation of the delay [s], enlarged if the torques of the other joints show different
+            delays.
+        gain: Decrease of the mean logarithm of the RMS residuals when the delay is removed.
+        after: The log in which the delay is removed.
     """
 
     joint: int

@@ -88,7 +88,7 @@ def explain(state: LogState) -> Explanation | None:
 def _explanation(state: LogState, judged: LogState) -> Explanation | None:
     """Explains the misfit by offsets that are significant in the rows of `judged`.
 
-    `None` if there are no such offsets.
+    The result is `None` if there are no such offsets.
 
     Args:
         state: The log with all rows.
