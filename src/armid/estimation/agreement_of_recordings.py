@@ -1,15 +1,17 @@
 """Agreement of one recording with the other recordings of the same arm, computed from their triangular factors.
 
-Links are the same in all recordings, friction and offsets may differ. So the recording is one side of a comparison,
-and all other recordings are the other side. The inertial parameters are common to both sides; each side has separate
-friction parameters. The weighted sum of squared residuals of this common fit is compared with that of separate fits,
-and with that of a fit in which the torque of each joint j in the recording has an unknown scale s_j,
+Links are the same in all recordings; friction and offsets may differ. In a comparison of two sides, the recording is
+one side and all other recordings together are the other side. In the common fit, the inertial parameters are common
+to both sides, and each side has separate friction parameters. The weighted sum of squared residuals of the common fit
+is compared with that of separate fits of the sides, and with that of a fit in which the torque of each joint j in the
+recording has an unknown scale s_j,
 
     ρ_j = s_j R_j π + noise,
 
-where R_j and ρ_j are the factor and the right-hand side of the joint, and π the parameters. Levenberg-Marquardt steps
-determine the scales. Each step is a least-squares problem with the columns [s_j R_j, R_j π]. The factors of the
-blocks with these columns give the covariance of the scales by the jackknife, which is valid for correlated residuals.
+where R_j and ρ_j are the triangular factor and the right-hand side of the joint, and π the parameters. The scales are
+computed with Levenberg-Marquardt steps, each of which solves a least-squares problem with the columns [s_j R_j, R_j
+π]. The covariance of the scales is computed with the jackknife from the factors of the blocks with these columns; it
+is valid for correlated residuals.
 """
 
 from __future__ import annotations
@@ -52,7 +54,7 @@ CORRELATED = 4.0
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Agreement:
-    """Residuals of one recording with common and with separate inertial parameters.
+    """Comparison of one recording with all others: residuals with common and with separate inertial parameters.
 
     Attributes:
         recording: Number of the recording.
@@ -79,7 +81,7 @@ class Agreement:
 
     @property
     def excess(self) -> float:
-        """Weighted RMS residual of all joints in the common fit, divided by that in a fit of this recording alone."""
+        """Weighted RMS residual of all joints in the common fit, divided by the RMS residual of `alone`."""
         alone = float(np.linalg.norm(self.weights * self.alone))
         return float(np.linalg.norm(self.weights * self.common)) / max(alone, np.finfo(float).tiny)
 
@@ -98,7 +100,7 @@ class Agreement:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class TorqueScales:
-    """Ratio of the torque of each joint in a recording to the torque of the model of the other recordings.
+    """Scale of the torque of each joint in a recording, relative to the model that fits the other recordings.
 
     Attributes:
         scale: Scale of each joint, shape (n,).
@@ -116,7 +118,7 @@ class TorqueScales:
 
 
 def compare_recordings(information: Information, own: NDArray[np.bool_]) -> tuple[Agreement, ...]:
-    """Compares every recording with the others; the result is empty if there is only one recording.
+    """Compares each recording with all other recordings; the result is empty if there is only one recording.
 
     Args:
         information: Factors of the recordings.
@@ -135,7 +137,7 @@ def compare_recordings(information: Information, own: NDArray[np.bool_]) -> tupl
 
 
 def torque_scales(agreement: Agreement) -> TorqueScales:
-    """Scales of the torque with which a recording agrees best with the others."""
+    """Computes the scales of the torques with which a recording agrees best with the other recordings."""
     sides, weights = agreement.sides, agreement.weights
     opposite = -np.ones(sides.n)
     starts = [
@@ -199,9 +201,10 @@ def scale_deviations(
 
 
 def _groups(wide: Information, values: Array, weights: Array, inverse: Array) -> Groups | None:
-    """Groups of neighbouring blocks; they are enlarged until they are uncorrelated or the recording has few groups.
+    """Group of each block, shape (blocks,); groups are enlarged until they are uncorrelated or only few remain.
 
-    The recording needs several groups: if the only group is left out, the scales of the recording are undetermined.
+    The result is `None` if the recording has fewer than `FEWEST_BLOCKS` groups, since the jackknife leaves out one
+    group at a time.
     """
     own = wide.recording == 1
     per_group, groups = 1, group_blocks(wide)
@@ -214,7 +217,15 @@ def _groups(wide: Information, values: Array, weights: Array, inverse: Array) ->
 
 
 def _compare(rest: Information, part: Information, number: int, own: NDArray[np.bool_], weights: Array) -> Agreement:
-    """Common fit of a recording and the others, and separate fits."""
+    """Computes the common fit of a recording and all other recordings, and the separate fits of the two sides.
+
+    Args:
+        rest: Factors of all other recordings, merged into one block.
+        part: Factors of the recording, merged into one block.
+        number: Number of the recording.
+        own: Mask of the parameters that may differ between recordings, shape (b,).
+        weights: Weight of the rows of each joint, shape (n,).
+    """
     sides = separate_by_recording(_side_by_side(rest, part), own)
     values = _solve(sides, weights)
     common = held_out_squares(select(sides, np.array([1])), values)
@@ -270,14 +281,14 @@ def _solve(information: Information, weights: Array) -> Array:
 
 
 def _damped_step(A: Array, residual: Array, damping: float) -> Array:
-    """Step of the parameters that fits a residual, with damping, shape (columns,)."""
+    """Damped least-squares step of the parameters: minimises |A step - residual|² plus a penalty on the step."""
     unit, length = unit_columns(A)
     rows = np.concatenate([unit, np.sqrt(damping) * np.eye(len(length))])
     return np.linalg.lstsq(rows, np.concatenate([residual, np.zeros(len(length))]))[0] / length
 
 
 def _alone(part: Information, weights: Array) -> tuple[Array, Array]:
-    """Sum of squared residuals and sum of leverages of each joint in a separate fit, shape (n,) each."""
+    """Sum of squared residuals and sum of leverages of each joint if only this part is fitted, shape (n,) each."""
     squares = held_out_squares(part, _solve(part, weights))
     A, _ = stack(total(part), weights)
     U, size, _ = np.linalg.svd(unit_columns(A)[0], full_matrices=False)
@@ -287,7 +298,10 @@ def _alone(part: Information, weights: Array) -> tuple[Array, Array]:
 
 
 def _first_scales(sides: Information, agreement: Agreement, weights: Array) -> tuple[Array, Array]:
-    """Start values: parameters from the other recordings, zero if they are undetermined, and scales from these."""
+    """Start values: parameters from a fit of the other recordings, and the scales that follow from these parameters.
+
+    A parameter that the other recordings do not determine is taken from the common fit.
+    """
     alone = _solve(select(sides, np.array([0])), weights)
     values = np.where(alone != 0.0, alone, agreement.values)
     scale = np.ones(sides.n)
@@ -299,7 +313,7 @@ def _first_scales(sides: Information, agreement: Agreement, weights: Array) -> t
 
 
 def _scaled(sides: Information, scale: Array) -> Information:
-    """Information of both sides, with the torques of the recording scaled by given factors."""
+    """Information of both sides, in which the regressor of the recording is multiplied by a factor for each joint."""
     joints: list[JointFactors] = []
     for joint, factor in zip(sides.joints, scale, strict=True):
         R = joint.R.copy()
@@ -309,7 +323,7 @@ def _scaled(sides: Information, scale: Array) -> Information:
 
 
 def _squares(sides: Information, values: Array, scale: Array) -> Array:
-    """Sum of the squared residuals of the others and of the recording with scaled torques, shape (2, n)."""
+    """Sums of squared residuals of each joint, shape (2, n): other recordings, then the recording with scales."""
     squares = np.empty((2, sides.n))
     for j, joint in enumerate(sides.joints):
         predicted = joint.R[:, :, :-1] @ values[joint.parameters]

@@ -14,19 +14,20 @@ if TYPE_CHECKING:
 class Estimator(Protocol):
     """Interface of an estimator: a frozen dataclass whose fields are the options of the estimator.
 
-    If there is an option `weight`, it is the weight of a prior in independent samples. If it is `auto` and friction
-    is selected automatically, the weight that the selection has found is used.
+    An option with the name `weight` is the weight of a prior in independent samples. If `weight` is `auto` and
+    friction is selected automatically, the estimator uses the weight that the selection of friction has found.
 
     Attributes:
         name: Name of the estimator in a study: the value of the key `method`.
-        quick: True if the estimator takes well under a second, so that it can be repeated without parts of the data.
+        quick: True if the estimator takes well under a second, so that it can be repeated with parts of the data left
+            out.
     """
 
     name: ClassVar[str]
     quick: ClassVar[bool]
 
     def solve(self, problem: EstimationProblem) -> Fit:
-        """Estimates the base parameters, with standard deviations for white residuals."""
+        """Estimates the base parameters, with standard deviations that are valid for white residuals."""
         ...
 
 
@@ -35,7 +36,7 @@ class EstimatorWithPrior(Protocol):
     """Estimator that finds the weight of a prior from the data."""
 
     def with_prior_of(self, problem: EstimationProblem, fit: Fit) -> Estimator:
-        """This estimator, with the weight of its prior fixed to the weight that a fit has used.
+        """Copy of this estimator, with the weight of the prior fixed to the weight that a fit has used.
 
         Args:
             problem: Estimation problem with all data.
@@ -49,7 +50,7 @@ class MultiStartEstimator(Protocol):
     """Estimator that minimises a non-convex cost from several start values."""
 
     def with_one_start(self) -> Estimator:
-        """This estimator with a single start, which saves time when estimators are compared."""
+        """Copy of this estimator with a single start value, which saves time when estimators are compared."""
         ...
 
 
@@ -65,4 +66,4 @@ ESTIMATORS: Catalogue[type[Estimator]] = Catalogue(
         "thesis-nlp": "armid.estimation.estimators.thesis_nlp:ThesisNLP",
     }
 )
-"""Estimators by the name that a study gives with the key `method`."""
+"""Estimators; the keys are the values that the key `method` of a study accepts."""

@@ -1,4 +1,4 @@
-"""Fit of base and standard parameters from an estimate with a prior and constraints."""
+"""Covariance, status and findings of an estimate of standard parameters with a prior and constraints."""
 
 from __future__ import annotations
 
@@ -36,12 +36,12 @@ from armid.maths.median import median
 from armid.remedy import Remedy, setting
 
 PRICE = 0.05
-"""Relative increase of the squared residual by the consistency constraints from which it is reported. Noise causes
-far less than 0.01."""
+"""Relative increase of the squared residual by prior and constraints from which the increase is reported. Noise
+causes far less than 0.01."""
 
 PUSHED = 2.0
-"""Distance between the estimate of a constrained parameter and the value that fits the data best, in standard
-deviations, from which it is reported."""
+"""Distance between the estimate of a parameter and the value that fits the data best, in standard deviations, from
+which the parameter is reported."""
 
 AT_BOUND = 1e-3
 """Distance from a bound, in standard deviations, below which a parameter counts as at the bound."""
@@ -58,7 +58,7 @@ PHYSICAL = -1e-9
 
 @dataclass(frozen=True, eq=False, slots=True)
 class PhysicalEstimate:
-    """Estimate of standard parameters with a prior and constraints, from any estimator.
+    """Estimate of standard parameters with a prior and constraints, as an estimator has computed it.
 
     Attributes:
         standard: The standard parameters.
@@ -96,17 +96,17 @@ class PhysicalEstimate:
 
     @property
     def is_reduced(self) -> bool:
-        """Tests whether there are fewer unknowns than parameters."""
+        """True if constraints make the number of unknowns smaller than the number of parameters."""
         return self.basis.shape[0] != self.basis.shape[1]
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Held:
-    """Masks (p,) of parameters that would fit the data better with values that constraints or prior prevent.
+    """Masks (p,) of parameters that constraints or the prior hold away from the values that fit the data best.
 
     Attributes:
         at_zero: Parameters at the bound zero.
-        at_limit: Parameters at a limit that the study gives.
+        at_limit: Parameters at a limit that the study sets.
         inside: Parameters between all bounds whose values are affected by the prior or by the consistency of the
             body.
     """
@@ -117,7 +117,12 @@ class _Held:
 
 
 def fit_of(estimate: PhysicalEstimate, findings: Sequence[Finding] = ()) -> Fit:
-    """Makes the fit of an estimate, with covariance and findings; the findings of the estimator are added."""
+    """Makes the fit of an estimate, with covariance and findings.
+
+    Args:
+        estimate: The estimate.
+        findings: Findings of the estimator, which are added to the fit.
+    """
     data, values, basis = estimate.weighted, estimate.values, estimate.basis
     eigenvalues = smallest_eigenvalues(estimate.standard, values)
     prior = _prior_precision(estimate)
@@ -196,7 +201,7 @@ def _bounded(standard: StandardParameters) -> Array:
 def _standard_fit(
     estimate: PhysicalEstimate, prior: Array, eigenvalues: Array, price: float, lift: StandardMap
 ) -> tuple[StandardFit, _Held]:
-    """Fit of the standard parameters, with the share of the data in each value and the status of each parameter."""
+    """Makes the fit of the standard parameters: status, and share of each value that the data determine."""
     standard, data, values, basis = estimate.standard, estimate.weighted, estimate.values, estimate.basis
     columns = data.rows @ standard.regrouping @ basis
     covariance, share = shares(columns.T @ columns, prior)
@@ -221,7 +226,9 @@ def _standard_fit(
 
 
 def _held(estimate: PhysicalEstimate, white: Array, given: NDArray[np.bool_], resolution: Array) -> _Held:
-    """Masks of the parameters that are held, among those that the study does not give.
+    """Masks of the parameters that are held away from the values that fit best.
+
+    The masks do not contain parameters whose values the study gives.
 
     Args:
         estimate: The estimate.
@@ -242,7 +249,7 @@ def _held(estimate: PhysicalEstimate, white: Array, given: NDArray[np.bool_], re
 
 
 def _limited(estimate: PhysicalEstimate, deviation: Array) -> NDArray[np.bool_]:
-    """Mask of parameters (p,) at a limit of the study, or equal to a mass at such a limit."""
+    """Mask of parameters (p,) that are at a limit of the study, or that must equal a mass at a limit of the study."""
     if estimate.requirements is None:
         return np.zeros(len(estimate.values), dtype=bool)
     near = AT_BOUND * np.maximum(deviation, np.abs(estimate.values))
@@ -251,7 +258,7 @@ def _limited(estimate: PhysicalEstimate, deviation: Array) -> NDArray[np.bool_]:
 
 
 def _findings(estimate: PhysicalEstimate, eigenvalues: Array, price: float, held: _Held) -> list[Finding]:
-    """Findings about the bodies, the prior, the data and the parameters that are held."""
+    """Findings about inconsistent bodies, the weight of the prior, undetermined parameters, and held parameters."""
     standard, data, use = estimate.standard, estimate.weighted, estimate.use
     findings: list[Finding] = []
     for own, smallest in zip(standard.inertial, eigenvalues, strict=True):
@@ -267,20 +274,25 @@ def _findings(estimate: PhysicalEstimate, eigenvalues: Array, price: float, held
         length = np.linalg.norm(stack(data.whole)[0], axis=0)
         part = np.abs(data.unseen * np.where(length > 0.0, length, 1.0)).max(axis=0)
         named = _listed(data.whole.names, part > NAMED)
-        message = f"The data do not determine {len(data.unseen)} directions of the base parameters, in {named}."
-        remedy = "record a motion that determines them; with these data, their values follow from the prior."
+        message = f"The data do not determine {len(data.unseen)} combinations of these base parameters: {named}."
+        remedy = "record a motion that determines these parameters; with these data, the prior gives their values."
         findings.append(Finding("prior-dominated", "warning", "", message, remedy))
     if price > PRICE:
         message = f"Physical consistency and the prior increase the squared residual by {100.0 * price:.3g} %."
         remedy = (
-            "add torque terms that reduce the residuals, or give the prior less weight. A wrong sign or a wrong "
-            "gravity would be reported as a separate finding."
+            "add torque terms (key `terms`) that reduce the residuals, or reduce the option `weight` of the "
+            "method, which is "
+            "the weight of the prior. A wrong sign or a wrong gravity would be reported as a separate finding."
         )
         findings.append(Finding("price-of-consistency", "warning", "", message, remedy))
     far = f"more than {PUSHED:g} standard deviations from the values that fit the data best"
     for code, mask, message in (
-        ("held-at-zero", held.at_zero, "Without the bound at zero, these parameters would be negative"),
-        ("held-at-limit", held.at_limit, "These parameters are held at limits of the study"),
+        (
+            "held-at-zero",
+            held.at_zero,
+            "Without the bound at zero, the estimates of these parameters would be negative",
+        ),
+        ("held-at-limit", held.at_limit, "These parameters are at limits that the study sets"),
         (
             "held-inside",
             held.inside,

@@ -3,12 +3,13 @@
 The errors of neighbouring rows are correlated. Therefore a fold consists of consecutive blocks; with rows drawn at
 random, the held-out error would be as small as the residual of the fit. The held-out error is
 
-    error = Σ_j w_j² |ρ_j - R_j π|² / Σ_j M_j,        π from the other folds,
+    error = Σ_j w_j² |ρ_j - R_j π|² / Σ_j M_j.
 
-with R_j and ρ_j the factor and the right-hand side of joint j in the fold that is left out, M_j its rows there and
-w_j its weight. Blocks next to the fold are left out of the fit, too, because filter and pose correlate them with the
-fold. If each recording has separate friction parameters, a fold contains a part of every recording, so that the other
-folds determine all parameters.
+Here R_j and ρ_j are the factor and the right-hand side of joint j in the fold that is left out, M_j is the number of
+rows of joint j in this fold, and w_j its weight. The parameters π are estimated from the other folds. Blocks next to
+the left-out fold are not used in the fit either, because filter and pose correlate them with this fold. If each
+recording has separate friction parameters, a fold contains a part of every recording, so that the other folds
+determine all parameters.
 
 If a motion repeats, the other folds contain the same motion. The error then measures noise and drift, not the
 prediction of other motions.
@@ -35,7 +36,8 @@ class Fold:
     """Consecutive blocks that are left out of a fit, and the blocks for the fit.
 
     Attributes:
-        training: All other blocks, merged into one, without those next to the blocks that are left out.
+        training: Blocks for the fit, merged into one: all blocks except the left-out blocks and the blocks next to
+            them.
         held_out: The blocks that are left out, merged into one.
     """
 
@@ -46,10 +48,10 @@ class Fold:
 def folds(information: Information, count: int = FOLDS) -> NDArray[np.int64]:
     """Assigns each block to a fold; returns the number of the fold from 0, shape (blocks,).
 
-    A fold consists of consecutive blocks of one run. Longer runs are divided into more folds. A run that is far
-    shorter than a fold is joined with the next run; if it is the last run, with the run before it. Blocks without
-    rows in use belong to the fold of their neighbours. If recordings have separate copies of parameters (`FV_1[2]` is
-    the copy of recording 2), a fold consists of one part of every recording.
+    A fold consists of consecutive blocks of one run of a recording. Longer runs are divided into more folds. A run
+    that is far shorter than a fold is joined with the next run; the last run is joined with the run before it. Blocks
+    without rows in use belong to the fold of their neighbours. If recordings have separate copies of parameters
+    (`FV_1[2]` is the copy of recording 2), a fold consists of one part of every recording.
 
     Args:
         information: Blocks in their order.
@@ -72,7 +74,9 @@ def folds(information: Information, count: int = FOLDS) -> NDArray[np.int64]:
 
 
 def split(information: Information, fold: NDArray[np.int64]) -> tuple[Fold, ...]:
-    """Leaves out each fold in turn; the result is empty if, without one of the folds, no data remain for the fit.
+    """Leaves out each fold in turn, and returns for each fold the blocks for the fit and the left-out blocks.
+
+    The result is empty if no data for the fit remain when one of the folds is left out.
 
     Args:
         information: All blocks.
@@ -96,7 +100,7 @@ def split(information: Information, fold: NDArray[np.int64]) -> tuple[Fold, ...]
 
 
 def training_information(information: Information, chosen: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Mask of the blocks next to the chosen ones in the same run; filter and pose correlate these blocks.
+    """Mask of the blocks next to left-out blocks in the same run; filter and pose correlate these neighbours.
 
     Args:
         information: Blocks in their order.
@@ -110,7 +114,7 @@ def training_information(information: Information, chosen: NDArray[np.bool_]) ->
 
 
 def held_out_squares(held_out: Information, values: Array) -> Array:
-    """Sum of each joint's squared residuals for given parameters (b,), shape (n,) [(N·m)²]."""
+    """Sum of the squared residuals of each joint for given parameters (b,), shape (n,) [(N·m)² or N²]."""
     squares = np.empty(held_out.n)
     for j, joint in enumerate(held_out.joints):
         residual = joint.R[:, :, -1] - joint.R[:, :, :-1] @ values[joint.parameters]
@@ -119,7 +123,7 @@ def held_out_squares(held_out: Information, values: Array) -> Array:
 
 
 def held_out_error(held_out: Information, values: Array, weights: Array) -> float:
-    """Weighted mean square of the residuals; it is 1 if the RMS residual of each joint is 1 / weight.
+    """Weighted mean square of the residuals in a fold; 1 if the RMS residual of each joint is 1 / weight.
 
     Args:
         held_out: The fold.
@@ -133,12 +137,12 @@ def held_out_error(held_out: Information, values: Array, weights: Array) -> floa
 def one_standard_error(errors: Array) -> int:
     """Index of the first candidate whose mean error exceeds the smallest mean error by at most one standard error.
 
-    This is the standard error of the difference between the two candidates, computed from their differences in each
-    fold, because errors differ far more between folds than between candidates.
+    The standard error is that of the difference between the errors of the two candidates. It is computed from the
+    differences in each fold, because errors differ far more between folds than between candidates.
 
     Args:
-        errors: Error of each candidate in each fold, shape (candidates, folds), the simplest candidate first;
-            infinite if a candidate failed.
+        errors: Error of each candidate, for instance a weight of a prior, in each fold, shape (candidates, folds),
+            the simplest candidate first; infinite if a candidate failed.
     """
     mean = errors.mean(axis=1)
     best = int(np.argmin(mean))
@@ -153,7 +157,7 @@ def one_standard_error(errors: Array) -> int:
 
 
 def can_cross_validate(information: Information, count: int = FOLDS) -> bool:
-    """Tests whether recordings with separate parameters are long enough to leave out a part of each.
+    """True if every recording with separate parameters is long enough to leave a part of it out of the fit.
 
     Args:
         information: Blocks in their order, separated by recording.
@@ -167,7 +171,7 @@ def can_cross_validate(information: Information, count: int = FOLDS) -> bool:
 
 
 def _parts_of_each(information: Information, rows: Array, count: int) -> NDArray[np.int64]:
-    """Fold of each block: `count` parts of each recording, or fewer if data for the fit would be missing."""
+    """Fold of each block, if every recording is divided into `count` parts, or fewer if it is too short."""
     recordings = [information.recording == each for each in np.unique(information.recording[rows > 0.0])]
     for parts in range(count, 1, -1):
         fold = np.zeros(information.blocks, dtype=np.int64)
@@ -183,7 +187,7 @@ def _parts_of_each(information: Information, rows: Array, count: int) -> NDArray
 
 
 def _trains(information: Information, recording: NDArray[np.bool_], fold: NDArray[np.int64], parts: int) -> bool:
-    """Tests whether a recording has a part in every fold, and rows of each joint remain without any single part."""
+    """True if a recording has a part in every fold, and rows of each joint remain when any part is left out."""
     if len(np.unique(fold[recording])) < parts:
         return False
     seen = information.rows[recording].any(axis=0)
@@ -195,7 +199,7 @@ def _trains(information: Information, recording: NDArray[np.bool_], fold: NDArra
 
 
 def _long_runs(run: NDArray[np.int64], rows: Array, count: int) -> list[NDArray[np.intp]]:
-    """Blocks of each run; runs shorter than half a fold are joined with a neighbour."""
+    """Indices of the blocks of each run; a run shorter than half a fold is joined with a neighbouring run."""
     enough = 0.5 * rows.sum() / count
     groups: list[NDArray[np.intp]] = []
     open_ = np.zeros(0, dtype=np.intp)

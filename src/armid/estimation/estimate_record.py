@@ -22,12 +22,12 @@ from armid.text_stored_value import TextValue
 
 @dataclass(frozen=True, slots=True)
 class TermUse:
-    """Torque term with the joints and shapes with which it was used.
+    """Torque term of an estimate, with the joints on which the term acts and the shapes of its laws.
 
     Attributes:
         name: Name of the term.
         joints: Names of the joints on which the term acts.
-        shapes: Shapes of the term, by name.
+        shapes: Values of the shapes of the term, by name of the shape.
     """
 
     name: str
@@ -41,16 +41,16 @@ class TermUse:
 
 
 EARLIER_RUN = "earlier run"
-"""Role of the digest of the earlier estimate in the inputs of a recalibrated estimate."""
+"""Role under which the digest of an earlier estimate is stored in a recalibrated estimate."""
 
 
 @dataclass(frozen=True, slots=True)
 class InputDigest(TextValue):
-    """Digest of an input of an estimate: `robot 1f2e…`.
+    """Digest of an input of an estimate, stored as text such as `robot 1f2e…`.
 
     Attributes:
-        role: `robot`, `train`, `validate`, `earlier run` or `options`.
-        sha256: Digest.
+        role: Kind of input: `robot`, `train`, `validate`, `earlier run` or `options`.
+        sha256: The digest as hexadecimal text.
     """
 
     role: str
@@ -79,7 +79,7 @@ class Estimate(Displayed):
         findings: Findings made during the identification.
         made_from: Digests of the inputs: robot description, recordings and options.
         made_by: Build of the compiled kernel and method of factorisation that were used for the information.
-        seconds: Time from recordings to result [s].
+        seconds: Computing time from the recordings to the estimate [s].
         speeds: Highest speed of each joint in the training rows, shape (n,) [rad/s or m/s]; `None` if it is not
             known.
     """
@@ -96,7 +96,7 @@ class Estimate(Displayed):
     speeds: Array | None = None
 
     def summary(self) -> Summary:
-        """Base parameters with deviations and intervals."""
+        """Table of the base parameters with standard deviations and intervals."""
         units = dict(zip(self.base.names, self.base.units, strict=True))
         rows = tuple(
             (name, f"{value:.5g}", units[name.of_all], percent(deviation), interval_text(low, high))
@@ -120,10 +120,11 @@ class Estimate(Displayed):
 
 
 def torque_parameters(base: BaseParameters, fit: Fit) -> Array:
-    """Standard parameters (p,) that give the torque of the estimate: base values on kept columns, zero elsewhere.
+    """Standard parameters (p,) that give the same torque as the estimate.
 
-    The torque is the same (Y θ = Y_base π), but no real body has these parameters. If friction was estimated for each
-    recording, its mean is used. If the estimator has estimated standard parameters, these are returned instead.
+    If the estimator has estimated standard parameters, these are returned. Otherwise each base parameter is used as
+    the standard parameter whose column is kept, and all other standard parameters are zero; no real body has such
+    parameters. If friction was estimated for each recording, the mean is used.
     """
     if fit.standard is not None:
         return collapse(base.standard_names, fit.standard)
@@ -133,7 +134,10 @@ def torque_parameters(base: BaseParameters, fit: Fit) -> Array:
 
 
 def collapse(names: Sequence[str], fit: Fit | StandardFit) -> Array:
-    """Values of parameters, by name; the mean if a parameter has one value for each recording, as in `FV_1[2]`."""
+    """Values of the named parameters in a fit.
+
+    If a parameter has one value for each recording, such as `FV_1[2]` in recording 2, the mean is returned.
+    """
     groups: dict[str, list[float]] = {}
     for name, value in zip(fit.names, fit.values, strict=True):
         groups.setdefault(name.of_all, []).append(float(value))
@@ -141,7 +145,10 @@ def collapse(names: Sequence[str], fit: Fit | StandardFit) -> Array:
 
 
 def averaged(names: tuple[ParameterName, ...], fit: Fit) -> Fit:
-    """The fit of the named parameters; the mean if a parameter has one value for each recording, as in `FV_1[2]`."""
+    """Fit reduced to the named parameters.
+
+    If a parameter has one value for each recording, such as `FV_1[2]` in recording 2, the mean is used.
+    """
     copies = [name.of_all for name in fit.names]
     mean = np.array([[name == copy for copy in copies] for name in names], dtype=np.float64)
     mean /= mean.sum(axis=1, keepdims=True)

@@ -1,4 +1,4 @@
-"""Result of an estimator: values of the base parameters and how well the data determine them."""
+"""Result of an estimator: values of the base parameters, and their covariance."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from armid.model.parameter_name import ParameterName, parameter_names
 from armid.notebook_display import Displayed, Summary, interval_text, percent
 
 POORLY_IDENTIFIED = 20.0
-"""Relative standard deviation above which a parameter counts as poorly identified [%]. By the usual rule, ten times
-the smallest one [Khalil2004], nearly all parameters would be poorly identified if one parameter is known very
-well."""
+"""Relative standard deviation above which a parameter counts as poorly identified [%]. The usual limit is ten
+times the smallest relative deviation of all parameters [Khalil2004]. With that limit, nearly all parameters would
+be poorly identified if one parameter is known very well."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -27,14 +27,16 @@ class CovarianceReport:
     """Reason for the kind of a covariance, and properties of the noise.
 
     Attributes:
-        why: Text of the reason.
+        why: Reason for the kind of the covariance, as text.
         parts: Number of blocks, periods or frequency bands from which the covariance was computed; 0 for none.
         whiteness: p-value of the test of whiteness of the residuals; `None` if it was not made.
         noise: Standard deviation of the torque of each joint about the model, in the band, shape (n,) [N·m or N]. The
             interval of a measured torque includes this noise in addition to the uncertainty of the parameters. Empty
             if only the residual is known.
-        moved: Change of the estimate if rows next to reversals are left out, shape (b,); empty if not computed.
-        reach: Share of `moved` that counts as one standard deviation: the covariance contains reach² · moved movedᵀ.
+        moved: Change of the estimate if rows next to velocity reversals are left out, shape (b,); empty if not
+            computed.
+        reach: Factor f with which f · `moved` counts as one standard deviation: the covariance contains f² · moved
+            movedᵀ.
     """
 
     why: str = "as the estimator gave it"
@@ -66,14 +68,14 @@ class Fit(Displayed):
         rows: Number of rows used for each joint, shape (n,).
         condition: Condition number of the stacked regressor without scaling, equation (2.51) of the thesis.
         scaled_condition: Condition number with columns of unit length, which does not depend on units.
-        weights: Weight of the rows of each joint in the estimate, shape (n,); if not given, all are one.
+        weights: Weight of the rows of each joint in the estimate, shape (n,); if not given, all weights are one.
         prior_precision: Precision of the Gaussian prior of the estimate, in base parameters and in the units of the
             weighted normal equations, shape (b, b); `None` if there is no prior.
         report: Reason for the kind of the covariance.
         dropped: Names of parameters that the estimator sets to zero.
         findings: Findings of the estimator.
-        information: Factors from which the estimate was computed, if the estimator changed the given rows, for
-            instance by individual weights; otherwise `None`.
+        information: Factors from which the estimate was computed, if they differ from the given factors because the
+            estimator has changed the rows, for instance by individual weights; otherwise `None`.
         standard: Standard parameters, if the estimator estimates them.
         prior_correlation: Number of rows that count as one independent sample in the weight of the prior. The
             covariance of the prior is the inverse of its precision times this number.
@@ -112,7 +114,7 @@ class Fit(Displayed):
             object.__setattr__(self, "prior_precision", array(self.prior_precision, (b, b), "prior_precision"))
 
     def summary(self) -> Summary:
-        """Parameters with deviations and intervals."""
+        """Table of the parameters with standard deviations and intervals."""
         rows = tuple(
             (name, f"{value:.5g}", percent(relative), interval_text(low, high))
             for name, value, relative, (low, high) in zip(
@@ -132,7 +134,7 @@ class Fit(Displayed):
 
     @property
     def deviation(self) -> Array:
-        """Standard deviations of the parameters by the covariance of the intervals, shape (b,)."""
+        """Standard deviations of the parameters, from the covariance that gives the intervals, shape (b,)."""
         return np.sqrt(np.diag(self.covariance))
 
     @property
@@ -142,7 +144,10 @@ class Fit(Displayed):
 
     @property
     def relative_deviation(self) -> Array:
-        """Standard deviation divided by the absolute value [%], equation (2.47) of the thesis, shape (b,)."""
+        """Standard deviation of each parameter divided by its absolute value [%], shape (b,).
+
+        This is equation (2.47) of the thesis.
+        """
         with np.errstate(divide="ignore", invalid="ignore"):
             return 100.0 * self.deviation / np.abs(self.values)
 
@@ -153,5 +158,5 @@ class Fit(Displayed):
 
 
 def _for_each(value: ArrayLike, count: int) -> ArrayLike:
-    """Array of `count` values from an array, or from one number for all parameters."""
+    """Repeats a single number `count` times; an array with `count` values is returned unchanged."""
     return np.full(count, value) if np.ndim(value) == 0 else value

@@ -1,8 +1,9 @@
-"""Information with common inertial parameters of all recordings, and separate friction or offsets for each recording.
+"""Information with the same links for all recordings, and separate friction or offsets for each recording.
 
-Friction changes with temperature and age, and sensors are zeroed again; the links stay the same. The rows of each
-recording then depend on the common parameters and on separate copies of the other parameters, named `FV_1[1]`,
-`FV_1[2]`, … by the number of the recording. Only the factors are rearranged; the data are not read again.
+Friction changes with temperature and age, and sensors are zeroed again; the links stay the same. Therefore each
+recording gets separate copies of the parameters that may change, named `FV_1[1]`, `FV_1[2]`, … by the number of the
+recording. The rows of a recording depend on the common parameters and on the copies of this recording. Only the
+factors are rearranged; the data are not read again.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from armid.model.torque_law_expression import symbols
 
 
 def offset_names(model: DynamicsModel) -> tuple[str, ...]:
-    """Names of the standard parameters that are offsets of the torque."""
+    """Names of the standard parameters of a model that are offsets of the torque."""
     return tuple(parameter.name for parameter in model.parameters if parameter.kind == Offset.name)
 
 
@@ -44,7 +45,7 @@ def separate_by_recording(information: Information, own: NDArray[np.bool_]) -> I
         own: Mask of the b parameters of which each recording gets a copy, shape (b,).
 
     Returns:
-        Information about the common parameters, followed by the copies of each recording.
+        Information whose parameters are the common parameters, followed by the copies of each recording.
     """
     recordings = np.unique(information.recording)
     if len(recordings) < 2 or not own.any():
@@ -110,13 +111,13 @@ def standard_per_recording(
 ) -> StandardParameters:
     """Standard parameters of information in which `separate_by_recording` has copied parameters.
 
-    A standard parameter gets copies if it is part of copied base parameters only. If it is also part of a common base
-    parameter, it stays common; an example is an offset that is regrouped with a constant gravity torque.
+    A standard parameter gets copies if all base parameters that contain it have copies. If a common base parameter
+    contains it, too, it stays common; an example is an offset that is regrouped with a constant gravity torque.
 
     Args:
         standard: Standard parameters of the model, before the separation.
         base: Base parameters of the model, for their names.
-        information: Information, separated or not.
+        information: Information with or without copies of parameters.
     """
     if base is None or (information.count == len(base.names) and tuple(information.names) == tuple(base.names)):
         return standard
@@ -152,7 +153,7 @@ def _places(
     separate: NDArray[np.intp],
     copy: int,
 ) -> NDArray[np.int64]:
-    """New indices of a joint's parameters in the rows of the recording with the index `copy`."""
+    """New indices of the parameters of a joint, for the rows of the recording with the index `copy`."""
     first = len(shared) + copy * len(separate)
     return np.where(
         own[parameters], first + np.searchsorted(separate, parameters), np.searchsorted(shared, parameters)
@@ -166,6 +167,6 @@ def _parameters(
     separate: NDArray[np.intp],
     copies: int,
 ) -> NDArray[np.int32]:
-    """New indices of all parameters on which a joint's rows depend in any recording, in ascending order."""
+    """New indices of the parameters on which rows of a joint depend in at least one recording, in ascending order."""
     places = [_places(parameters, own, shared, separate, copy) for copy in range(copies)]
     return np.unique(np.concatenate(places)).astype(np.int32)

@@ -1,4 +1,4 @@
-"""Weighted least squares on the factors: solution, deviations, residuals, rank.
+"""Weighted least squares computed from triangular factors: solution, standard deviations, residuals, rank.
 
 minimise Σ_j w_j² |ρ_j - R_j π|²,        cov = (Σ_j w_j² R_jᵀ R_j)⁻¹
 
@@ -19,8 +19,8 @@ from armid.information.information import Information, stack, total
 from armid.maths.linalg import condition, null_directions, scaled_condition, unit_columns
 
 NAMED = 0.01
-"""Entry of an undetermined direction, divided by its largest entry, from which the error names the parameter. The
-parameters are scaled to columns of unit length."""
+"""Entry of an undetermined direction, divided by the largest entry of this direction, from which the error names
+the parameter that belongs to the entry. The parameters are scaled to columns of unit length."""
 
 
 class Solution:
@@ -28,7 +28,7 @@ class Solution:
 
     Attributes:
         values: Estimate, shape (b,).
-        inverse: Inverse of the weighted normal equations, shape (b, b).
+        inverse: Inverse of the weighted normal matrix, shape (b, b).
         squares: Sum of squared residuals of each joint, unweighted, shape (n,).
         effective_dof: Sum of the leverages of the rows of each joint, shape (n,): number of degrees of freedom that
             the fit uses. The sum over all joints is b.
@@ -56,8 +56,8 @@ def solve(information: Information, weights: Array) -> Solution:
     """Solves the least-squares problem if the data determine every parameter.
 
     Args:
-        information: Any number of blocks.
-        weights: Weight of each joint's rows, shape (n,).
+        information: Factors, in any number of blocks.
+        weights: Weight of the rows of each joint, shape (n,).
 
     Raises:
         EstimationError: There are fewer rows than parameters, or the data do not determine some parameters.
@@ -101,13 +101,14 @@ def fit_of(solution: Solution, weights: Array, white: Array) -> Fit:
 
 
 def _require_rank(whole: Information) -> None:
-    """Raises an error with the undetermined parameters if the data do not determine all of them."""
+    """Raises an error that names undetermined parameters, if the data do not determine all parameters."""
     A = stack(whole)[0]
     rows = int(whole.rows.sum())
     if rows < whole.count:
         raise EstimationError(
             f"The recordings have {rows} usable rows, which cannot determine {whole.count} base parameters.",
-            remedy="record a longer motion, trim or mask fewer rows, or use fewer torque terms.",
+            remedy="record a longer motion, leave out fewer rows (keys `trim` and `exclude`), or use fewer torque "
+            "terms (key `terms`).",
         )
     directions = null_directions(A)
     if not len(directions):
@@ -115,12 +116,14 @@ def _require_rank(whole: Information) -> None:
     raise EstimationError(
         f"The data determine only {whole.count - len(directions)} of {whole.count} base parameters; they do not "
         f"determine {'; '.join(_named(directions, whole.names))}.",
-        remedy="record a motion that moves the joints of these parameters, lock these joints, or use fewer terms.",
+        remedy="record a motion that moves the joints of these parameters, lock these joints (--lock), or use "
+        "fewer torque terms "
+        "(key `terms`).",
     )
 
 
 def _named(directions: Array, names: Sequence[str]) -> list[str]:
-    """Names of undetermined directions (k, b): single parameters, then sets with an undetermined combination."""
+    """Texts that name undetermined directions (k, b): single parameters, then parameters that cannot be separated."""
     touched = sorted(np.flatnonzero(row).tolist() for row in _reduced(directions))
     parts = [[names[k] for k in part] for part in touched]
     alone = [part[0] for part in parts if len(part) == 1]
@@ -129,7 +132,7 @@ def _named(directions: Array, names: Sequence[str]) -> list[str]:
 
 
 def _reduced(directions: Array) -> Array:
-    """Directions with the same span and few nonzero entries each: the row echelon form."""
+    """Directions that span the same space and have few nonzero entries each: the row echelon form of `directions`."""
     rows = directions.copy()
     done = 0
     for column in range(rows.shape[1]):

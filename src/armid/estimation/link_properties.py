@@ -1,10 +1,11 @@
 """Mass, centre of mass and inertia about the centre of mass of each link: described and estimated values.
 
 An estimate contains first moments h and inertias I_o about the origins of the link frames, because torques are linear
-in them. From these follow the centre of mass c = h / M and the inertia about it, I_c = I_o - (|h|² 1 - h hᵀ) / M.
-Their intervals are computed with the derivatives of these formulas. An interval is given only if the data determine
-all parameters in its formula; otherwise the reason is given. For most arms, the torques do not determine how the mass
-is distributed among the links, so few links have intervals for all quantities.
+in them. With the mass M and the unit matrix 1, the centre of mass is c = h / M, and the inertia about the centre of
+mass is I_c = I_o - (|h|² 1 - h hᵀ) / M. The intervals of c and I_c are computed with the derivatives of these
+formulas. An interval is given only if the data determine all parameters in its formula; otherwise the reason is
+given. For most arms, the torques do not determine how the mass is distributed among the links, so few links have
+intervals for all quantities.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ REMEDY = "identify with --method physical to estimate a body for each link"
 
 
 def _entering() -> NDArray[np.bool_]:
-    """Mask of the parameters M MX MY MZ XX XY YY XZ YZ ZZ (columns) from which each quantity (row) is computed."""
+    """Mask (10, 10): row i marks the parameters M MX MY MZ XX XY YY XZ YZ ZZ in the formula of quantity i."""
     result = np.eye(10, dtype=np.bool_)
     result[1:, 0] = True
     for k, (i, j) in enumerate(INERTIA_INDEX):
@@ -51,7 +52,7 @@ ENTERING: NDArray[np.bool_] = _entering()
 
 @dataclass(frozen=True, eq=False, slots=True)
 class LinkProperties:
-    """`QUANTITIES` of a link in its link frame, described and estimated.
+    """Values of `QUANTITIES` for a link, in the link frame: described and estimated values.
 
     Attributes:
         link: Name of the link; bodies on fixed and locked joints belong to the link that carries them.
@@ -59,7 +60,7 @@ class LinkProperties:
         description: Values of the description, shape (10,); NaN for missing values.
         estimate: Estimated values, shape (10,); NaN for quantities that were not estimated.
         intervals: 95 % intervals of the estimate, shape (10, 2); NaN for values that the data do not determine.
-        reasons: Reason why there is no interval, for each quantity; empty if there is one.
+        reasons: For each quantity, the reason why it has no interval; an empty text if it has one.
     """
 
     link: str
@@ -92,7 +93,7 @@ class LinkTable(Displayed):
     note: str = ""
 
     def summary(self) -> Summary:
-        """Table with one row for each link and quantity."""
+        """Table of described and estimated values, with one row for each quantity of each link."""
         rows = tuple(
             (link.link, name, unit, _number(old), _number(new), _interval(ends) or reason)
             for link in self.links
@@ -105,11 +106,11 @@ class LinkTable(Displayed):
 
 
 def link_table(model: DynamicsModel, estimate: Estimate) -> LinkTable:
-    """Described and estimated properties of the links of an arm.
+    """Makes the table of described and estimated properties of the links of an arm.
 
     Args:
         model: The model that was estimated.
-        estimate: Estimate of the model.
+        estimate: Estimate of the parameters of the model.
     """
     robot, fit = model.robot, estimate.fit.standard
     if not model.has_rigid_bodies:
@@ -149,7 +150,12 @@ def link_record(table: LinkTable) -> list[dict[str, Any]]:
 
 
 def _estimated(fit: StandardFit, index: list[int]) -> tuple[Array, Array, tuple[str, ...]]:
-    """Estimate (10,), intervals (10, 2) and reasons for missing intervals of the link with the given parameters."""
+    """Estimated values (10,), intervals (10, 2) and reasons for missing intervals, for one link.
+
+    Args:
+        fit: Fit of the standard parameters.
+        index: Positions of the ten inertial parameters of the link in the fit.
+    """
     theta = fit.values[index]
     values = about_com(theta)
     intervals = np.full((10, 2), np.nan)

@@ -53,28 +53,20 @@ def values_to_write(
 
     Args:
         run: The run.
-        placeless: Indices of the links that have no body in the file, for instance a link between two joints of one
-            body.
-        carried: Sum of the inertial parameters of the attached bodies of each link, shape (n, 10); `None` if the file
-            has no attached bodies.
-        nearest: True to take the links nearest to the description, even if the links of the estimate could be
-            written.
+        placeless: Indices of links that have no body in the file, as a link between two joints of one body.
+        carried: Sum of the inertial parameters of the attached bodies of each link, shape (n, 10), if there are any.
+        nearest: True to take the links nearest to the description, even if those of the estimate could be written.
         allow_unphysical: True to take inconsistent links near the description if no consistent links exist.
 
     Returns:
         The parameters; their kind: `estimated`, `nearest` or `unphysical`; and findings about the choice.
 
     Raises:
-        OutputError: No consistent parameters exist, and inconsistent ones are not allowed; or the model has no rigid
-            bodies.
+        OutputError: No consistent parameters exist, or the model has no rigid bodies.
     """
     if not run.model.has_rigid_bodies:
         problem = "The model of the run has no rigid bodies, so no bodies can be written."
-        raise OutputError(
-            problem,
-            remedy="identify again with the term rigid-body: add it to the key `terms` of the study, or to the "
-            "option --terms.",
-        )
+        raise OutputError(problem, remedy="add rigid-body to the key `terms` or the option --terms; identify again.")
     base, fit = run.estimate.base, run.estimate.fit
     standard = standard_of(run.model, base)
     theta = torque_parameters(base, fit) if fit.standard is not None else None

@@ -90,8 +90,7 @@ def export_run(
         allow_unidentified: True if links may be written whose mass neither the torque nor the description determines.
 
     Raises:
-        OutputError: A file exists that is not an export of this run, the file cannot be written, or its model would
-            differ from the model of the run.
+        OutputError: A file of another origin exists, the file cannot be written, or its model would be wrong.
     """
     exporter, source = _exporter(to), find_source(run, description)
     path = Path(out) if out is not None else _default(run, source, exporter)

@@ -388,7 +388,7 @@ def test_a_mass_at_a_limit_of_the_study_is_the_studys_and_not_identified():
         fit, standard = estimate(known=(1, 2), **limit)
         assert standard.status[standard.names.index("M_3")] == "prior-dominated"
         said = {finding.code: finding.evidence for finding in fit.findings}
-        assert said["held-at-limit"] == "These parameters are held at limits of the study: M_3."
+        assert said["held-at-limit"] == "These parameters are at limits that the study sets: M_3."
     wide, _ = estimate(known=(1, 2), masses={"3": [0.5, 2.0]})
     assert "held-at-limit" not in {finding.code for finding in wide.findings}
 

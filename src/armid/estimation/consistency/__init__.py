@@ -1,1 +1,1 @@
-"""Physical consistency: cones of real bodies, and the convex programs over them."""
+"""Physical consistency: cones of the parameters that real bodies can have, and convex programs over these cones."""

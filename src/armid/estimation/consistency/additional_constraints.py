@@ -1,4 +1,4 @@
-"""Requirements on standard parameters in addition to physical consistency: cones, and a reduction of the unknowns.
+"""Requirements on standard parameters in addition to physical consistency, such as bounds of masses or known values.
 
     θ = origin + basis · x
 
@@ -23,12 +23,12 @@ from armid.estimation.problem import StandardParameters
 from armid.maths.conic_solver import Cone
 
 ROUNDED = 1e-9
-"""Absolute value of the most negative eigenvalue of a given link's pseudo-inertia that still counts as a rounding
-error of the description."""
+"""Absolute value of the most negative eigenvalue that counts as a rounding error of the description, if the
+pseudo-inertia of a link is given and not estimated."""
 
 
 class ContradictionError(EstimationError):
-    """Contradiction between the requirements: no parameters meet all of them."""
+    """Error that is raised if requirements contradict each other: no parameters meet all of the requirements."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -41,10 +41,10 @@ class Requirements:
         total_mass: Smallest and largest total mass of all links [kg].
         masses: Smallest and largest mass of a link [kg], by the number of the link.
         com: Points that enclose the centre of mass of a link [m], by the number of the link: two corners of a box, or
-            points of a convex hull.
-        equal: Sets of parameters that must have equal values.
+            at least four points of a convex hull.
+        equal: Lists of names of parameters; the parameters of one list must have equal values.
         fixed: Known values of parameters, by name.
-        known: Numbers of links whose parameters the description gives.
+        known: Numbers of the links that are not estimated; their parameters are those of the description.
     """
 
     epsilon: float
@@ -59,10 +59,10 @@ class Requirements:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Feasible:
-    """Feasible set of the standard parameters: origin + basis · x with x in the cones.
+    """Set of the standard parameters that meet all requirements: origin + basis · x with the unknowns x in the cones.
 
     Attributes:
-        origin: Fixed part of the parameters, shape (p,).
+        origin: Values of the fixed parameters, zero elsewhere, shape (p,).
         basis: Derivative of the p parameters by the x unknowns, shape (p, x); each parameter depends on at most one
             unknown.
         cones: Cones of the unknowns x.
@@ -77,7 +77,7 @@ class Feasible:
         return self.origin + self.basis @ x
 
     def unknowns(self, values: Array) -> Array:
-        """Computes the unknowns (x,) of standard parameters (p,), or of the nearest possible parameters."""
+        """Computes the unknowns (x,) whose standard parameters are nearest to the given ones (p,)."""
         return np.asarray(self.basis.T @ (values - self.origin), dtype=np.float64) / np.sum(self.basis**2, axis=0)
 
 
@@ -113,14 +113,15 @@ def feasible_set(standard: StandardParameters, asked: Requirements, margin: floa
 
 
 def _felt(cone: Cone) -> Cone | None:
-    """Cone without the rows that depend on no unknown, if it contains single bounds; `None` if no row remains."""
+    """Removes from a cone of single bounds the rows that depend on no unknown; `None` if no row remains."""
     moves = cone.matrix.any(axis=1)
     if cone.kind == "semidefinite":
         return cone if moves.any() else None
     if (cone.offset[~moves] < -ROUNDED).any():
         raise ContradictionError(
-            "A parameter that the options give contradicts a bound.",
-            remedy="correct the options `fixed` and `known`, or the bound.",
+            "A value that `fixed` or `known` gives to a parameter contradicts a bound.",
+            remedy="correct the options `fixed` and `known`, or the bounds `heaviest`, `total_mass`, `masses` and "
+            "`com`.",
         )
     return Cone(cone.kind, cone.matrix[moves], cone.offset[moves]) if moves.any() else None
 
@@ -133,7 +134,8 @@ def _affine(standard: StandardParameters, asked: Requirements) -> tuple[Array, A
         own = standard.inertial[_link(standard, str(number), "known")]
         if standard.nominal is None:
             raise EstimationError(
-                "The option `known` needs a description with inertial parameters.", remedy="use `fixed` instead."
+                "The option `known` needs a description with inertial parameters, but the description contains none.",
+                remedy="remove `known`, and give the values of the parameters with the option `fixed`.",
             )
         origin[own], given[own] = standard.nominal[own], True
     for name, value in (asked.fixed or {}).items():
@@ -146,7 +148,7 @@ def _affine(standard: StandardParameters, asked: Requirements) -> tuple[Array, A
         if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
             raise EstimationError(
                 f"The option `fixed` gives {name} = {value!r}, which is not a number.",
-                remedy="give a number in SI units.",
+                remedy="give a number in SI units, for instance fixed = { XY_7 = 0.0 }.",
             )
         origin[k], given[k] = value, True
     leader = np.arange(len(origin))
@@ -174,7 +176,7 @@ def _affine(standard: StandardParameters, asked: Requirements) -> tuple[Array, A
 
 
 def at_mass_limit(standard: StandardParameters, asked: Requirements, values: Array, near: Array) -> NDArray[np.bool_]:
-    """Mask (p,) of the masses that are at one of their limits.
+    """Mask (p,) of the masses of links that are at a limit given by the requirements.
 
     Args:
         standard: The standard parameters.
@@ -193,7 +195,7 @@ def at_mass_limit(standard: StandardParameters, asked: Requirements, values: Arr
 
 
 def _mass_cones(standard: StandardParameters, asked: Requirements) -> list[Cone]:
-    """Cones for the bounds of single masses and of their sum."""
+    """Cones that contain the bounds of the masses of links and of the sum of these masses."""
     p = len(standard.names)
     rows: list[Array] = []
     offsets: list[float] = []
@@ -205,7 +207,10 @@ def _mass_cones(standard: StandardParameters, asked: Requirements) -> list[Cone]
     for where, value, name in bounds:
         good = isinstance(value, list | tuple) and len(value) == 2 and 0.0 <= value[0] < value[1]
         if not good:
-            raise EstimationError(f"{name} must be a lower and an upper bound of the mass [kg]; found {value!r}.")
+            raise EstimationError(
+                f"{name} must be a lower and an upper bound of the mass [kg]; found {value!r}.",
+                remedy="give two numbers, the smaller one first, for instance [1.0, 4.0].",
+            )
         row = np.zeros(p)
         row[where] = 1.0
         rows += [row, -row]
@@ -214,7 +219,11 @@ def _mass_cones(standard: StandardParameters, asked: Requirements) -> list[Cone]
 
 
 def _com_cones(standard: StandardParameters, com: Mapping[str, Any]) -> list[Cone]:
-    """Cones that keep the centre of mass c = h / m in half spaces n·c ≤ d, which means d m - n·h ≥ 0."""
+    """Cones that keep centres of mass inside given volumes.
+
+    A volume is the intersection of half spaces n·c ≤ d. With the centre of mass c = h / m of a link of mass m and
+    first moment h, each half space is the linear condition d m - n·h ≥ 0.
+    """
     cones: list[Cone] = []
     for key, points in com.items():
         own = standard.inertial[_link(standard, key, "com")]
@@ -227,7 +236,11 @@ def _com_cones(standard: StandardParameters, com: Mapping[str, Any]) -> list[Con
 
 
 def _half_spaces(link: str, points: Any) -> tuple[Array, Array]:
-    """Outward normals (k, 3) and distances (k,) of a box between two corners or of a hull of more points."""
+    """Half spaces whose intersection is a box between two corners or the convex hull of more points.
+
+    Returns:
+        Outward normals of the k faces, shape (k, 3), and distances of the faces from the origin [m], shape (k,).
+    """
     try:
         given: Any = np.array(points, dtype=np.float64)
     except (TypeError, ValueError):
@@ -240,7 +253,8 @@ def _half_spaces(link: str, points: Any) -> tuple[Array, Array]:
     ):
         raise EstimationError(
             f"`com` of link {link} must be two corners of a box or at least four points of a hull, each [x, y, z] "
-            f"[m]; found {points!r:.80}."
+            f"[m]; found {points!r:.80}.",
+            remedy="give two corners, for instance [[-0.1, -0.1, 0.0], [0.1, 0.1, 0.3]].",
         )
     if len(given) == 2:
         low, high = given.min(axis=0), given.max(axis=0)
@@ -262,7 +276,7 @@ def _half_spaces(link: str, points: Any) -> tuple[Array, Array]:
 
 
 def _link(standard: StandardParameters, key: str, option: str) -> int:
-    """Row of a link, given by its number, among the inertial parameters."""
+    """Index of a link in `standard.inertial`, from the number of the link in an option."""
     numbers = [str(standard.names[own[0]].number) for own in standard.inertial]
     if str(key) not in numbers:
         raise EstimationError(

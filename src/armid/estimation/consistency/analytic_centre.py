@@ -1,10 +1,10 @@
-"""Analytic centre of the feasible set, and the Hessian of the cost at that point.
+"""Analytic centre of the set of consistent parameters, and the Hessian of the cost at this point.
 
-A consistent estimate often lies on the boundary of the cone, where the Hessian of the cost does not give its
-uncertainty. The analytic centre lies inside the cone. To the cost of data and prior, a barrier is added: -log det J
-for the pseudo-inertia J of each link and -log x for each nonnegative parameter x, with the weight of one independent
-sample. The analytic centre minimises this sum. The Hessian at the centre gives the width of the feasible set. The
-intervals are then enlarged by the distance between estimate and centre [Nesterov1994].
+A consistent estimate often lies on the boundary of the cone. There, its uncertainty does not follow from the Hessian
+of the cost. Therefore the Hessian at the analytic centre, which lies inside the cone, is used. The analytic centre
+minimises the cost of data and prior plus a barrier: -log det J for the pseudo-inertia J of each link and -log x for
+each nonnegative parameter x, with the weight of one independent sample. The intervals are then enlarged by the
+distance between estimate and centre [Nesterov1994].
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ from armid.maths.barrier_method import minimise
 from armid.maths.inertia import PSEUDO_INERTIA_OF, pseudo_inertia
 
 AIM = 1e-6
-"""Gap between the cost and its minimum at which the search ends. For the Hessian, the centre must be accurate to a
-few hundredths of a standard deviation."""
+"""Difference between the cost and its minimum at which the search ends. For the Hessian, an accuracy of the centre
+of a few hundredths of a standard deviation is sufficient."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -86,12 +86,12 @@ def find_centre(
 
 
 def _weight(prior: PriorUse) -> float:
-    """Weight of the links' prior; 1 if the estimate has no prior."""
+    """Weight of the prior of the links; 1 if the estimate has no prior."""
     return prior.weight if prior.weight > 0.0 else 1.0
 
 
 def _rows(standard: StandardParameters, belief: Prior, prior: PriorUse) -> tuple[Array, Array]:
-    """Precision (p,) and mean (p,) of the prior without its log-det terms."""
+    """Diagonal of the precision, shape (p,), and mean, shape (p,), of the quadratic terms of the prior."""
     precision = np.diag(belief.precision).copy()
     precision[standard.inertial] *= _weight(prior) if prior.kind == "euclidean" else 0.0
     return precision, belief.mean
@@ -100,7 +100,7 @@ def _rows(standard: StandardParameters, belief: Prior, prior: PriorUse) -> tuple
 def _terms(
     standard: StandardParameters, belief: Prior, prior: PriorUse, correlation: float, values: Array, basis: Array
 ) -> tuple[LogDet, ...]:
-    """Barriers, as functions of the step, that keep pseudo-inertias definite and nonnegative parameters positive."""
+    """Barriers that keep pseudo-inertias definite and nonnegative parameters positive, as functions of the step."""
     terms: list[LogDet] = []
     if prior.kind == "log-det":
         terms.extend(belief.log_det(standard, values, basis, correlation * _weight(prior)))

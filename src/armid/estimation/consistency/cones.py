@@ -14,7 +14,7 @@ from armid.maths.conic_solver import Cone, upper_triangle
 from armid.maths.inertia import PSEUDO_INERTIA_OF, pseudo_inertia
 
 EPSILON = 1e-6
-"""Required lower limit of the eigenvalues of a pseudo-inertia [kg and kg·m²]: a milligram, so that no mass is
+"""Smallest eigenvalue that a pseudo-inertia is required to have [kg and kg·m²]: a milligram, so that no mass is
 zero."""
 
 
@@ -27,7 +27,7 @@ def consistency_cones(
         standard: The standard parameters.
         variables: Number of variables of the program.
         epsilon: Lower limit of the eigenvalues of a pseudo-inertia [kg and kg·m²].
-        heaviest: Largest mass of a link [kg].
+        heaviest: Upper bound of the mass of each link [kg]; no bound if not given.
     """
     i, j = upper_triangle(4)
     cones: list[Cone] = []

@@ -1,4 +1,4 @@
-"""Conic programs of consistent estimates: the best fit in the cones, and points in the interior of the cones.
+"""Conic programs for consistent estimates: the best fit inside the cones, and points in the interior of the cones.
 
 The accuracy of a solver is relative to the largest number in the program. This number is the right-hand side if the
 data have little noise, or the mass of a heavy body. Therefore each program solves for the change from a rough
@@ -23,20 +23,20 @@ GOOD = 2e-7
 """Relative gap between objective and minimum at which the search ends: a fifth of the largest accepted gap."""
 
 TRIES = 4
-"""Largest number of programs from one start; usually one is enough."""
+"""Largest number of programs that are solved one after the other from one start point; usually one is enough."""
 
 UNIT = 1e3
 """Upper limit of the median column length. If small noise makes the columns longer, they are scaled to this
 length."""
 
 THIN = 1e-4
-"""Lower limit of the ratio of a diagonal entry to the largest one, for the scaling of rows."""
+"""Lower limit of the ratio of a diagonal entry to the largest diagonal entry, when rows of a cone are scaled."""
 
 ROOM = 0.1
-"""Largest distance of a start from the boundary of each cone; any positive distance is enough."""
+"""Largest distance of a start point from the boundary of each cone; any positive distance is enough."""
 
 FURTHEST = 1e3
-"""Limit of the norm of a start, for unknowns that no constraint bounds."""
+"""Limit of the norm of a start point, for unknowns that no constraint bounds."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -45,7 +45,7 @@ class NearestPoint:
 
     Attributes:
         x: Unknowns, which lie in the cones, shape (unknowns,).
-        objective: Half the squared residual plus the linear cost.
+        objective: Value ½ |A x - y|² + costᵀ x that the program minimises.
         gap: Upper bound of the difference between `objective` and the minimum, divided by |`objective`| or by 1,
             whichever is larger.
     """
@@ -56,7 +56,9 @@ class NearestPoint:
 
 
 def nearest(feasible: Feasible, A: Array, y: Array, cost: Array, precision: Array) -> NearestPoint:
-    """Minimises ½ |A x - y|² + costᵀ x with x in the cones; returns the attempt with the smallest gap.
+    """Minimises ½ |A x - y|² + costᵀ x with x in the cones.
+
+    Of several attempts, the one with the smallest gap is returned.
 
     Args:
         feasible: Feasible set, which contains the cones.
@@ -66,7 +68,7 @@ def nearest(feasible: Feasible, A: Array, y: Array, cost: Array, precision: Arra
         precision: Prior precision of the unknowns, for the first guess, shape (unknowns,).
 
     Raises:
-        UnsolvedError: The solver failed on every program.
+        UnsolvedError: The solver failed in every attempt.
     """
     best, trouble = (
         None,
@@ -124,7 +126,7 @@ def interior_point(feasible: Feasible) -> Array | None:
 
 
 def _starts(A: Array, y: Array, precision: Array) -> list[tuple[Array, list[float]]]:
-    """Start points of the search, each with the units of the first program.
+    """Start points of the search, each with the units of residual and unknowns for the first program.
 
     The first start point is the minimum without cones, which is close to the solution for most data. It may be very
     large in directions that the data hardly determine, so that rounding errors dominate. Therefore the second start
@@ -146,7 +148,11 @@ def _starts(A: Array, y: Array, precision: Array) -> list[tuple[Array, list[floa
 def _change(
     feasible: Feasible, A: Array, y: Array, cost: Array, near: Array, size: Array | None
 ) -> tuple[Array, float]:
-    """Minimises ½ |A d - y|² + costᵀ d; returns the change d (x,) and an upper bound of (objective - minimum)."""
+    """Minimises ½ |A d - y|² + costᵀ d over the change d (x,) from a point `near`.
+
+    Returns:
+        The change d, and an upper bound of the difference between the objective at d and its minimum.
+    """
     x = A.shape[1]
     cones = tuple(replace(c, offset=c.offset + c.matrix @ near) for c in feasible.cones)
     cones = cones if size is None else tuple(_scaled(cone, size) for cone in cones)
@@ -164,7 +170,10 @@ def _change(
 
 
 def _scaled(cone: Cone, size: Array) -> Cone:
-    """Equivalent cone with unknowns in units of `size` and rows scaled to about one (S X S ⪰ 0 instead of X ⪰ 0)."""
+    """Equivalent cone with the unknowns in units of `size`.
+
+    Rows are scaled to about one: the condition X ⪰ 0 becomes S X S ⪰ 0 with a diagonal matrix S.
+    """
     if cone.kind == "semidefinite":
         diagonal = np.diag(symmetric(cone.offset))
         half = 1.0 / np.sqrt(np.maximum(diagonal, max(THIN * float(diagonal.max()), np.finfo(np.float64).tiny)))

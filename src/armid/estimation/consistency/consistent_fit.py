@@ -1,10 +1,10 @@
-"""Convex programs for physically consistent parameters that fit whitened rows best, with or without a prior.
+"""Physically consistent parameters that fit whitened rows best, with or without a prior, by convex programs.
 
     minimise ½ |A L θ - y|² + prior(θ)        with the standard parameters θ in the cone of real bodies
 
-A and y are the whitened rows and their right-hand side; L computes the base parameters from θ. If no prior is wanted
-(`none`), a mass prior with a negligible weight is used. The program contains the rows of A and not the product AᵀA,
-which would lose half of the digits.
+Here A and y are the whitened rows and their right-hand side, and the matrix L computes the base parameters from θ. If
+no prior is asked for (`prior = "none"`), a mass prior with a negligible weight is used. The program contains the rows
+of A and not the product AᵀA, which would lose half of the digits.
 """
 
 from __future__ import annotations
@@ -37,7 +37,8 @@ resolve is used. Without any prior the residual may have no minimum, because it 
 grow. The largest weight changes a parameter of standard deviation s kg by s/1000 standard deviations."""
 
 SHORT = 60
-"""Largest number of Newton steps from the prior's mean before another start is tried; 20 to 40 are usual."""
+"""Largest number of Newton steps from the mean of the prior before another start point is tried; 20 to 40 are
+usual."""
 
 MARGINS = (1e-8, 1e-7, 1e-6, 1e-5)
 """Margins that are added to the required eigenvalues, one after the other, until the rounded solution meets the
@@ -46,7 +47,7 @@ requirement."""
 
 @dataclass(frozen=True, eq=False, slots=True)
 class BodyConstraints:
-    """Physically consistent solution that has passed the checks of this module.
+    """Physically consistent parameters that fit the data best; the checks of this module have accepted them.
 
     Attributes:
         values: Standard parameters (p,).
@@ -63,7 +64,7 @@ class BodyConstraints:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class ConsistentProgram:
-    """Constraints and prior of the parameters, independent of the data.
+    """Constraints and prior of the standard parameters, from which a program for any data can be made.
 
     Attributes:
         standard: The standard parameters.
@@ -84,13 +85,13 @@ class ConsistentProgram:
 
         Args:
             rows: Whitened rows, shape (k, b).
-            side: Right-hand side, shape (k,).
+            side: Right-hand side of the whitened rows, shape (k,).
             weight: Weight of the links' prior, in independent samples.
-            aim: Gap between cost and minimum at which Newton's method ends.
+            aim: Difference between the cost and its minimum at which Newton's method ends.
 
         Raises:
             EstimationError: The constraints contradict each other.
-            UnsolvedError: No solution passed its checks.
+            UnsolvedError: The solver found no solution that passes the checks.
         """
         for margin in MARGINS:
             try:
@@ -128,7 +129,10 @@ class ConsistentProgram:
         return self._conic(feasible, A, y, max(UNFELT[-1], UNFELT[0] * least / len(y)), aim)
 
     def _conic(self, feasible: Feasible, A: Array, y: Array, weight: float, aim: float | None) -> BodyConstraints:
-        """Solution with a linear or quadratic prior by the conic solver; if inaccurate, that of `_otherwise`."""
+        """Solution with a linear or quadratic prior by the conic solver.
+
+        If this solution is inaccurate, the result of `_otherwise` is returned.
+        """
         believed = np.diag(self.belief.precision)
         is_link = np.isin(np.arange(len(believed)), self.standard.inertial)
         cost = np.zeros(A.shape[1])
@@ -183,11 +187,11 @@ class ConsistentProgram:
         return BodyConstraints(values, feasible.basis, found.objective, found.gap)
 
     def _smooth(self, feasible: Feasible, problem: Smooth, aim: float) -> SmoothSolution:
-        """Minimum with log-det terms by Newton's method, from the mean of the prior or from the conic minimum.
+        """Minimum of a problem with log-det terms by Newton's method, started at the mean of the prior.
 
-        The conic minimum is the minimum of the program without the logarithms. Its computation takes as long as fifty
-        Newton steps. It is used if more steps from the mean would be needed, mostly because no real body fits the
-        data.
+        The conic minimum is the minimum of the program without the log-det terms. To compute it takes as long as
+        fifty Newton steps. The search is started at the conic minimum only if the search from the mean of the prior
+        needs more than `SHORT` steps, mostly because no real body fits the data.
         """
         mean = feasible.unknowns(self.belief.inside(self.standard))
         with contextlib.suppress(EstimationError):
@@ -204,7 +208,7 @@ class ConsistentProgram:
             return minimise(problem, self._start(feasible), aim=aim)
 
     def _start(self, feasible: Feasible) -> Array:
-        """Strictly feasible start: bodies of the prior with some friction, or the solution of a conic program."""
+        """Start point inside all cones: bodies of the prior with some friction, or the result of a conic program."""
         start = feasible.unknowns(self.belief.inside(self.standard))
         if all(cone.leaves(start) < 0.0 for cone in feasible.cones):
             return start
@@ -214,7 +218,7 @@ class ConsistentProgram:
         return found
 
     def _contradiction(self) -> ContradictionError:
-        """Error with the names of the contradicting requirements."""
+        """Makes the error that names the contradicting requirements."""
 
         def empty(asked: Requirements) -> bool:
             try:
@@ -226,7 +230,7 @@ class ConsistentProgram:
         together = "; ".join(conflicting(self.asked, empty))
         return ContradictionError(
             f"No body meets all requirements: {together or 'epsilon'} contradict each other or physical consistency.",
-            remedy="remove or relax one of them.",
+            remedy="remove or relax one of these requirements.",
         )
 
     def _cleared(self, values: Array) -> Array:
@@ -235,7 +239,7 @@ class ConsistentProgram:
         return np.where(bounded, 0.0, values)
 
     def _holds(self, values: Array, feasible: Feasible) -> bool:
-        """Checks whether the bodies are physical and every other constraint holds, computed from the values."""
+        """True if, computed from the values, all bodies are physically consistent and all other constraints hold."""
         least = smallest_eigenvalues(self.standard, values)
         estimated = (feasible.basis[self.standard.inertial] != 0.0).any(axis=(1, 2))
         x = feasible.unknowns(values)

@@ -1,7 +1,8 @@
-"""Irreducible infeasible subset of the requirements.
+"""Smallest set of requirements that contradict each other (irreducible infeasible subset).
 
-One requirement after the other is removed. If the remaining ones are still infeasible, it stays removed, otherwise it
-is restored. The result is infeasible, but becomes feasible if any one of its requirements is removed.
+One requirement after the other is removed. If no parameters meet the remaining requirements, the requirement stays
+removed; otherwise it is restored. No parameters meet all requirements of the result, but if any single requirement is
+removed from the result, the others can be met.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from armid.estimation.consistency.additional_constraints import Requirements
 
 
 def conflicting(asked: Requirements, empty: Callable[[Requirements], bool]) -> list[str]:
-    """Text with contradicting requirements, of which none is superfluous: if one is removed, the others can be met.
+    """Text that lists contradicting requirements; if any one of them is removed, the others can be met.
 
     Args:
         asked: Requirements that no parameters meet.
@@ -30,7 +31,7 @@ def conflicting(asked: Requirements, empty: Callable[[Requirements], bool]) -> l
 
 
 def _single(asked: Requirements) -> list[tuple[str, Any]]:
-    """Single requirements, each as its option and value."""
+    """Splits requirements into single requirements, each given by the name of an option and a value."""
     found: list[tuple[str, Any]] = []
     for name in ("heaviest", "total_mass"):
         if getattr(asked, name) is not None:
@@ -43,7 +44,7 @@ def _single(asked: Requirements) -> list[tuple[str, Any]]:
 
 
 def _joined(none: Requirements, parts: list[tuple[str, Any]]) -> Requirements:
-    """Combines single requirements."""
+    """Combines single requirements, given by option and value, with requirements that are always kept."""
     options: dict[str, Any] = {}
     for name, value in parts:
         before = options.get(name)
@@ -57,7 +58,7 @@ def _joined(none: Requirements, parts: list[tuple[str, Any]]) -> Requirements:
 
 
 def _said(value: Any) -> str:
-    """Formats a value as in a study."""
+    """Text of a value in the form in which a study contains it."""
     if isinstance(value, Mapping):
         return "{ " + ", ".join(f"{key} = {_said(each)}" for key, each in value.items()) + " }"
     if isinstance(value, list | tuple):

@@ -1,6 +1,7 @@
-"""Essential parameters by backward elimination: parameters that hardly reduce the residual are set to zero in turn.
+"""Essential parameters by backward elimination: parameters that hardly reduce the residual are set to zero.
 
-If parameter k of a least-squares estimate π with the inverse normal matrix G is set to zero, the new values are
+Let π be a least-squares estimate and G the inverse of its normal matrix, with the columns G_k. If parameter k is set
+to zero, the new values are
 
     π - G_k π_k / G_kk,        G - G_k G_kᵀ / G_kk,        cost + π_k² / G_kk,
 
@@ -63,7 +64,7 @@ class EssentialParameters:
     def __post_init__(self) -> None:
         if self.criterion not in ("pham-gautier", "bic"):
             raise EstimationError(
-                f"Unknown criterion {self.criterion!r}.",
+                f"The option `criterion` has the unknown value {self.criterion!r}.",
                 possible="pham-gautier, bic",
                 remedy=did_you_mean(self.criterion, ("pham-gautier", "bic")),
             )
@@ -104,11 +105,21 @@ class EssentialParameters:
 
 
 Choose = Callable[[Array, Array], int | None]
-"""Function that returns the parameter to drop, from values and variances of the remaining ones; `None` ends."""
+"""Function that chooses the parameter to drop, from values and variances of the remaining parameters. It returns
+the index among the remaining parameters, or `None` to end the elimination."""
 
 
 def _eliminate(values: Array, inverse: Array, choose: Choose) -> NDArray[np.intp]:
-    """Drops parameters until the rule ends; returns the indices of the remaining ones, shape (k,)."""
+    """Drops parameters until the rule `choose` ends the elimination.
+
+    Args:
+        values: Estimate with all parameters, shape (b,).
+        inverse: Inverse of the normal matrix, shape (b, b).
+        choose: Rule that chooses the parameter to drop.
+
+    Returns:
+        Indices of the k remaining parameters, shape (k,).
+    """
     remaining = np.arange(len(values))
     scale = np.sqrt(np.diag(inverse))
     pi, G = values / scale, inverse / np.outer(scale, scale)
@@ -125,7 +136,7 @@ def _eliminate(values: Array, inverse: Array, choose: Choose) -> NDArray[np.intp
 
 
 def _least_sure(ratio: float, most: float) -> Choose:
-    """Rule `pham-gautier`; it also ends when the sum of squared residuals has increased by more than `most`."""
+    """Rule `pham-gautier`; the elimination also ends when the squared residual has increased by more than `most`."""
     total = 0.0
 
     def choose(pi: Array, variance: Array) -> int | None:
@@ -139,7 +150,10 @@ def _least_sure(ratio: float, most: float) -> Choose:
 
 
 def _cheapest(most: float) -> Choose:
-    """Rule `bic`; it ends when the removal of any further parameter would increase the cost by `most` or more."""
+    """Rule `bic`: drops the parameter whose removal increases the cost least.
+
+    The elimination ends when dropping any further parameter would increase the cost by `most` or more.
+    """
 
     def choose(pi: Array, variance: Array) -> int | None:
         rise = pi**2 / variance
@@ -150,7 +164,10 @@ def _cheapest(most: float) -> Choose:
 
 
 def _correlation(information: Information, full: Fit, inverse: Array) -> float:
-    """Number of rows that count as one independent row: variance from the scatter between blocks / white variance."""
+    """Number of rows that count as one independent row.
+
+    It is the variance of the estimate from the scatter between blocks, divided by the variance for white residuals.
+    """
     found = block_covariance(information, full.values, full.weights, inverse)
     if found is None:
         return 1.0
@@ -158,7 +175,7 @@ def _correlation(information: Information, full: Fit, inverse: Array) -> float:
 
 
 def _fit(full: Fit, whole: Information, kept: NDArray[np.intp], cost: float) -> Fit:
-    """Fit of the remaining parameters; the others are zero."""
+    """Makes the fit in which only the parameters `kept` differ from zero."""
     reduced = restrict(whole, kept)
     solution = Solution(reduced, full.weights)
     values = np.zeros(whole.count)
@@ -180,7 +197,7 @@ def _fit(full: Fit, whole: Information, kept: NDArray[np.intp], cost: float) -> 
 
 
 def _finding(dropped: tuple[str, ...], count: int, rise: float, ratio: float) -> Finding:
-    """Finding about the dropped parameters and the increase of the error."""
+    """Finding that names the dropped parameters and the increase of the residual."""
     names = f": {', '.join(dropped)}" if dropped else ""
     return Finding(
         "parameters-dropped",

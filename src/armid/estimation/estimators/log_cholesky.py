@@ -32,19 +32,20 @@ TOLERANCE = 1e-7
 """Relative decrease of the objective over the last steps below which the search ends."""
 
 PATIENCE = 10
-"""Number of steps over which this decrease is taken: in a curved valley that of a single step is small."""
+"""Number of steps over which the decrease for `TOLERANCE` is summed, because a single step may be small although
+the search has not ended."""
 
 SMALLEST = 1e-7
 """Lower limit of the diagonal entries of a factor. Without it the search would not end if a body has no thickness."""
 
 FARTHEST = 4.0
-"""Upper limit of the norm of a step; its entries are changes of logarithms and of the other unknowns."""
+"""Upper limit of the norm of a step, whose entries are changes of logarithms and of the other unknowns."""
 
 DAMPING = 1e-3
 """Initial damping, divided by the objective, for steps in logarithms."""
 
 SPREAD = 0.5
-"""Standard deviation of the random change of the logarithms in further starts."""
+"""Standard deviation of the random changes of the logarithms with which the second and further searches start."""
 
 UPPER = ((0, 0), (1, 1), (2, 2), (3, 3), (0, 1), (0, 2), (1, 2), (0, 3), (1, 3), (2, 3))
 """Row and column of each entry of an upper triangular factor T, the diagonal first."""
@@ -65,9 +66,9 @@ class LogCholesky:
 
     Attributes:
         prior: Kind of prior: `mass`, as in the estimator `physical`, or `none`.
-        starts: Number of searches: the first begins with the bodies of the description, or with `PLAIN`; in the other
-            searches, the start bodies are these bodies with random changes.
-        seed: Seed of the other starts.
+        starts: Number of searches. The first search starts with the bodies of the description, or with a usual body
+            if these are inconsistent; every other search starts with random changes of these bodies.
+        seed: Seed of the random changes.
         evaluations: Largest number of evaluations of a search.
     """
 
@@ -88,11 +89,12 @@ class LogCholesky:
         for option in ("starts", "evaluations"):
             if not isinstance(getattr(self, option), int) or getattr(self, option) < 1:
                 raise EstimationError(
-                    f"The option `{option}` must be a positive number; found {getattr(self, option)!r}."
+                    f"The option `{option}` must be a positive number; found {getattr(self, option)!r}.",
+                    remedy="leave the option out, which gives the usual number.",
                 )
 
     def with_one_start(self) -> LogCholesky:
-        """This estimator with a single start, which saves time when estimators are compared."""
+        """Copy of this estimator with a single start, which saves time when estimators are compared."""
         return replace(self, starts=1)
 
     @one_blas_thread
@@ -123,20 +125,24 @@ class LogCholesky:
         )
         findings = [Finding("local-search", "info", "", message)]
         if not best.settled:
-            message = f"The best search did not converge within {self.evaluations} evaluations."
+            message = (
+                f"The search with the smallest objective did not converge within {self.evaluations} evaluations."
+            )
             findings.append(
-                Finding("not-converged", "warning", "", message, "allow more with the option `evaluations`.")
+                Finding(
+                    "not-converged", "warning", "", message, "allow more evaluations with the option `evaluations`."
+                )
             )
         return fit_of(PhysicalEstimate(standard, weighted, belief, prior, values), findings)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Point:
-    """Point of a search.
+    """Values of the unknowns at a point of the search.
 
     Attributes:
-        T: Factors of the pseudo-inertias, shape (links, 4, 4).
-        others: Parameters that are not inertial, shape (o,).
+        T: Triangular factors of the pseudo-inertias of the links, shape (links, 4, 4).
+        others: The o parameters that are not inertial, shape (o,).
     """
 
     T: Array
@@ -145,7 +151,13 @@ class _Point:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _End:
-    """End of a search: its point, its objective, and whether it converged."""
+    """End of a search.
+
+    Attributes:
+        point: Last point of the search.
+        cost: Objective at this point.
+        settled: True if the search has converged.
+    """
 
     point: _Point
     cost: float
@@ -181,11 +193,11 @@ def _descend(search: _Search, point: _Point, evaluations: int) -> _End:
 
 
 class _Search:
-    """Residuals and their derivatives.
+    """Residuals of data and prior as functions of the unknowns, and their derivatives.
 
     A step multiplies a factor T by an upper triangular matrix U. The unknowns of a step are the off-diagonal entries
-    of U and the logarithms of its diagonal. They are zero at the start of each step, so the length of a step does not
-    depend on bodies, frames and units.
+    of U and the logarithms of the diagonal of U. These unknowns are zero at the start of each step, so the length of
+    a step does not depend on bodies, frames and units.
     """
 
     def __init__(self, standard: StandardParameters, weighted: WhitenedSystem, belief: Prior, light: bool) -> None:
@@ -202,7 +214,7 @@ class _Search:
         self.size = size * np.sqrt(2.0 * weighted.correlation / MASS) * (1.0 if light else 0.0)
 
     def start(self) -> _Point:
-        """First start: bodies of the description if they are physical, otherwise `PLAIN`, and some friction."""
+        """Point at which the first search starts: bodies of the description, or `PLAIN` if these are inconsistent."""
         factors: list[Array] = []
         for own in self.standard.inertial:
             J = PLAIN if self.standard.nominal is None else pseudo_inertia(self.standard.nominal[own])
@@ -212,7 +224,7 @@ class _Search:
         return _Point(np.array(factors).reshape(-1, 4, 4), np.where(self.positive, 0.1 * self.scale, 0.0))
 
     def moved(self, point: _Point, step: Array) -> _Point:
-        """The point after a step."""
+        """The point that a step leads to."""
         links = len(point.T)
         entries = step[: 10 * links].reshape(links, 10)
         U = np.zeros((links, 4, 4))
@@ -230,19 +242,19 @@ class _Search:
         return _Point(T, others)
 
     def values(self, point: _Point) -> Array:
-        """Standard parameters (p,)."""
+        """Standard parameters (p,) at a point."""
         result = np.zeros(len(self.standard.names))
         result[self.standard.inertial] = vector_from_pseudo_inertia(point.T @ np.swapaxes(point.T, 1, 2))
         result[self.where] = point.others
         return result
 
     def residual(self, point: _Point) -> Array:
-        """Residuals of data and prior; the objective is half of their sum of squares."""
+        """Residuals of data and prior at a point; the objective is half of the sum of their squares."""
         small = self.size[:, None] * point.T
         return np.concatenate([self.rows @ self.values(point) - self.side, small.ravel(), self.root * point.others])
 
     def jacobian(self, point: _Point) -> Array:
-        """Derivative of the residuals by the step."""
+        """Derivative of the residuals by the unknowns of a step that begins at a point."""
         T = point.T
         links = len(T)
         unknowns = 10 * links + len(self.where)

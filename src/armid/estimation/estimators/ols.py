@@ -20,7 +20,7 @@ from armid.threads import one_blas_thread
 
 @dataclass(frozen=True, slots=True)
 class OrdinaryLeastSquares:
-    """Estimate that minimises the sum of all squared residuals."""
+    """Ordinary least squares: minimises the sum of the squared residuals of all rows, unweighted."""
 
     name: ClassVar[str] = "ols"
     quick: ClassVar[bool] = True

@@ -37,16 +37,19 @@ arms. If no real body explains the data, the residual may be so many standard de
 errors of the solver hide the constraints. Then the next bound is used, and a finding records it."""
 
 FAR = 10.0
-"""RMS residual of a joint, in standard deviations of its noise, above which no body explains its torque."""
+"""RMS residual of a joint, in standard deviations of its noise, above which a finding says that no consistent arm
+explains the torque."""
 
 WEIGHTS = np.logspace(4.0, -1.0, 11)
-"""Weights of a prior that are tried, the largest first: from links known to 1 % to hardly known links."""
+"""Weights of a prior that are tried, the largest first. The largest one keeps links within about 1 % of the
+description; the smallest one hardly holds them."""
 
 TRIED = 1e-4
-"""Gap between cost and minimum at which the trial of a weight ends."""
+"""Difference between cost and minimum at which the solution for a tried weight counts as accurate enough."""
 
 LEAST_ERROR = 1e-4
-"""Lower bound of the held-out variance divided by the variance of the residual; smaller ratios count as equal."""
+"""Lower bound of the ratio of held-out variance to the variance of the residual; all smaller ratios count as this
+one."""
 
 REMEDY = "check the signs of torque and gravity, the units, and that the description belongs to this arm."
 """Remedy for torques that no consistent body explains."""
@@ -56,14 +59,15 @@ PRIORS = ("auto", "mass", "log-det", "euclidean", "none")
 
 @dataclass(frozen=True, slots=True)
 class PhysicallyConsistent:
-    """Estimator of the standard parameters of bodies that can exist, by convex optimisation.
+    """Estimator of standard parameters that real bodies can have, by convex optimisation.
 
     Attributes:
         prior: Kind of prior, for parameters that the data do not determine: `mass` prefers small bodies; `log-det`
             and `euclidean` prefer the bodies of the description; `none` is no prior; `auto` is `log-det` if the
             description gives every link a mass, otherwise `mass`.
-        weight: Weight of the prior, in independent samples of each joint. `auto` is 1; if `log-det` or `euclidean` is
-            given by name, the weight is found by cross-validation with blocks.
+        weight: Weight of the prior, in independent samples of each joint. `auto` means 1. If, however, the option
+            `prior` is `log-det` or `euclidean`, `auto` means that the weight is found by cross-validation with
+            blocks.
         epsilon: Lower bound of the eigenvalues of a pseudo-inertia [kg and kg·m²].
         heaviest: Upper bound of the mass of each link [kg].
         total_mass: Lower and upper bound of the mass of all links together [kg].
@@ -71,7 +75,7 @@ class PhysicallyConsistent:
             `{ 3 = [1.0, 4.0] }`.
         com: Points that enclose the centre of mass of a link, in the link frame [m], by the number of the link: two
             corners of a box, or at least four points of a convex hull.
-        equal: Sets of parameters that have equal values, such as `[["XX_7", "YY_7"]]`.
+        equal: Lists of names of parameters that have equal values, such as `[["XX_7", "YY_7"]]`.
         fixed: Known values of parameters, such as `{ XY_7 = 0.0 }`.
         known: Numbers of the links that are not estimated; their parameters are taken from the description.
     """
@@ -92,19 +96,41 @@ class PhysicallyConsistent:
     def __post_init__(self) -> None:
         if self.prior not in PRIORS:
             raise EstimationError(
-                f"Unknown prior {self.prior!r}.", possible=", ".join(PRIORS), remedy=did_you_mean(self.prior, PRIORS)
+                f"The option `prior` has the unknown value {self.prior!r}.",
+                possible=", ".join(PRIORS),
+                remedy=did_you_mean(self.prior, PRIORS),
             )
         if self.weight != "auto" and not (_number(self.weight) and 0.0 < self.weight < math.inf):
-            raise EstimationError(f"The option `weight` must be auto or a positive number; found {self.weight!r}.")
+            raise EstimationError(
+                f"The option `weight` must be auto or a positive number; found {self.weight!r}.",
+                remedy='use weight = "auto", or a number of independent samples such as 1.0.',
+            )
         if not (_number(self.epsilon) and 0.0 < self.epsilon < 1.0):
-            raise EstimationError(f"The option `epsilon` must be a small positive number; found {self.epsilon!r}.")
+            raise EstimationError(
+                f"The option `epsilon` must be a small positive number; found {self.epsilon!r}.",
+                remedy=f"leave the option out, which gives {EPSILON:g}.",
+            )
         if self.heaviest is not None and not (_number(self.heaviest) and self.heaviest > 0.0):
-            raise EstimationError(f"The option `heaviest` must be a positive mass [kg]; found {self.heaviest!r}.")
-        for option in ("masses", "com", "fixed"):
+            raise EstimationError(
+                f"The option `heaviest` must be a positive mass [kg]; found {self.heaviest!r}.",
+                remedy="give a number in kg, or leave the option out, so that masses have no upper bound.",
+            )
+        examples = {
+            "masses": "3 = [1.0, 4.0]",
+            "com": "3 = [[-0.1, -0.1, 0.0], [0.1, 0.1, 0.3]]",
+            "fixed": "XY_7 = 0.0",
+        }
+        for option, example in examples.items():
             if not isinstance(getattr(self, option), Mapping):
-                raise EstimationError(f"The option `{option}` must be a table; found {getattr(self, option)!r}.")
+                raise EstimationError(
+                    f"The option `{option}` must be a table; found {getattr(self, option)!r}.",
+                    remedy=f"write a table, for instance {option} = {{ {example} }}.",
+                )
         if not all(isinstance(group, list | tuple) for group in self.equal):
-            raise EstimationError(f"The option `equal` must be a list of lists of names; found {self.equal!r}.")
+            raise EstimationError(
+                f"The option `equal` must be a list of lists of names; found {self.equal!r}.",
+                remedy='write, for instance, equal = [["XX_7", "YY_7"]].',
+            )
         object.__setattr__(self, "equal", tuple(tuple(group) for group in self.equal))
 
     @one_blas_thread
@@ -112,9 +138,8 @@ class PhysicallyConsistent:
         """Estimates standard and base parameters.
 
         Raises:
-            EstimationError: The description lacks the masses for the chosen prior, or constraints contradict each
-                other.
-            UnsolvedError: No solution passed its checks.
+            EstimationError: The description lacks masses that the prior needs, or constraints contradict each other.
+            UnsolvedError: The solver found no solution that passes the checks.
         """
         trouble = UnsolvedError(
             "The solver found no physically consistent parameters.",
@@ -141,13 +166,16 @@ class PhysicallyConsistent:
         )
 
     def with_prior_of(self, problem: EstimationProblem, fit: Fit) -> PhysicallyConsistent:
-        """This estimator with the weight of the prior fixed to that of a fit; unchanged if the fit has no prior."""
+        """Copy of this estimator with the weight of the prior that a fit has used.
+
+        If the fit has no prior, the copy is equal to this estimator.
+        """
         del problem
         weight = 0.0 if fit.standard is None else fit.standard.prior.weight
         return replace(self, weight=weight) if weight > 0.0 else self
 
     def _estimate(self, problem: EstimationProblem, weighted: WhitenedSystem) -> Fit:
-        """Estimate from whitened data."""
+        """Estimates standard and base parameters from whitened data."""
         information = problem.information
         standard = standard_per_recording(problem.require_standard(self.name), problem.base, information)
         kind = self._kind(standard)
@@ -163,7 +191,7 @@ class PhysicallyConsistent:
         )
 
     def _kind(self, standard: StandardParameters) -> str:
-        """Kind of the prior that is used; `auto` is replaced by a kind."""
+        """Kind of the prior that is used; `auto` is replaced by `log-det` or `mass`."""
         if self.prior != "auto":
             return self.prior
         return "log-det" if standard.described else "mass"
@@ -171,7 +199,7 @@ class PhysicallyConsistent:
     def _weigh_prior(
         self, information: Information, program: ConsistentProgram, weighted: WhitenedSystem
     ) -> PriorUse:
-        """Prior with its weight and the reason for the weight."""
+        """Chooses the weight of the prior, by cross-validation if this is asked for, and states how it was found."""
         kind, correlation = program.kind, weighted.correlation
         if kind == "none":
             return PriorUse(kind, 0.0, "of this kind has none", correlation)
@@ -200,7 +228,7 @@ class PhysicallyConsistent:
 
 
 def _raised(resolution: float, far: Array) -> Finding:
-    """Finding that a higher noise level than the estimated one was used.
+    """Finding that a higher level of noise was assumed than the level estimated from the data.
 
     Args:
         resolution: Ratio of noise to torque that was assumed.
@@ -223,7 +251,7 @@ def _number(value: Any) -> bool:
 
 
 def _error(held_out: Information, values: Array, weights: Array) -> float:
-    """Mean over the joints of log(held-out variance / variance of the residual).
+    """Held-out error of a fold: mean over the joints of log(held-out variance / variance of the residual).
 
     Without the logarithm, one joint with a large error would determine the choice alone.
     """

@@ -2,12 +2,13 @@
 
     minimise |W (y - A π)|² + λ (π - π₀)ᵀ P (π - π₀)
 
-Here W contains the weights of the rows, A and y the factors and their right-hand side, and λ the weight of the prior.
-π₀ are the base parameters of the bodies in the description, or zero. P follows from the prior of the standard
-parameters (`armid.estimation.prior`): for each link, P is the second-order approximation of the log-det divergence. A
-change of all parameters of a link by 100 % then has the same cost for large and small links. With P = CᵀC and U S Vᵀ
-= W A C⁻¹, the solution for each λ is one product, π = π₀ + C⁻¹ V S (S² + λ)⁻¹ Uᵀ W (y - A π₀), so the
-cross-validation of λ takes a few milliseconds.
+Here π are the base parameters, W contains the weights of the rows, A and y are the factors and their right-hand side,
+and λ is the weight of the prior. The mean π₀ of the prior is zero, or the base parameters of the bodies in the
+description. The precision P of the prior follows from the log-det divergence of the standard parameters
+(`armid.estimation.prior`), approximated to second order. A change of all parameters of a link by 100 % then has the
+same cost for large and small links. With a factor C of P = CᵀC and the singular value decomposition U S Vᵀ = W A C⁻¹,
+the solution for each λ is one product, π = π₀ + C⁻¹ V S (S² + λ)⁻¹ Uᵀ W (y - A π₀), so the cross-validation of λ
+takes a few milliseconds.
 
 If the data hardly determine a direction of the parameters, the prior keeps the estimate near the description. Unlike
 the estimator `physical`, it does not make the bodies physically consistent.
@@ -35,11 +36,11 @@ from armid.maths.linalg import condition, scaled_condition
 from armid.threads import one_blas_thread
 
 STRENGTHS = np.concatenate([np.logspace(6.0, -4.0, 31), [0.0]])
-"""Weights of the prior that are tried, in independent samples, the largest first: from links known to 0.1 % to links
-known to a factor of 100."""
+"""Weights of the prior that are tried, in independent samples, the largest first. The largest one keeps links
+within about 0.1 % of the description; the smallest one that is not zero, within a factor of 100."""
 
 DOMINATED = 0.5
-"""Share of the prior in a parameter's value above which a finding names the parameter."""
+"""Share of the value of a parameter that comes from the prior, above which a finding names the parameter."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,8 +78,8 @@ class Ridge:
         """Estimates the base parameters, with standard deviations for white residuals.
 
         Raises:
-            EstimationError: The weight is zero and the data do not determine the parameters, or the prior needs a
-                description and there is none.
+            EstimationError: The weight is zero and the data do not determine all parameters, or the prior needs
+                inertial parameters that the description lacks.
         """
         weighted = whiten(problem.information)
         prior = self._prior(problem, weighted)
@@ -91,7 +92,7 @@ class Ridge:
         return _fit(weighted, prior, weight, how)
 
     def with_prior_of(self, problem: EstimationProblem, fit: Fit) -> Ridge:
-        """This estimator, with its weight fixed to the one that cross-validation finds on the data of a problem.
+        """Copy of this estimator with the weight that cross-validation finds on the data of a problem.
 
         A weight that is already a number is kept. `fit` is not used: the weight is found again from the data.
         """
@@ -126,7 +127,10 @@ class _Prior:
 
 
 def _places(problem: EstimationProblem) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Index of the base parameter, and recording (2 for `FV_1[2]`, 0 if common), of each parameter."""
+    """Base parameter and recording of each parameter of the information, shape (parameters,) each.
+
+    Base parameters are given by index. The recording is 2 for the copy `FV_1[2]`, and 0 for a common parameter.
+    """
     names = problem.information.names
     copy = np.array([name.recording or 0 for name in names], dtype=np.intp)
     if problem.base is None:
@@ -136,7 +140,7 @@ def _places(problem: EstimationProblem) -> tuple[NDArray[np.intp], NDArray[np.in
 
 
 class _Path:
-    """Estimates for all weights of the prior, from whitened rows."""
+    """Estimates as a function of the weight of the prior, from whitened rows."""
 
     def __init__(self, rows: Array, side: Array, prior: _Prior) -> None:
         self.mean = prior.mean
@@ -148,16 +152,19 @@ class _Path:
         self.projection = np.concatenate([projection, np.zeros(len(self.sizes) - len(projection))])
 
     def values(self, weight: float) -> Array:
-        """The estimate (b,)."""
+        """The estimate (b,) for a weight of the prior."""
         return self.mean + self.turned @ (self.sizes * self.projection / (self.sizes**2 + weight))
 
     def covariance(self, weight: float) -> Array:
-        """(H + λ P)⁻¹, shape (b, b)."""
+        """Inverse normal matrix (H + λ P)⁻¹, shape (b, b), for a weight λ of the prior.
+
+        H is the normal matrix of the data and P the precision of the prior.
+        """
         return (self.turned / (self.sizes**2 + weight)) @ self.turned.T
 
 
 def _chosen(information: Information, weighted: WhitenedSystem, prior: _Prior) -> tuple[float, str]:
-    """Weight with the smallest error on held-out folds, and a text that says how it was found."""
+    """Weight with the smallest error on held-out folds, and a text that says how this weight was found."""
     candidates = STRENGTHS[:-1] if len(weighted.unseen) else STRENGTHS
     parts = split(information, folds(information))
     if not parts:
@@ -172,7 +179,14 @@ def _chosen(information: Information, weighted: WhitenedSystem, prior: _Prior) -
 
 
 def _fit(weighted: WhitenedSystem, prior: _Prior, weight: float, how: str) -> Fit:
-    """The estimate for a weight of the prior."""
+    """Makes the fit for a weight of the prior.
+
+    Args:
+        weighted: The whitened data.
+        prior: The prior.
+        weight: Weight of the prior.
+        how: Text that says how the weight was found.
+    """
     whole, weights = weighted.whole, weighted.weights
     path = _Path(*rows_of(whole, weights), prior)
     values, white = path.values(weight), path.covariance(weight)
@@ -200,7 +214,7 @@ def _fit(weighted: WhitenedSystem, prior: _Prior, weight: float, how: str) -> Fi
 
 
 def _findings(names: tuple[str, ...], towards: str, weight: float, how: str, share: Array) -> list[Finding]:
-    """Findings about the prior's weight and the parameters that it determines."""
+    """Findings about the weight of the prior, and about parameters that depend more on the prior than on the data."""
     mean = "the description" if towards == "nominal" else "zero"
     findings = [weight_finding(f"prior towards {mean}", weight, how)]
     dominated = [name for name, part in zip(names, share, strict=True) if part > DOMINATED]

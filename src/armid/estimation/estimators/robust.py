@@ -2,19 +2,21 @@
 
     minimise Σ_j Σ_m ϱ(r_jm / s_j),        r_jm = τ_jm - x_jm π,        ψ = ϱ'
 
-by iteratively reweighted least squares [Holland1977]: each pass over the rows computes weights ψ(u) / u from the
-residuals u = r / s of the previous pass. The scale s_j is the median of |r_j|, divided by the median of the absolute
-value of a standard normal variable. `huber` is convex and has one minimum. `tukey` gives rows with very large
-residuals zero weight. It may have several minima, so the iteration starts at the minimum of `huber`.
+Here r_jm is the residual of row m of joint j, with the torque τ_jm, the regressor row x_jm and the parameters π; ϱ is
+the loss function with the derivative ψ, and s_j the scale of the residuals of the joint. The problem is solved by
+iteratively reweighted least squares [Holland1977]: each iteration computes weights ψ(u) / u from the scaled residuals
+u = r / s of the previous iteration. The scale s_j is the median of |r_j|, divided by the median of the absolute value
+of a standard normal variable. `huber` is convex and has one minimum. `tukey` gives rows with very large residuals
+zero weight. It may have several minima, so the iteration starts at the minimum of `huber`.
 
 The covariance is not that of least squares with these weights, since the sensitivity of the estimate to a row is
-given by the slope ψ', not by the weight [Huber1981, section 7.6]. With both averaged over a joint's rows, κ = mean ψ'
-/ mean weight, the estimate changes by
+given by the slope ψ', not by the weight [Huber1981, section 7.6]. With κ_j, the mean of ψ' over the rows of joint j
+divided by the mean weight, noise changes the estimate by
 
     H⁻¹ Σ_j Σ_m x_jmᵀ ψ_jm / s_j,        H = Σ_j κ_j Σ_m (ψ_jm / u_jm) x_jmᵀ x_jm / s_j².
 
 Least squares on rows with the weight κ ψ / u and the torque x π + r / κ has the same H, the same gradients and the
-same estimate. So the covariance can be computed from the factors of these rows by the usual methods, such as the
+same estimate. So the covariance can be computed from the factors of such rows by the usual methods, for instance the
 jackknife.
 """
 
@@ -43,7 +45,7 @@ from armid.remedy import Remedy, setting
 from armid.threads import one_blas_thread
 
 HUBER, TUKEY = 1.345, 4.685
-"""Constants that give an efficiency of 95 % under normal noise [Holland1977]."""
+"""Constants of the losses `huber` and `tukey` with which the efficiency is 95 % under normal noise [Holland1977]."""
 
 NORMAL_MEDIAN = 0.6744897501960817
 """Median of the absolute value of a standard normal variable."""
@@ -62,11 +64,12 @@ SCALED = 20
 scales every iteration decreases the objective."""
 
 SLIGHT = 0.5
-"""Weight below which the finding counts a row as an outlier. With normal noise these are 1 in 100 rows for `tukey`
-and 1 in 140 for `huber`."""
+"""Weight below which the finding counts a row as an outlier. With normal noise, 1 in 100 rows is counted for
+`tukey` and 1 in 140 for `huber`."""
 
 FLATTEST = 0.1
-"""Lower limit of κ. For a smaller κ so many rows exceed the constant that no covariance is meaningful."""
+"""Lower limit of κ, the ratio of mean slope to mean weight. If κ is smaller, so many rows have residuals above the
+constant of the loss that no covariance is meaningful."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +80,7 @@ class RobustLeastSquares:
         loss: `tukey` gives large residuals zero weight; `huber` gives them a small weight.
         constant: Ratio of residual to scale above which weights are below one (`huber`) or zero (`tukey`); if not
             given, 1.345 for `huber` and 4.685 for `tukey`.
-        iterations: Largest number of passes over the rows with one loss.
+        iterations: Largest number of iterations with one loss; each iteration reads all rows once.
     """
 
     loss: Literal["huber", "tukey"] = "tukey"
@@ -89,7 +92,7 @@ class RobustLeastSquares:
     def __post_init__(self) -> None:
         if self.loss not in ("huber", "tukey"):
             raise EstimationError(
-                f"Unknown loss {self.loss!r}.",
+                f"The option `loss` has the unknown value {self.loss!r}.",
                 possible="huber, tukey",
                 remedy=did_you_mean(self.loss, ("huber", "tukey")),
             )
@@ -118,7 +121,10 @@ class RobustLeastSquares:
         return passes.fit(start, found, model.robot.joint_names)
 
     def _settle(self, passes: _Passes, loss: _Loss, state: _State, *, moving: bool) -> _State:
-        """Iterates until the parameters converge."""
+        """Repeats iterations until the parameters converge.
+
+        `moving` is true if the scales are computed anew in each one.
+        """
         for k in range(self.iterations):
             updated = passes.improve(state, loss, moving=moving and k < SCALED)
             change = np.abs(updated.values - state.values)
@@ -138,7 +144,7 @@ class RobustLeastSquares:
 
 @dataclass(frozen=True, slots=True)
 class _Loss:
-    """Loss function ϱ, given by its weight ψ(u) / u and its slope ψ'(u)."""
+    """Loss function ϱ, given by the weight ψ(u) / u and the slope ψ'(u) of its derivative ψ."""
 
     kind: str
     constant: float
@@ -157,7 +163,14 @@ class _Loss:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _State:
-    """State of the iteration: parameters (b,), scales (n,), and the loss and deviations (b,) for the last weights."""
+    """State of the iteration.
+
+    Attributes:
+        values: Parameters, shape (b,).
+        scale: Scale of the residuals of each joint, shape (n,).
+        loss: Loss function of the last weights; `None` before the first iteration.
+        deviation: Standard deviations of the parameters with the last weights, shape (b,).
+    """
 
     values: Array
     scale: Array
@@ -166,7 +179,7 @@ class _State:
 
 
 class _Passes:
-    """Passes over the rows of a problem."""
+    """Computations that read all rows of a problem, batch by batch."""
 
     def __init__(self, problem: EstimationProblem, every: WeightedRows) -> None:
         self.information = problem.information
@@ -181,14 +194,14 @@ class _Passes:
         self.free = 1.0 - problem.information.count / max(float(rows.sum()), problem.information.count + 1.0)
 
     def residual(self, batch: Batch, j: int, values: Array) -> Array:
-        """Residuals (M,) of one joint's rows."""
+        """Residuals (M,) of the M rows of joint j in a batch."""
         layout, recording = self.every.source.layout, self.every.observations.runs[batch.run].recording
         numbers = self._numbers(recording)[layout.parameters[j]]
         a, b = layout.offset[j], layout.offset[j + 1]
         return batch.x[b - 1] - values[numbers] @ batch.x[a : b - 1]
 
     def _numbers(self, recording: int) -> NDArray[np.intp]:
-        """Position of each base parameter, or of its copy for a recording, among the information's parameters."""
+        """Index of each base parameter, or of its copy for a recording, among the parameters of the information."""
         if not self.own.any():
             return np.arange(len(self.names))
         index = {name: k for k, name in enumerate(self.information.names)}
@@ -198,7 +211,10 @@ class _Passes:
         return np.array([index[name] for name in copies], dtype=np.intp)
 
     def scale(self, values: Array) -> Array:
-        """Scale (n,) of each joint's residuals, from the median of |r_j|, corrected for the degrees of freedom."""
+        """Scale of the residuals of each joint, shape (n,), from the median of their absolute values.
+
+        The scale is corrected for the degrees of freedom.
+        """
         sizes: list[list[Array]] = [[] for _ in self.floor]
         for batch in self.every:
             for j, own in enumerate(sizes):
@@ -214,7 +230,13 @@ class _Passes:
         return _State(solution.values, scale, loss, np.sqrt(np.diag(solution.inverse)))
 
     def weighted(self, state: _State, loss: _Loss, *, blocks: bool) -> Information:
-        """Factors of the weighted rows, with the parameters of the problem's information."""
+        """Factors of the rows with the weights of a loss.
+
+        Args:
+            state: Parameters and scales from which the weights are computed.
+            loss: The loss.
+            blocks: True to keep the blocks of the information separate, false to merge them.
+        """
 
         def weigh(batch: Batch, j: int) -> Array:
             return loss.weight(self.residual(batch, j, state.values) / state.scale[j])
@@ -222,7 +244,7 @@ class _Passes:
         return separate_by_recording(weighted_information(self.every, weigh, blocks=blocks), self.own)
 
     def fit(self, start: Fit, state: _State, joints: tuple[str, ...]) -> Fit:
-        """Fit, with the factors and scales from which its covariance is computed.
+        """Makes the fit, with the factors and scales from which the covariance is computed.
 
         Args:
             start: Fit by weighted least squares, from which the entries that do not change are taken.
@@ -251,7 +273,10 @@ class _Passes:
         )
 
     def _means(self, state: _State, loss: _Loss) -> tuple[Array, Array, NDArray[np.int64]]:
-        """For each joint: κ; mean ψ² / mean weight, corrected for freedom; number of rows with small weights."""
+        """Three values for each joint, shape (n,): κ, mean ψ² / mean weight, and number of small weights.
+
+        The second value is corrected for the degrees of freedom.
+        """
         sums = np.zeros((len(self.floor), 4))
         for batch in self.every:
             for j, row in enumerate(sums):
@@ -274,7 +299,7 @@ def _working(weighted: Information, values: Array, kappa: Array) -> Information:
 
 
 def _finding(slight: NDArray[np.int64], rows: NDArray[np.int64], joints: tuple[str, ...]) -> Finding:
-    """Finding with the number of rows whose weight is below one half."""
+    """Finding that states, for each joint, the number of rows whose weight is below one half."""
     shares = ", ".join(
         f"{name} {count} of {of}" for name, count, of in zip(joints, slight.tolist(), rows.tolist(), strict=True)
     )

@@ -1,10 +1,11 @@
 """Estimate of physical parameters as in the thesis, equations (3.52) and (3.53) [Halper2024].
 
-    minimise |ρ - W π(μ)|²    over μ = (m, r, I about the centre of mass, friction)    with bounds and inequalities
+    minimise |ρ - W π(μ)|²  over μ = (m, r, I about the centre of mass, friction)  with bounds and inequalities
 
-The inequalities (3.53) of the thesis are heuristic: they neither imply nor follow from physical consistency. The
-result is therefore usually not physical; a finding reports this. The problem is not convex, so IPOPT solves it from
-several starts, with exact first and second derivatives.
+W and ρ are the stacked regressor and torque, and π(μ) the standard parameters that follow from the mass m, the centre
+of mass r and the inertia I of each link. The inequalities (3.53) of the thesis are heuristic: they neither imply nor
+follow from physical consistency. The result is therefore usually not physical; a finding reports this. The problem is
+not convex, so IPOPT solves it from several starts, with exact first and second derivatives.
 """
 
 from __future__ import annotations
@@ -29,8 +30,8 @@ from armid.estimation.whitened_system import WhitenedSystem, whiten
 from armid.threads import one_blas_thread
 
 CONSTRAINTS = ("3.52d", "3.53a", "3.53b", "3.53c", "3.53d", "3.53e", "3.53f")
-"""Numbers of the equations of the thesis that are used as inequalities. Equation (3.52c), positive masses, is not
-among them: it is the lower bound of the masses."""
+"""Numbers of the equations of the thesis that are used as inequalities. Equation (3.52c) of the thesis, positive
+masses, is not in the list, because it is the lower bound of the masses."""
 
 RESOLUTION = 1e-5
 """Lower limit of the noise, divided by the torque, as in `physical`."""
@@ -57,10 +58,11 @@ class ThesisNLP:
         moment: Bounds of a moment of inertia about the centre of mass [kg·m²].
         product: Bound of the absolute value of a product of inertia [kg·m²].
         friction: Bound of the absolute value of a friction parameter.
-        long: Two lists of numbers of links: links that are long along z, for equation (3.53e), and along y, for
-            (3.53f).
-        starts: Number of searches: the first begins in the middle of the bounds, the others at random points.
-        seed: Seed of the other starts.
+        long: Two lists of numbers of links: links that are long along z, for equation (3.53e) of the thesis, and
+            links that are long along y, for equation (3.53f).
+        starts: Number of searches. The first search begins in the middle of the bounds, every other search at a
+            random point.
+        seed: Seed of the random points.
         iterations: Largest number of iterations of a search.
     """
 
@@ -82,7 +84,7 @@ class ThesisNLP:
         unknown = [c for c in self.constraints if c not in CONSTRAINTS]
         if unknown:
             raise EstimationError(
-                f"Unknown constraint {unknown[0]!r}.",
+                f"The option `constraints` contains the unknown constraint {unknown[0]!r}.",
                 possible=", ".join(CONSTRAINTS),
                 remedy=did_you_mean(unknown[0], CONSTRAINTS),
             )
@@ -90,17 +92,24 @@ class ThesisNLP:
             bounds = getattr(self, option)
             if len(bounds) != 2 or not 0.0 < bounds[0] < bounds[1]:
                 raise EstimationError(
-                    f"The option `{option}` must be a lower and a larger upper bound; found {bounds!r}."
+                    f"The option `{option}` must be a lower and a larger upper bound; found {bounds!r}.",
+                    remedy=f"give two numbers, for instance {option} = [0.05, 2.0].",
                 )
         for option in ("com", "product", "friction", "starts", "iterations"):
             if not getattr(self, option) > 0:
-                raise EstimationError(f"The option `{option}` must be positive; found {getattr(self, option)!r}.")
+                raise EstimationError(
+                    f"The option `{option}` must be positive; found {getattr(self, option)!r}.",
+                    remedy="give a number above 0, or leave the option out.",
+                )
         if len(self.long) != 2:
-            raise EstimationError(f"The option `long` must be two lists of link numbers; found {self.long!r}.")
+            raise EstimationError(
+                f"The option `long` must be two lists of link numbers; found {self.long!r}.",
+                remedy="give two lists, for instance long = [[1, 3, 5], [2, 4]].",
+            )
         object.__setattr__(self, "long", tuple(tuple(links) for links in self.long))
 
     def with_one_start(self) -> ThesisNLP:
-        """This estimator with a single start, which saves time when estimators are compared."""
+        """Copy of this estimator with a single start, which saves time when estimators are compared."""
         return replace(self, starts=1)
 
     @one_blas_thread
@@ -121,7 +130,9 @@ class ThesisNLP:
         if not good:
             raise EstimationError(
                 f"IPOPT found no solution from {self.starts} starts ({', '.join(sorted({e[2] for e in ends}))}).",
-                remedy="choose wider bounds, fewer constraints or more starts.",
+                remedy="choose wider bounds (options `mass`, `com`, `moment`, `product`, `friction`), fewer "
+                "`constraints` or more "
+                "`starts`.",
             )
         values = min(good, key=lambda each: each[0])[1]
         costs = ", ".join(f"{each[0]:.8g}" if each[2] in SOLVED else each[2] for each in ends)
@@ -131,8 +142,9 @@ class ThesisNLP:
                 "info",
                 "",
                 f"{self.starts} searches from different start values ended with the objective values {costs}; the "
-                "result with the smallest one is used. Where they differ, some searches ended in a local minimum.",
-                "where they differ, increase `starts` and compare.",
+                "result with the smallest value is used. If the values differ, some searches ended in a local "
+                "minimum.",
+                "if the values differ, increase the option `starts`, and see whether a smaller value is found.",
             )
         ]
         belief = make_prior("none", standard, weighted)
@@ -141,7 +153,7 @@ class ThesisNLP:
 
 
 class _Program:
-    """Nonlinear program in casadi, built once for all starts."""
+    """Nonlinear program of the thesis, which casadi builds once for all starts."""
 
     def __init__(self, options: ThesisNLP, standard: StandardParameters, weighted: WhitenedSystem) -> None:
         try:
@@ -177,7 +189,11 @@ class _Program:
         return float(found["f"]) / self.scale, values, str(self.solver.stats()["return_status"])
 
     def _standard(self, unknowns: Any) -> Any:
-        """Standard parameters from the unknowns: m, r and I about the centre of mass of each link, then others."""
+        """Standard parameters as casadi expressions of the unknowns.
+
+        The unknowns are mass, centre of mass and inertia about the centre of mass of each link, then all other
+        parameters.
+        """
         casadi = self.casadi
         result: list[Any] = [0.0] * len(self.standard.names)
         for k, own in enumerate(self.standard.inertial):
@@ -192,7 +208,7 @@ class _Program:
         return casadi.vertcat(*result)
 
     def _inequalities(self, options: ThesisNLP, unknowns: Any) -> list[Any]:
-        """Expressions that must not be negative."""
+        """Expressions in the unknowns that must not be negative, for the constraints in use."""
         limits: list[Any] = []
         for k, own in enumerate(self.standard.inertial):
             link = self.standard.names[own[0]].number
@@ -218,7 +234,7 @@ class _Program:
 
 
 def _bounds(options: ThesisNLP, standard: StandardParameters, others: NDArray[np.intp]) -> tuple[Array, Array]:
-    """Bounds of the unknowns."""
+    """Lower and upper bounds of the unknowns, one array each."""
     (least, most), (small, large), far, cross = options.mass, options.moment, options.com, options.product
     low = [least, -far, -far, -far, small, -cross, small, -cross, -cross, small]
     high = [most, far, far, far, large, cross, large, cross, cross, large]

@@ -1,8 +1,8 @@
 """Weighted least squares with one weight for each joint, found by iteration.
 
 The rows of each joint are divided by the standard deviation of the residual of this joint. This is repeated with the
-new residuals until the standard deviations converge [Gautier1997]. It is the maximum-likelihood estimate for joints
-with different noise.
+new residuals until the standard deviations converge [Gautier1997]. The result is the maximum-likelihood estimate for
+joints with different noise.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ weights, and the weights of data with rounding errors only would never converge.
 
 @dataclass(frozen=True, slots=True)
 class WeightedLeastSquares:
-    """Estimate that minimises the sum of squared residuals, each divided by the variance of the noise of its joint.
+    """Weighted least squares: the squared residuals of each joint are divided by the noise variance of the joint.
 
     Attributes:
         iterations: Largest number of iterations.
