@@ -1,1 +1,1 @@
-"""Design and check of the motion to record."""
+"""Design of the motion to record, and check of this motion against all limits."""

@@ -2,7 +2,8 @@
 
 The amplitude of each joint that stays well below all its own limits is enlarged up to the first of these limits. The
 pairs of bodies that then come too close, and the limits that are then exceeded, are the reason why the plan is small.
-The ratio of the predicted standard deviations of both motions shows the loss of accuracy.
+The predicted standard deviations of the parameters for the plan, divided by those for the enlarged motion, show the
+loss of accuracy.
 """
 
 from __future__ import annotations
@@ -24,22 +25,23 @@ from armid.robot.collision_body_names import BodyPair
 from armid.robot.kinematics import forward_kinematics
 
 USED = 0.75
-"""Largest share of its own limits that a joint uses if it counts as well below its limits."""
+"""A joint counts as well below its limits if it uses at most this share of each of its own limits."""
 
 LARGEST = 5.0
 """Largest factor by which the amplitude of a joint is enlarged."""
 
 COST = 1.3
-"""Median ratio of the standard deviations of both motions, from which the finding is made."""
+"""Smallest loss of accuracy for which the finding is made: the standard deviation of a base parameter for the plan,
+divided by its standard deviation for the enlarged motion; median over the parameters."""
 
 PARTS = np.linspace(0.1, 1.0, 10)
-"""Parts of the enlargement in which limits are evaluated, to find those that are exceeded first."""
+"""Shares of the enlargement at which the limits are evaluated, to find the limits that are exceeded first."""
 
 TESTED = 10.0
-"""Rate at which limits and bodies are tested along the enlarged motions [Hz]."""
+"""Rate at which limits and distances of bodies are evaluated along the enlarged motions [Hz]."""
 
 NAMED = 3
-"""Largest number of pairs and limits that are named."""
+"""Largest number of limits and pairs of bodies that the finding names."""
 
 REMEDIES = {
     "torque": "--limit JOINT.effort=VALUE or --torque-margin",
@@ -48,7 +50,7 @@ REMEDIES = {
     "jerk": "--jerk or --limit JOINT.jerk=VALUE",
     "tip": "--tip-box",
 }
-"""Options that relax limits."""
+"""Options of `armid excite` that relax a limit, by the kind of the limit."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,10 +58,10 @@ class Restraint:
     """Limit that an enlarged motion exceeds.
 
     Attributes:
-        limit: Kind of the limit, `collision` for the distance of two bodies.
-        label: Name of the joint, of the plane or of the pair of bodies.
+        limit: Kind of the limit, for instance `velocity`; `collision` for the distance of two bodies.
+        label: Name of the joint, of the plane or of the pair of bodies that has the limit.
         required: Required distance of two bodies [m]; zero if the limit is not a distance.
-        part: Share of the enlargement, from 0 to 1, at which the limit is first exceeded.
+        part: Share of the enlargement at which the limit is first exceeded, from 0 (the plan) to 1.
     """
 
     limit: str
@@ -69,7 +71,7 @@ class Restraint:
 
     @property
     def text(self) -> str:
-        """Text that describes the limit."""
+        """Text that names the kind of the limit and the joint, plane or pair of bodies that has it."""
         if self.limit == "collision":
             return f"the distance of {self.label} ({1000.0 * self.required:.1f} mm required)"
         return f"the limit of {self.limit} of {self.label}"
@@ -82,7 +84,7 @@ def restrained_motion(
 
     Args:
         problem: Criterion and limits of the design.
-        x: Unknowns of the plan, shape (n k,).
+        x: Unknowns of the plan, shape (n k,), with k unknowns of each joint.
         margins: Margins of the plan to all limits.
         collision: Pairs of bodies that must keep a distance; `None` for no collision check.
 
@@ -114,14 +116,14 @@ def restrained_motion(
 
 
 def _deviations(grid: Objective, x: Array) -> Array:
-    """Predicted standard deviations (b,) of the base parameters."""
+    """Predicted standard deviations (b,) of the base parameters for the series with unknowns x, shape (n k,)."""
     return np.sqrt(np.maximum(np.diag(np.linalg.inv(grid.information(x))), np.finfo(float).tiny))
 
 
 def _restraints(
     problem: DescentProblem, x: Array, factors: Array, collision: CollisionOptions | None
 ) -> list[Restraint]:
-    """Limits that are exceeded first while joints are enlarged by factors (n,), at most `NAMED`.
+    """Limits that are exceeded first while the amplitudes of the joints grow up to the factors (n,); at most `NAMED`.
 
     The result is empty if neither the distance of a pair of bodies nor a limit of another joint is violated before
     the enlargement is complete.

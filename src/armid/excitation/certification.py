@@ -1,7 +1,8 @@
-"""Certification of a plan: check of every limit on a fine grid, with bounds for the time between its points.
+"""Certification of a plan: check of every limit on a fine grid, with bounds for the time between the grid points.
 
-A finite Fourier series is band-limited. Sums of its amplitudes bound its derivatives, and these bound how far a
-quantity can rise between two points of the grid. The certified value is the maximum on the grid plus this bound.
+A finite Fourier series is band-limited: sums of its amplitudes are upper bounds of its derivatives. From these bounds
+follows how far a quantity can rise between two points of the grid. The certified value is the maximum on the grid
+plus this bound.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from armid.excitation.limits.torque_limits import Torque
 from armid.excitation.limits.workspace import SCALE, Workspace
 
 RATE = 1000.0
-"""Rate of the grid [Hz]."""
+"""Smallest rate of the grid on which a plan is certified [Hz]."""
 
 CHUNK = 2000
 """Number of grid points that are evaluated at a time, to save memory."""
@@ -35,7 +36,7 @@ points that are evaluated first; and certified utilisation at these points from 
 all points. The utilisation is zero at the distance `SCALE` above the required one."""
 
 SLACK = 2e-4
-"""Smallest relative decrease of the amplitude in one step of shrinking."""
+"""Smallest relative decrease of the amplitudes of a plan in one step, if a limit is violated."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,7 +66,7 @@ class Margin:
 
 
 def fine_grid(problem: DescentProblem) -> tuple[Objective, ...]:
-    """Grid in chunks, with at least 1000 points per second and 40 points per period of the highest harmonic."""
+    """Grid over one period, in chunks: at least 1000 points per second and 40 per period of the highest harmonic."""
     basis = problem.basis
     samples = math.ceil(max(RATE * basis.period, 40.0 * basis.harmonics))
     times = basis.times(samples)
@@ -79,7 +80,7 @@ Peaks = list[tuple[Array, Array, Array]]
 
 
 def _peaks(problem: DescentProblem, grid: tuple[Objective, ...], x: Array) -> Peaks:
-    """Maximum utilisation (m,), certified utilisation (m,) and times (m,) [s] of each channel.
+    """For each channel: maximum utilisation, certified utilisation and time of the maximum [s], shape (m,) each.
 
     The bound of the rise between points is computed for each chunk separately, and only roughly if the chunk is far
     from the limit. It is therefore added to the maximum of each chunk before the chunks are compared.
@@ -104,7 +105,7 @@ def _peaks(problem: DescentProblem, grid: tuple[Objective, ...], x: Array) -> Pe
 
 
 def _peaks_of(channel: ConstraintChannel, states: States, step: float) -> tuple[Array, Array, Array]:
-    """Maximum and certified utilisations (m,) of a channel on a grid of a step [s], and times (m,) of the maxima."""
+    """Maximum and certified utilisations (m,) of a channel on a grid of given step [s]; times (m,) [s] of maxima."""
     values = channel.values(states)
     at, highest = values.argmax(axis=0), values.max(axis=0)
     times = states.objective.times[at] if len(values) > 1 else np.full(len(at), np.nan)
@@ -114,7 +115,7 @@ def _peaks_of(channel: ConstraintChannel, states: States, step: float) -> tuple[
 def _peaks_of_distances(
     problem: DescentProblem, channel: Clearance, times: Array, x: Array, step: float
 ) -> tuple[Array, Array, Array]:
-    """Maximum and certified utilisations and times of distances, with fewer points for pairs that are far apart."""
+    """Results of `_peaks_of` for distances of bodies; for pairs that are far apart, at fewer points of the grid."""
 
     def states(times: Array) -> States:
         return States(Objective(problem.goal, problem.basis, len(times), times=times), x, rough=True)
@@ -129,15 +130,15 @@ def _peaks_of_distances(
 
 
 def certified(problem: DescentProblem, grid: tuple[Objective, ...], x: Array) -> tuple[Array, tuple[Margin, ...]]:
-    """Reduces the amplitudes of a plan about its start pose until every limit is certified.
+    """Reduces the amplitudes of a plan about the start pose until the plan provably keeps every limit at all times.
 
     Args:
         problem: Optimisation problem with the limits.
         grid: Grid of `fine_grid`.
-        x: Unknowns of the plan, shape (n k,).
+        x: Unknowns of the plan, shape (n k,), with k unknowns of each joint.
 
     Returns:
-        Unknowns (n k,) of the certified plan, and its margins to the limits.
+        Unknowns (n k,) of the certified plan, and the margins of this plan to the limits.
 
     Raises:
         ArmidError: Even a very small motion violates a limit; the message names the limit and the joint.
@@ -162,7 +163,7 @@ def certified(problem: DescentProblem, grid: tuple[Objective, ...], x: Array) ->
     raise ArmidError(
         f"The limit of {name} of {label} cannot be kept: even a very small motion about the start pose reaches "
         f"{100 * worst:.1f} % of it.",
-        remedy=f"relax {name} of {label}, or choose another start pose.",
+        remedy=f"relax the limit of {name} of {label}, or choose another start pose with --start.",
     )
 
 
@@ -170,12 +171,12 @@ UNITS = {0: ("rad", "m"), 1: ("rad/s", "m/s"), 2: ("rad/s²", "m/s²"), 3: ("rad
 
 
 def margins(problem: DescentProblem, grid: tuple[Objective, ...], x: Array) -> tuple[Margin, ...]:
-    """Margins of a plan (n k,) to every limit, on a grid of `fine_grid`."""
+    """Margins to every limit of the plan with unknowns x, shape (n k,), computed on a grid of `fine_grid`."""
     return _margins(problem, x, _peaks(problem, grid, x))
 
 
 def _margins(problem: DescentProblem, x: Array, peaks: Peaks) -> tuple[Margin, ...]:
-    """Margins of a plan from the peaks of its channels."""
+    """Margins of the plan with unknowns x, shape (n k,), to every limit, from the result of `_peaks`."""
     result: list[Margin] = []
     robot = problem.goal.model.robot
     series = problem.basis.excitation(x)
@@ -193,7 +194,7 @@ def _margins(problem: DescentProblem, x: Array, peaks: Peaks) -> tuple[Margin, .
 
 
 def _physical(channel: ConstraintChannel, k: int, share: float, slides: bool) -> tuple[float, float, str]:
-    """Value, bound and unit of the limit k of a channel, computed from the utilisation of this limit."""
+    """Value, limit and unit of the quantity k of a constraint channel, computed from the utilisation of its limit."""
     if isinstance(channel, RangeLimit):
         bound, unit = float(channel.half[k]), UNITS[channel.order][slides]
     elif isinstance(channel, Torque):

@@ -2,7 +2,8 @@
 
     q_i(t) = offset_i + Σ_l a_il / (ω l) sin(ω l t) - b_il / (ω l) cos(ω l t)
 
-This is equation (3.55b) of the thesis. The coefficients a and b are those of the velocity [Swevers1997].
+This is equation (3.55b) of the thesis for joint i, with base frequency ω and harmonics l = 1 … L. The coefficients a
+and b are those of the velocity [Swevers1997].
 """
 
 from __future__ import annotations
@@ -97,7 +98,7 @@ class Excitation(Displayed):
         return self.at(np.arange(round(periods * self.period * rate)) / rate)
 
     def stretched(self, period: float) -> Excitation:
-        """Motion along the same path with another period [s]; velocities are inversely proportional to the period."""
+        """Motion along the same path, slowed down or sped up so that its period is `period` [s]."""
         ratio = self.period / period
         return replace(self, base_frequency=self.base_frequency * ratio, a=self.a * ratio, b=self.b * ratio)
 
@@ -140,7 +141,7 @@ def load_plan(path: Path | str) -> Excitation:
 
 
 def required_series(plan: object) -> Excitation:
-    """Returns the argument if it is an `Excitation`.
+    """Returns the argument if it is an `Excitation`; otherwise raises an error.
 
     Raises:
         ArmidError: The argument is something else, for instance the name of a file.

@@ -1,4 +1,4 @@
-"""Motion of a whole recording: a smooth move to the start pose, the repeated excitation, and a smooth move back.
+"""Motion of a whole recording: a smooth move to the start pose, the repeated excitation, and a smooth last move.
 
 The series starts and ends at rest. A move is a polynomial of the fifth degree, so the acceleration does not jump.
 """
@@ -39,9 +39,9 @@ class Plan(Displayed):
         excitation: The periodic motion.
         repetitions: Number of periods; there is no pause between them.
         begin: Pose before the move to the start pose, shape (n,) [rad or m]; `None` for no such move.
-        end: Pose after the move back, shape (n,) [rad or m]; `None` for no such move.
+        end: Pose after the move that follows the excitation, shape (n,) [rad or m]; `None` for no such move.
         lead_in: Duration of the move to the start pose [s].
-        lead_out: Duration of the move back [s].
+        lead_out: Duration of the move after the excitation [s].
     """
 
     excitation: Excitation
@@ -115,8 +115,8 @@ class Plan(Displayed):
         """Plan with the same path, one repetition and reduced speed, to be tried before the plan itself.
 
         Args:
-            speed: Factor of the speed, above 0 and at most 1. Velocities are multiplied by it, accelerations by its
-                square.
+            speed: Factor of the speed, above 0 and at most 1. Velocities are multiplied by this factor, accelerations
+                by its square.
         """
         if not 0.0 < speed <= 1.0:
             raise ArmidError(

@@ -1,8 +1,9 @@
 """Point-to-point experiments: static poses for gravity, and sweeps at constant velocity for friction.
 
-Poses are selected from many random ones with an exchange algorithm that minimises the confidence ellipsoid of the
-gravity parameters. A sweep moves one joint back and forth at a constant velocity, while the other joints rest. Both
-motions consist of segments: polynomials of the fifth degree, standstill, and motion at constant velocity.
+The poses are selected from many random poses by an exchange algorithm that minimises the volume of the confidence
+ellipsoid of the gravity parameters. A sweep moves one joint back and forth at a constant velocity, while the other
+joints rest. Both motions consist of segments: polynomials of the fifth degree, standstill, and motion at constant
+velocity.
 """
 
 from __future__ import annotations
@@ -26,11 +27,12 @@ CANDIDATES = 600
 """Number of random poses from which the static poses are selected."""
 
 EXCHANGES = 6
-"""Largest number of passes of the exchange algorithm; after the third pass the value hardly changes."""
+"""Largest number of times that the exchange algorithm tries to replace every selected pose; after the third time the
+determinant of the information matrix hardly changes."""
 
 RIDGE = 1e-6
-"""Initial information, relative to the information of all candidates. It is needed because the information of few
-poses is singular."""
+"""Initial information, divided by the information of all random poses. It is needed because the information matrix of
+few poses is singular."""
 
 SHARE = 0.5
 """Share of the limits of velocity and acceleration that is used by moves between poses."""
@@ -42,7 +44,8 @@ LOOKS = 60
 """Number of poses on a straight move that are checked for collisions."""
 
 EVEN = 4.0
-"""Longest time at constant velocity in a sweep [s]; a longer time would not improve the friction at one velocity."""
+"""Longest time at constant velocity in a sweep [s]; a longer time would hardly improve the estimate of friction at
+this velocity."""
 
 PLACES, NARROW = 80, 1e-3
 """Number of positions of each joint that are checked for collisions on each side of the start, and smallest range
@@ -99,7 +102,7 @@ class Moves:
         return Motion(t, q, dq, ddq)
 
     def rehearsal(self, speed: float) -> Moves:
-        """Motion along the same path at a fraction of the speed, above 0 and at most 1."""
+        """Motion along the same path, slowed down to `speed` times the planned speed, above 0 and at most 1."""
         if not 0.0 < speed <= 1.0:
             raise ArmidError(
                 f"The speed of a rehearsal must be above 0 and at most 1; found {speed}.",
@@ -174,7 +177,7 @@ def choose_poses(
 
 
 def _best(G: Array, rows: Array, taken: Sequence[int]) -> int:
-    """Index of the candidate whose rows increase the determinant of G most; candidates in `taken` are excluded."""
+    """Index of the random pose whose rows increase the determinant of G most; poses in `taken` are excluded."""
     inverse = np.linalg.inv(G)
     n = rows.shape[1]
     gain = np.linalg.slogdet(np.eye(n) + np.einsum("nja,ab,nkb->njk", rows, inverse, rows))[1]
@@ -224,8 +227,8 @@ def poses_plan(
         limits: Limits of the joints.
         rest: Duration of the standstill in each pose [s].
         via: Pose (n,) through which the arm moves if the straight move would collide.
-        free: Function that tests whether poses (N, n) are free of collisions, result (N,); if not given, all are
-            free.
+        free: Function that tests whether poses (N, n) are free of collisions, result (N,); if not given, all poses
+            are free.
 
     Raises:
         ArmidError: The duration of the standstill is not positive.
@@ -278,7 +281,7 @@ def sweeps_plan(start: Array, limits: Limits, speeds: Sequence[float] = (0.05, 0
     """Motion of one joint after the other, back and forth at constant velocities, from the start pose.
 
     Before and after the constant velocity, the joint accelerates and decelerates with at most half its acceleration
-    limit. A velocity is left out if the range of the joint is too short for it.
+    limit. A velocity is left out if the range of the joint is too short to reach this velocity.
 
     Args:
         start: Pose in which the other joints rest, shape (n,) [rad or m].

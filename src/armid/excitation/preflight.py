@@ -25,7 +25,7 @@ from armid.notebook_display import plural
 Verdict = Literal["pass", "fail", "weak", "not checked"]
 
 NAMED = 3
-"""Largest number of limits and of pairs of bodies that are named in a sentence."""
+"""Largest number of limits, of pairs of bodies or of joints that a sentence names."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -60,12 +60,13 @@ class Preflight:
             them.
         expected: Predicted uncertainty of the parameters; `None` for poses and sweeps.
         unchecked: Reason why collisions are not checked; empty if they are checked.
-        weak: Finding that the motion is too weak to identify the arm; `None` if it is not.
-        wider: Finding that limits are wider than those of the description; `None` if they are not.
+        weak: Finding that the motion is too weak to identify the arm; `None` if the motion is sufficient.
+        wider: Finding about limits that are wider than those of the description; `None` if there are none.
         touching: Contacts between bodies of pairs that are not checked.
-        torque_lacks: Parts of the torque, for instance `friction`, that are missing in the torque that is compared
-            with the limits; empty if torque is not checked or complete.
-        clearance: Distance that was asked for [m]; pairs that are close by construction must keep less.
+        torque_lacks: Contributions, for instance `friction`, that the torque that is compared with the limits does
+            not contain; empty if torque is not checked, or if it is complete.
+        clearance: Distance between bodies that the user requires [m]; pairs that are close by construction need only
+            keep a smaller distance.
     """
 
     margins: tuple[Margin, ...]
@@ -94,7 +95,7 @@ class Preflight:
 
     @property
     def sentence(self) -> str:
-        """Verdict as a sentence."""
+        """Verdict on the plan as a sentence: the limits and distances that are not kept, or that all are kept."""
         failures = [
             f"the limit of {each.limit} of {each.label} is exceeded: {each.value:.4g} {each.unit}"
             for each in self._missed
@@ -116,7 +117,7 @@ class Preflight:
 
     @property
     def reduced(self) -> tuple[ClosestApproach, ...]:
-        """Approaches that are closer than the clearance, of pairs that must keep less of it."""
+        """Closest approaches below the clearance, of pairs that need only keep a smaller distance."""
         least = self.clearance - ROUNDING
         return tuple(each for each in self.approaches if each.required_distance < least and each.distance < least)
 
@@ -138,7 +139,7 @@ class Preflight:
 
     @property
     def _reduction(self) -> str:
-        """Number of the pairs that are closer than the clearance, and the least that they must keep."""
+        """Text with the number of pairs that are closer than the clearance, and their smallest required distance."""
         if not self.reduced:
             return ""
         least = 1000.0 * min(each.required_distance for each in self.reduced)
@@ -149,7 +150,7 @@ class Preflight:
 
     @property
     def _apart(self) -> str:
-        """Statement on the bodies, with the numbers of pairs that are not checked by reason."""
+        """Text on the distances of the bodies, with the number of unchecked pairs for each reason."""
         if not self.skipped:
             return f"bodies keep apart{self._reduction}"
         asked = sum(bool(each.reason) for each in self.skipped)
@@ -172,7 +173,7 @@ class Preflight:
 
     @property
     def remarks(self) -> tuple[Finding | None, ...]:
-        """Findings about the distances of bodies; `None` for those that do not apply."""
+        """Findings about the distances of bodies: contacts of unchecked pairs, reduced clearance; or `None`."""
         return self.contacts, self.reduced_clearance
 
     @property
@@ -185,7 +186,7 @@ class Preflight:
 
 
 def _some(joints: str) -> str:
-    """The first names of a list, and the number of the others."""
+    """Text with the first names of a comma-separated list, and the number of the other names."""
     names = joints.split(", ")
     return ", ".join(names[:NAMED]) + (f" and {len(names) - NAMED} more" if len(names) > NAMED else "")
 
@@ -256,6 +257,6 @@ def preflight(
 
 
 def worst(found: Sequence[Margin]) -> tuple[Margin, ...]:
-    """Smallest margin for each kind of limit."""
+    """Smallest margin for each kind of limit, for instance for `velocity`."""
     names = dict.fromkeys(margin.limit for margin in found)
     return tuple(max((m for m in found if m.limit == name), key=lambda m: m.share) for name in names)

@@ -1,4 +1,4 @@
-"""Basis of all Fourier series that start and end at rest; its coordinates are the unknowns of a design.
+"""Basis of all Fourier series that start and end at rest; the coordinates in this basis are the unknowns of a design.
 
 The series of equation (3.55b) of the thesis is at rest at t = 0 if its coefficients meet linear conditions:
 
@@ -6,7 +6,7 @@ The series of equation (3.55b) of the thesis is at rest at t = 0 if its coeffici
 
 The series is written in a basis of the null space of these conditions, so that no solver has to enforce them. The
 thesis also requires Σ b_l / l = 0, so that the offset of each joint is its start position; `literal` keeps this
-condition. Without it each joint has one more unknown.
+condition. Without this condition each joint has one more unknown.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from armid.errors import ArmidError
 from armid.excitation.fourier import Excitation
 
 ORDERS = 4
-"""Number of matrices: position, velocity, acceleration and jerk."""
+"""Number of matrices that `SeriesBasis.matrices` returns: for position, velocity, acceleration and jerk."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,13 +100,13 @@ class SeriesBasis:
         return self.n * self.size
 
     def coefficients(self, x: ArrayLike) -> Array:
-        """Coefficients (a, b, offset) for unknowns (n k,), shape (n, 2 L + 1)."""
+        """Coefficients (a, b, offset), shape (n, 2 L + 1), of the series with unknowns x, shape (n k,)."""
         result = np.asarray(x, dtype=np.float64).reshape(self.n, self.size) @ self.null_space.T
         result[:, -1] += self.start
         return result
 
     def excitation(self, x: ArrayLike, robot: str = "") -> Excitation:
-        """Series for unknowns (n k,)."""
+        """Series with unknowns x, shape (n k,), for n joints and k unknowns of each joint."""
         c, L = self.coefficients(x), self.harmonics
         return Excitation(self.base_frequency, c[:, :L], c[:, L : 2 * L], c[:, -1], robot)
 
@@ -134,7 +134,7 @@ class SeriesBasis:
         return np.arange(float(samples)) * (self.period / samples)
 
     def peaks_between(self, x: ArrayLike, order: int) -> Array:
-        """Bound of a time derivative of the positions for any phases of the harmonics, shape (n,).
+        """Upper bound of a time derivative of each joint position, for any phases of the harmonics, shape (n,).
 
         The bound is the sum of the amplitudes. If a quantity is sampled on a grid of step h, it rises between the
         points by at most h²/8 times the bound of its second derivative.

@@ -8,13 +8,15 @@ from armid.errors import Finding
 from armid.excitation.design.multistart import Search
 
 STILL = 0.05
-"""Relative improvement in the second half of the time, from which a plan counts as still improving."""
+"""A plan counts as still improving if its standard deviations or condition number decreased by this share or more in
+the second half of the search time."""
 
 LONGER = 60.0
 """Smallest wall time that the remedy proposes [s]."""
 
 OF_VARIANCES = ("d-optimal", "a-optimal", "e-optimal", "prediction")
-"""Criteria that are logarithms of variances; the others are logarithms of standard deviations or of their ratios."""
+"""Criteria that are logarithms of variances; all other criteria are logarithms of standard deviations or of ratios of
+standard deviations."""
 
 
 def unsettled(search: Search, criterion: str, budget: float | None) -> Finding | None:

@@ -2,7 +2,7 @@
 
 A series moves around its start pose. Its amplitude is limited by the joint limits, by collisions, and by poses in
 which gravity needs more torque than the joints have. The free range of a pose is therefore measured along straight
-lines through it in random directions of the joint space.
+lines through the pose, in random directions of the joint space.
 """
 
 from __future__ import annotations
@@ -26,7 +26,8 @@ INSIDE = 0.05
 """Smallest distance of a chosen pose from each end of a joint's range, as a share of the range."""
 
 SWING = 1.5
-"""Wanted amplitude of a revolute joint to each side [rad]; for a prismatic joint it is half its range."""
+"""Wanted amplitude of a revolute joint to each side [rad]; the wanted amplitude of a prismatic joint is half its
+range."""
 
 WANDER = 2.0
 """Largest difference between the position of a revolute joint in a random pose and in the usual pose [rad]."""
@@ -35,26 +36,29 @@ LOOKED = 1500
 """Number of random poses near the usual pose for which distances are computed."""
 
 WIDER = 6000
-"""Number of random poses in the whole range of each joint, which are used if none of the first ones is suitable."""
+"""Number of random poses in the whole range of each joint, which are used if no pose near the usual pose is
+suitable."""
 
 SHORT = 40
-"""Number of poses that are checked exactly in one batch, beginning with those furthest from all bodies."""
+"""Number of poses that are checked with the bodies themselves in one batch, beginning with the poses with the largest
+excess distance."""
 
 COUNTED, NAMED = 1000, 4
-"""Number of random poses for which an error message counts what excludes them, and number of joints and pairs that it
-names."""
+"""Number of random poses for which an error message counts the reasons that exclude them; and largest number of
+joints, and of pairs of bodies, that the message names."""
 
 MEASURED_IN = 200
-"""Number of these poses in which the distances of these pairs are measured."""
+"""Number of random poses in which the distances of the pairs are computed that the error message names."""
 
 DIRECTIONS = 24
-"""Number of random lines through a pose."""
+"""Number of random straight lines through a pose, along which its free range is measured."""
 
 STEPS = np.array([-1.0, -0.75, -0.5, -0.25, 0.25, 0.5, 0.75, 1.0])
-"""Positions along a line, divided by the wanted amplitude."""
+"""Positions along a line at which limits and distances are tested, divided by the wanted amplitude."""
 
 ROOMY = 0.85
-"""Share of the largest free range from which the usual pose is preferred, because users are familiar with it."""
+"""The usual pose is preferred if its free range is at least this share of the largest one, because users are familiar
+with it."""
 
 PLAIN = 0.98
 """Share of its free range that a pose must keep if a joint is moved to its usual position or to a round number."""
@@ -95,7 +99,7 @@ class Start:
     Attributes:
         pose: Joint positions, shape (n,) [rad or m].
         free_share: Share of the wanted amplitude that is free around the pose, from 0 to 1.
-        usual: True if it is the pose of `usual_pose`.
+        usual: True if the pose is that of `usual_pose`.
     """
 
     pose: Array
@@ -129,7 +133,7 @@ def choose_start(cell: CollisionModel, limits: Limits, holds: Holds = any_pose) 
 
 
 def find_start(cell: CollisionModel, limits: Limits, holds: Holds = any_pose) -> Start | None:
-    """Chooses the start pose as `choose_start` does; `None` if there is none."""
+    """Chooses the start pose as `choose_start` does; `None` if no random pose is suitable."""
     usual = usual_pose(limits)
     poses, order = _good(cell, limits, usual, holds)
     if not len(order):
@@ -143,7 +147,7 @@ def find_start(cell: CollisionModel, limits: Limits, holds: Holds = any_pose) ->
 
 
 def _good(cell: CollisionModel, limits: Limits, usual: Array, holds: Holds) -> tuple[Array, NDArray[np.intp]]:
-    """The usual pose and random poses (N, n), and the indices of the suitable poses, furthest from all bodies first.
+    """The usual pose and random poses (N, n), and indices of the suitable poses; largest excess distance first.
 
     Poses near the usual pose are tried first. If none is suitable, poses in the whole range of each joint are tried.
     """
@@ -167,7 +171,7 @@ def _good(cell: CollisionModel, limits: Limits, usual: Array, holds: Holds) -> t
 
 
 def _apart(cell: CollisionModel, poses: Array, order: NDArray[np.intp]) -> NDArray[np.intp]:
-    """First poses, at most `SHORT`, in which the pairs of kind `MEASURED` keep their distance."""
+    """Indices of the first poses, at most `SHORT`, in which pairs of kind `MEASURED` keep their required distance."""
     for k in range(0, len(order), SHORT):
         few = order[k : k + SHORT]
         few = few[cell.apart(poses[few])]
@@ -208,13 +212,13 @@ def _no_start(cell: CollisionModel, poses: Array, holds: Holds) -> ArmidError:
 
 
 def _most(shares: dict[str, float]) -> str:
-    """The names with the largest shares, as text."""
+    """Text with the `NAMED` names that have the largest shares, and these shares in percent."""
     order = sorted(shares, key=lambda name: -shares[name])[:NAMED]
     return ", ".join(f"{name} {100.0 * shares[name]:.0f} %" for name in order if shares[name] > 0.0)
 
 
 def _ways_apart(cell: CollisionModel, pairs: Sequence[int], least: Sequence[float], share: Array) -> list[str]:
-    """Remedies for pairs that are too close: the pairs to leave out, and the clearance that they would keep.
+    """Remedies for pairs of bodies that are too close: pairs to exclude, and a clearance that the bodies can keep.
 
     Args:
         cell: Arm and surroundings.
@@ -252,7 +256,7 @@ def _ends(limits: Limits) -> tuple[Array, Array]:
 
 
 def free_range(cell: CollisionModel, limits: Limits, pose: Array, holds: Holds = any_pose) -> float:
-    """Share of the wanted amplitude that is free around a pose; mean over random lines through the pose.
+    """Share of the wanted amplitude that is free around a pose; mean over random straight lines through the pose.
 
     Args:
         cell: Arm and surroundings.

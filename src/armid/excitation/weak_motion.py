@@ -2,7 +2,7 @@
 
 A model must predict torque in the whole range of the joints and up to their speed limits. The covariance of the base
 parameters, as predicted for the plan, gives the standard deviation of the torque of each joint along such a motion.
-This is divided by the standard deviation of the noise of one torque sample. The ratio depends neither on the scaling
+This standard deviation is divided by that of the noise of one torque sample. The ratio depends neither on the scaling
 of the parameters nor on the assumed noise.
 """
 
@@ -35,10 +35,11 @@ TESTED = 10.0
 """Rate at which collisions are tested along the enlarged plan [Hz]."""
 
 HELD = 0.8
-"""Utilisation of a limit at standstill in the start pose, from which the start pose is also given as a reason."""
+"""If the utilisation of a limit at standstill in the start pose is larger, the finding gives the start pose as a
+reason, too."""
 
 NAMED = 4
-"""Largest number of limits and pairs that are named."""
+"""Largest number of limits and pairs of bodies that the finding names."""
 
 REMEDIES = {
     "torque": "--limit JOINT.effort=VALUE or --torque-margin, if the drives are stronger or springs support the arm",
@@ -49,7 +50,7 @@ REMEDIES = {
     "jerk": "--jerk",
     "tip": "--tip-box",
 }
-"""Options that relax each kind of limit."""
+"""Options of `armid excite` that relax a limit, by the kind of the limit."""
 
 
 def weak_motion(
@@ -60,7 +61,7 @@ def weak_motion(
     *,
     settled: bool = True,
 ) -> Finding | None:
-    """Finding that names the joints that a plan cannot identify, the reasons and remedies; `None` if there are none.
+    """Finding that names the joints that a plan cannot identify, reasons and remedies; `None` without such joints.
 
     Args:
         problem: Criterion and limits of the design.
@@ -98,9 +99,9 @@ def weak_motion(
 def deviations_in_free_motion(problem: DescentProblem, x: Array, limits: Limits) -> Array:
     """Predicted standard deviation of each joint's torque in free motion, divided by that of its noise, shape (n,).
 
-    The noise is that of one sample. The free motion is a random series of the same period as the plan, in which each
-    joint reaches a limit of position, velocity, acceleration or jerk. Limits of torque and collisions are not taken
-    into account. A joint without position limits moves by half a turn in each direction.
+    The noise is that of one torque sample. The free motion is a random series of the same period as the plan, in
+    which each joint reaches a limit of position, velocity, acceleration or jerk. Limits of torque and collisions are
+    not taken into account. A joint without position limits moves by half a turn in each direction.
     """
     goal, basis = problem.goal, problem.basis
     grid = Objective(goal, basis, max(round(goal.rate * basis.period), 40 * basis.harmonics))
@@ -123,7 +124,7 @@ def deviations_in_free_motion(problem: DescentProblem, x: Array, limits: Limits)
 def _reasons(
     problem: DescentProblem, x: Array, collision: CollisionOptions | None
 ) -> tuple[list[str], list[str], bool]:
-    """Limits that keep a plan small, as text; the limits that a larger plan would exceed most come first.
+    """Texts on the limits that keep a plan small; the limits that a larger plan would exceed most come first.
 
     Returns:
         The reasons, the kinds of limits that a larger plan exceeds, and true if standstill already uses much of a

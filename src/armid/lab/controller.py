@@ -19,14 +19,11 @@ import numpy as np
 from armid import kernel
 from armid.checked_array import Array
 from armid.errors import LabError, did_you_mean
-from armid.lab.known_arms import KnownArm
+from armid.lab.known_arms import UNKNOWN_EFFORT, KnownArm
 from armid.model.motion import Motion
 
 CONTROLLERS = ("computed-torque", "pd-gravity", "pid")
 """Kinds of controllers."""
-
-UNKNOWN_EFFORT = 100.0
-"""Effort limit [N·m or N] that is assumed if the limit is unknown."""
 
 SLOWER = 0.25
 """Largest product of the natural frequency of the position loop and its delay [rad]. The delay is the sum of the

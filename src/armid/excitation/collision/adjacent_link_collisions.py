@@ -2,9 +2,9 @@
 
 Adjacent links are connected by a joint, so most of their bodies touch in all poses, or rotate against each other with
 a gap of constant width. Other bodies of adjacent links can collide, such as the jaws of a gripper or a forearm that
-folds onto the upper arm. Since one joint determines their distance, it is computed over the range of this joint, and
-a plan keeps the joint within the positions in which the bodies are apart. For a search this only means narrower
-position limits.
+folds onto the upper arm. One joint determines the distance of such bodies. The distance is therefore computed over
+the range of this joint, and a plan keeps the joint within the positions in which the bodies are apart. For a search
+this only means narrower position limits.
 """
 
 from __future__ import annotations
@@ -38,18 +38,20 @@ POSITIONS = 128
 """Largest number of positions of a joint, over its range in a motion, in which adjacent links are examined."""
 
 ROUGH = 16
-"""Number of these positions in which the triangles of all pairs are measured, to find those that always touch, and
-those whose distance is always the same."""
+"""Number of positions of a joint in which the distance of every pair is computed with its triangles, to find the
+pairs that always touch and the pairs whose distance is always the same."""
 
 SAME = 1e-6
-"""Largest difference of the distances at `ROUGH` positions that count as the same [m]. A distance of detailed meshes
-that face each other across a gap can take a second."""
+"""Distances at `ROUGH` positions that differ by at most this value count as the same [m]. To compute one distance of
+detailed meshes that face each other across a gap can take a second."""
 
 HALVED = 7
-"""Number of times by which the step is halved to find the position in which two bodies reach their distance."""
+"""Number of times that the step of the positions is halved, to find the position in which two bodies reach their
+required distance."""
 
 FAVOURED = 0.85
-"""Width of the range about the usual position, relative to the widest range, from which it is preferred."""
+"""A range of positions that contains zero is preferred to the widest range if its width is at least this share of the
+widest one."""
 
 Interval = tuple[float, float]
 
@@ -60,10 +62,11 @@ class AdjacentPair:
 
     Attributes:
         pair: Names of the two bodies.
-        bodies: Indices of the two bodies among the shapes.
-        joint: Index of the joint between their links.
+        bodies: Indices of the two bodies in the list of all shapes.
+        joint: Index of the joint between the links of the two bodies.
         required_distance: Required distance between the two bodies [m].
-        free: Ranges of the joint's position in which the bodies keep this distance, in ascending order [rad or m].
+        free: Ranges of the joint's position in which the bodies keep the required distance, in ascending order [rad
+            or m].
         constant: True if the distance is the same at `ROUGH` positions, as between the two sides of a flange, and the
             profiles of both meshes prove that it is at least the required one at all angles. For such a pair, the
             distance is computed at only `ROUGH` positions of a motion.
@@ -83,8 +86,9 @@ class AdjacentLinks:
 
     Attributes:
         checked: Pairs that a plan must keep apart.
-        left_out: Pairs that are not checked: they touch in most positions, or the user has excluded them. Their
-            `share` is that of the positions in which they touch or are less than a millimetre apart.
+        left_out: Pairs that are not checked: they touch in most positions, or the user has excluded them. The
+            attribute `share` of a pair is the share of positions in which its bodies touch or are less than a
+            millimetre apart.
         reach: Range of each joint in which `checked` was computed, shape (n, 2) [rad or m].
         margin: Distance that the user requires [m]; the required distance of a pair may be smaller.
     """
@@ -95,11 +99,11 @@ class AdjacentLinks:
     margin: float = 0.0
 
     def narrowed(self, limits: Limits, start: Array | None) -> Limits:
-        """Limits with position ranges that keep adjacent links apart: with the start pose if given, else the widest.
+        """Limits with position ranges in which adjacent links stay apart: about the start pose, or the widest ones.
 
         Args:
             limits: Limits of the joints.
-            start: Start pose, shape (n,) [rad or m]; `None` if it is not given.
+            start: Start pose, shape (n,) [rad or m]; `None` for the widest range of each joint.
 
         Raises:
             ArmidError: Bodies are too close to each other in the start pose.
@@ -134,11 +138,12 @@ NO_ADJACENT = AdjacentLinks((), (), np.zeros((0, 2)))
 def adjacent_links(
     robot: Robot, shapes: Sequence[Shape], limits: Limits, margin: float, ignored: Sequence[IgnoredBodies] = ()
 ) -> AdjacentLinks:
-    """Pairs of bodies of adjacent links, with the positions of the joint between them in which they are apart.
+    """Pairs of bodies of adjacent links, with the positions of the joint in which the two bodies are apart.
 
     The required distance is the margin, or less if the bodies are close to each other: at most half of the distance
-    that they exceed in nearly all positions in which they do not touch. Pairs that touch in nearly all positions,
-    that are usually closer than a millimetre, or that are apart in less than a third of the range are not checked.
+    that the bodies exceed in nearly all positions in which they do not touch. Pairs that touch in nearly all
+    positions, that are usually closer than a millimetre, or that are apart in less than a third of the range of the
+    joint are not checked.
 
     Args:
         robot: The arm.
@@ -183,7 +188,7 @@ def adjacent_links(
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _AdjacentBodies:
-    """Two bodies with the joint between them. The other joints rest in a fixed pose."""
+    """Two bodies of adjacent links and the joint between these links. All other joints rest in a fixed pose."""
 
     robot: Robot
     shapes: tuple[Shape, ...]
@@ -192,17 +197,17 @@ class _AdjacentBodies:
     middle: Array
 
     def poses(self, q: Array) -> tuple[Array, Array]:
-        """Rotations and origins of the links at positions (k,) of the joint."""
+        """Rotations (k, n, 3, 3) and origins (k, n, 3) of the links at positions (k,) of the joint."""
         every = np.tile(self.middle, (len(q), 1))
         every[:, self.joint] = q
         return forward_kinematics(self.robot, every)
 
     def apart(self, q: Array) -> Array:
-        """Distances of the bodies themselves at positions (k,) of the joint [m]."""
+        """Distances (k,) [m] of the bodies themselves, not of bounding volumes, at positions (k,) of the joint."""
         return distances(self.shapes, np.array([self.bodies]), self.poses(q))[:, 0]
 
     def clear(self, q: Array, kept: float) -> NDArray[np.bool_]:
-        """Tests for a distance of at least `kept` [m] at positions (k,) of the joint; this is faster than `apart`."""
+        """Tests whether the bodies keep the distance `kept` [m] at joint positions (k,); faster than `apart`."""
         return ~too_close(self.shapes, np.array(self.bodies), kept, self.poses(q))
 
     def clear_at_all_angles(self, kept: float) -> bool:
@@ -222,12 +227,12 @@ class _AdjacentBodies:
         return not profiles[0].closer_than(profiles[1], kept)
 
     def hulls(self, q: Array) -> Array:
-        """Distances [m] of convex bodies that enclose the two bodies, at positions (k,) of the joint."""
+        """Distances (k,) [m] of convex bodies that enclose the two bodies, at positions (k,) of the joint."""
         return distances(self.shapes, np.array([self.bodies]), self.poses(q), parts_of)[:, 0]
 
 
 def adjacent_ranges(robot: Robot, adjacent: AdjacentLinks, limits: Limits, narrowed: Limits) -> tuple[Finding, ...]:
-    """Finding that names the joints whose range is reduced because adjacent links are too close in the rest of it.
+    """Finding that names joints whose range is narrowed, because adjacent links are too close in the rest of it.
 
     Args:
         robot: The arm.
@@ -257,7 +262,7 @@ def adjacent_ranges(robot: Robot, adjacent: AdjacentLinks, limits: Limits, narro
 
 
 def spread_positions(q: Array, count: int = POSITIONS) -> NDArray[np.intp]:
-    """Indices of poses at which the positions (N,) of a joint spread over their range, sorted by position.
+    """Indices of poses in which the positions of one joint are spread over their range, sorted by position.
 
     Args:
         q: Positions of the joint, shape (N,) [rad or m].
@@ -272,7 +277,7 @@ def spread_positions(q: Array, count: int = POSITIONS) -> NDArray[np.intp]:
 def _judged(
     looked: _AdjacentBodies, q: Array, bound: Array, margin: float, label: BodyPair
 ) -> AdjacentPair | IgnoredPair:
-    """Pair with its required distance and the positions with at least this distance, or the reason to leave it out.
+    """Pair with its required distance and free positions, or with the reason why the pair is not checked.
 
     Args:
         looked: The two bodies.
@@ -315,7 +320,7 @@ def _judged(
 
 
 def _intervals(is_clear: Callable[[float], bool], q: Array, clear: NDArray[np.bool_]) -> tuple[Interval, ...]:
-    """Ranges of the joint's positions (k,) in which the bodies keep their distance; ends found by bisection."""
+    """Ranges of a joint's position in which two bodies keep their required distance; ends found by bisection."""
 
     def end(inside: float, outside: float) -> float:
         for _ in range(HALVED):
@@ -350,7 +355,7 @@ def _widest(free: Sequence[Interval]) -> Interval:
 
 
 def _with_room(checked: Sequence[AdjacentPair], left_out: Sequence[IgnoredPair], reach: Array) -> AdjacentLinks:
-    """Pairs of adjacent links; those that together leave a joint less than a third of its range are left out."""
+    """Leaves out pairs of adjacent links that, with other pairs, leave a joint less than a third of its range."""
     kept: list[AdjacentPair] = []
     others = list(left_out)
     for each in sorted(checked, key=lambda pair: min(low - high for low, high in pair.free)):

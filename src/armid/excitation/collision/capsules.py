@@ -24,7 +24,8 @@ SLABS = 4
 """Largest number of slices of a body."""
 
 WORTH = 0.8
-"""Factor by which additional slices must at least reduce the total bounding volume."""
+"""Additional slices are used if they reduce the total volume of the capsules or hulls below this share of the volume
+before."""
 
 THIN = 1e-6
 """Smallest radius of a capsule [m]."""
@@ -36,7 +37,7 @@ FACES = np.array([[0, 1, 3], [0, 3, 2], [4, 5, 7], [4, 7, 6], [0, 1, 5], [0, 5, 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Points:
-    """Points of a part of a body.
+    """Points of a body or of one slice of a body.
 
     Attributes:
         at: Positions, shape (v, 3) [m].
@@ -49,7 +50,7 @@ class Points:
 
 
 Cuts = tuple[tuple[tuple[Points, ...], ...], ...]
-"""Body as a whole, then cut into two, three and more slices, each in several directions."""
+"""The whole body, then the body cut into two, three and more slices; each cut is made in several directions."""
 
 
 def covering(shape: Shape) -> tuple[Shape, ...]:
@@ -79,7 +80,7 @@ def box_triangles(size: Array) -> Array:
 
 
 def cuts_of(corners: Array, faces: NDArray[np.intp]) -> Cuts:
-    """Body cut across its principal axes into one to `SLABS` slices.
+    """Cuts a body by planes perpendicular to each of its principal axes, into one to `SLABS` slices.
 
     Args:
         corners: Corners of the triangles of the body, shape (v, 3) [m].
@@ -145,11 +146,12 @@ def _slabs(whole: Points, faces: NDArray[np.intp], direction: Array, slabs: int)
 
 
 def around(name: str, part: Points, outer: Array) -> Shape:
-    """Smallest capsule that is found around points, in the frame of the points.
+    """Smallest capsule around points, of the capsules along the principal axes; in the frame of the points.
 
     Args:
         name: Name of the capsule.
-        part: Points of the body. Each of their principal axes is tried as the direction of the axis of the capsule.
+        part: Points of the body. Each principal axis of these points is tried as the direction of the axis of the
+            capsule.
         outer: Points that the capsule must enclose, for instance the corners of their convex hull, shape (k, 3) [m].
     """
     centre = np.average(part.at, axis=0, weights=part.count)

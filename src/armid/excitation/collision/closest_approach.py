@@ -1,11 +1,11 @@
 """Closest approach of bodies along a motion, computed with Coal after a plan is finished.
 
-The search and its certificate use capsules and hulls on their own grids. Here the distance of every pair is computed
+The search and the certificate of a plan use capsules and hulls. This module computes the distance of every pair
 again, pose by pose. Primitive shapes (sphere, box, capsule) are represented exactly. A cylinder is enclosed in a
 prism. A mesh is cut into slices; it is replaced by the convex hulls of the slices, which together contain the mesh.
 For the few pairs whose hulls overlap although the bodies do not, the triangles of the meshes are used. The distance
 of adjacent links depends only on the joint between them; it is therefore computed for positions of this joint.
-Preflight pages and the exit code report these distances.
+Preflight pages and the exit code of `armid excite` report these distances.
 """
 
 from __future__ import annotations
@@ -35,22 +35,24 @@ FIRST = 8
 """Number of poses, those with the closest capsules, in which distances are computed before the others."""
 
 NEAR = 0.05
-"""Lower bound of a distance [m] up to which a pair is tested for a constant distance. Other pairs are not among the
-closest of a list."""
+"""A pair is tested for a constant distance if the lower bound of its distance is below this value [m]. Pairs that are
+further apart are not tested, because lists show the closest pairs first."""
 
 CONSTANT = 3e-3
 """Largest change of a distance that counts as constant [m]. If the real distance of two neighbouring links is
 constant, the distance of their hulls changes by up to 2.5 mm (measured at the wrist of the robot TIAGo)."""
 
 MOMENTS = 24
-"""Number of poses of a motion in which a pair is tested for a constant distance. If it is constant there, random
-poses in the whole range of the joints are tested, too: a motion may keep within a part in which it hardly changes."""
+"""Number of poses of a motion in which a pair is tested for a constant distance. If the distance is constant in these
+poses, random poses in the whole range of the joints are tested, too, because a motion may stay in a region in which
+the distance hardly changes."""
 
 RANDOM = 100
-"""Number of these random poses."""
+"""Number of random poses in which a pair is tested for a constant distance."""
 
 CLOSER = 16
-"""Number of further positions of a joint, next to the closest one, in which adjacent links are measured."""
+"""Number of additional positions of a joint, next to the position with the smallest distance, in which the distance
+of adjacent links is computed."""
 
 ROUNDING = 1e-6
 """Tolerance [m] for the difference between the iterative distances of Coal and those of the certificate."""
@@ -62,12 +64,12 @@ class ClosestApproach:
 
     Attributes:
         pair: Names of the two bodies.
-        distance: Distance between them, negative where they overlap [m].
+        distance: Smallest distance between the two bodies [m]; negative if they overlap.
         time: Time of the closest approach [s].
         required_distance: Required distance [m].
         measured: Representation with which the distance was computed: `bodies`, `hulls` or `triangles`.
-        constant: True if the distance is small and changes by 3 mm at most, in the motion and in random poses, as
-            between neighbouring links that rotate against each other with a narrow gap.
+        constant: True if the distance is small and changes by at most 3 mm in the motion and in random poses.
+            Neighbouring links that rotate against each other with a narrow gap are an example.
     """
 
     pair: BodyPair
@@ -86,7 +88,7 @@ class ClosestApproach:
 def closest_approaches(
     collision: CollisionOptions, robot: Robot, times: Array, q: Array
 ) -> tuple[ClosestApproach, ...]:
-    """Closest approach of every checked pair, nearest first; pairs with a constant distance come last.
+    """Closest approach of every checked pair of bodies along a motion, nearest first; constant distances come last.
 
     Args:
         collision: Pairs of bodies that must be kept apart.
@@ -131,11 +133,11 @@ class AdjacentDistances:
     by_hulls: bool
 
     def is_constant(self, collision: CollisionOptions, pair: AdjacentPair, anywhere: tuple[Array, Array]) -> bool:
-        """Tests whether the distance of a pair is small and the same in all poses, as at the gap of a joint.
+        """Tests whether the distance of a pair is small and equal in all poses, as the gap at a joint is.
 
         Args:
             collision: Pairs of bodies that must be kept apart.
-            pair: The pair.
+            pair: The two bodies whose distances these are.
             anywhere: Random poses from `random_poses`.
         """
         if len(self.which) < 2 or np.ptp(self.distance) > CONSTANT or self.distance.min() >= NEAR:
@@ -246,7 +248,14 @@ def constant_distances(
 def _least(
     collision: CollisionOptions, pair: NDArray[np.intp], bound: Array, poses: tuple[Array, Array]
 ) -> tuple[float, int]:
-    """Smallest distance of the convex parts of two bodies, and index of its pose; `bound` is a lower bound."""
+    """Smallest distance [m] of the convex parts of two bodies, and index of its pose.
+
+    Args:
+        collision: Pairs of bodies that must be kept apart.
+        pair: Indices of the two bodies, shape (2,).
+        bound: Lower bounds of the distance in the poses, shape (N,) [m].
+        poses: Rotations (N, n, 3, 3) and origins (N, n, 3) of the links.
+    """
 
     def measured(which: NDArray[np.intp]) -> Array:
         some = poses[0][which], poses[1][which]
@@ -270,7 +279,10 @@ def _least(
 def _by_triangles(
     collision: CollisionOptions, pair: NDArray[np.intp], kept: float, poses: tuple[Array, Array]
 ) -> tuple[float, int]:
-    """Smallest distance of the bodies themselves over some of the poses and all poses in which they are too close."""
+    """Smallest distance [m] of two bodies, computed with their triangles, and index of its pose.
+
+    The distance is computed in every 25th pose and in all poses in which it is below the required one, `kept` [m].
+    """
     wrong = np.flatnonzero(too_close(collision.shapes, pair, kept, poses))
     which = np.union1d(np.arange(0, len(poses[1]), EVERY * EVERY), wrong)
     some = poses[0][which], poses[1][which]

@@ -1,8 +1,8 @@
 """Distances of bodies and of convex bodies around them, computed with Coal, a library installed with Pinocchio.
 
 Coal is much slower than the capsules of armid. Distances of the bodies themselves are therefore computed only after a
-plan is finished, and those of convex bodies (`armid.excitation.collision.hull_distances`) only for bodies for which
-capsules are too wide.
+plan is finished. Distances of convex bodies (`armid.excitation.collision.hull_distances`) are computed only for
+bodies for which capsules are too wide.
 """
 
 from __future__ import annotations
@@ -173,7 +173,7 @@ def whole(shape: Shape) -> tuple[Any, ...]:
 def _measured(
     shapes: Sequence[Shape], parts: Parts, pairs: NDArray[np.intp], poses: tuple[Array, Array]
 ) -> Iterator[tuple[int, int, float, Any]]:
-    """Yields, for two parts of each pair in each pose, indices of pair and pose, the distance and Coal's result."""
+    """Yields index of pair, index of pose, distance [m] and Coal's result for any two parts of a pair in a pose."""
     coal = _coal()
     used = np.unique(pairs).tolist()
     of = {k: parts(shapes[k]) for k in used}
@@ -191,7 +191,7 @@ def _measured(
 def distances(
     shapes: Sequence[Shape], pairs: NDArray[np.intp], poses: tuple[Array, Array], parts: Parts = whole
 ) -> Array:
-    """Distance of each pair along a motion.
+    """Distances of pairs of bodies along a motion.
 
     Args:
         shapes: Bodies.
@@ -221,8 +221,8 @@ def nearest(
 
     Returns:
         Distances, shape (N, m) [m], negative where parts overlap; then, shape (N, m, 3) each, nearest point of the
-        first body, nearest point of the second body, and unit vector from the second to the first body, in which
-        direction they separate.
+        first body, nearest point of the second body, and unit vector from the second to the first body, which is the
+        direction in which the bodies separate.
     """
     shape = (len(poses[1]), len(pairs))
     out = np.full(shape, np.inf)

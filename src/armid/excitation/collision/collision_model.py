@@ -32,18 +32,18 @@ from armid.robot.robot import Robot
 from armid.robot.shapes import Shape
 
 LOOKED = 3000
-"""Number of random poses in which distances are computed, to find the pairs that are never close. The search ignores
-these."""
+"""Number of random poses in which distances are computed, to find the pairs of bodies that are never close. The
+search ignores such pairs."""
 
 TRIED = 300
-"""Number of these poses in which distances of the bodies themselves or of tighter convex hulls are computed."""
+"""Number of random poses in which distances of the bodies or of tighter convex hulls are computed."""
 
 NEAR = 0.08
-"""A pair takes part in the search if its distance in any of these poses is below the margin plus this [m]."""
+"""A pair takes part in the search if its excess distance in any random pose is below this value [m]."""
 
 WIDE = 0.1
-"""Share of random poses by which hulls must reduce the poses that are excluded by the capsules of a pair: then the
-capsules are much too wide, and hulls are used for the pair."""
+"""Hulls are used for a pair if the share of random poses that they exclude is smaller by at least this value than the
+share that its capsules exclude."""
 
 HALF_STEP, CERTIFICATE = 0.0005, 0.003
 """Half a step of the certificate's grid [s], and a bound [m]. The search keeps an additional distance: the distance
@@ -51,7 +51,7 @@ by which bodies can approach each other in this time at the velocity limits, but
 then need not reduce the amplitudes of the plan."""
 
 SPARED = 0.9
-"""Largest additional distance of the search, as a share of the distance in the start pose that exceeds the margin."""
+"""Largest additional distance of the search, divided by the excess distance of the pair in the start pose."""
 
 FARTHEST, ALLOWED = 0.5, 0.05
 """Largest required distance, divided by the reach of the arm; and a distance [m] that is always allowed."""
@@ -67,7 +67,7 @@ class CollisionOptions:
     Attributes:
         searched: Pairs that can come close to each other, for the search; `None` if there are none.
         every: All pairs that are checked with bounding volumes, for the certificate.
-        skipped: Pairs that are not checked, without those of adjacent links.
+        skipped: Pairs that are not checked, without the pairs of adjacent links.
         shapes: The bodies themselves, the surroundings last.
         pairs: Indices into `shapes` of the pairs of `every`, shape (m, 2).
         own: Number of shapes that belong to the arm.
@@ -90,12 +90,12 @@ class CollisionOptions:
 
     @property
     def unchecked(self) -> tuple[IgnoredPair, ...]:
-        """All pairs that are not checked."""
+        """All pairs of bodies that are not checked, including the pairs of adjacent links."""
         return (*self.skipped, *self.adjacent.left_out)
 
     @property
     def clearance(self) -> float:
-        """Distance that the user requires [m]; it is smaller for pairs that are close by construction."""
+        """Distance that the user requires [m]; smaller distances are required of pairs close by construction."""
         return self.adjacent.margin
 
     @property
@@ -112,7 +112,7 @@ class CollisionOptions:
         return np.asarray(result)
 
     def too_close_as_they_are(self, robot: Robot, q: Array) -> list[int]:
-        """Joints between the bodies of those pairs of `measured` that are too close in one of the poses (N, n)."""
+        """Indices of the joints between the bodies of pairs of `measured` that are too close in any pose (N, n)."""
         poses = forward_kinematics(robot, q)
         moving = (
             joints_on_path(robot, *(self.shapes[k].link for k in pair))
@@ -151,28 +151,28 @@ class CollisionModel:
     adjacent: AdjacentLinks = NO_ADJACENT
 
     def excess_distance(self, q: Array) -> Array:
-        """Smallest excess of the distance over the required one in poses (N, n), shape (N,) [m]; negative if closer.
+        """Smallest excess distance of all pairs in poses (N, n), shape (N,) [m]; negative if a pair is too close.
 
         If the result is positive, it is a lower bound.
         """
         return self._excess(q, self.required.margin)
 
     def search_excess_distance(self, q: Array) -> Array:
-        """Smallest excess of the distance in poses (N, n) over the distance that a search requires.
+        """Smallest difference (N,) [m] of the distance in poses (N, n) and the distance that a search requires.
 
-        A search requires the required distance plus `required.spare`. Shape and sign are those of `excess_distance`.
+        A search requires the required distance plus `required.spare`. The sign is that of `excess_distance`.
         """
         return self._excess(q, self.required.margin + self.required.spare)
 
     def _excess(self, q: Array, required: Array) -> Array:
-        """Smallest excess of the distance over the required one (m,) among the pairs of kind `BY_CAPSULES`."""
+        """Smallest distance minus required distance (m,), of pairs of kind `BY_CAPSULES`; shape (N,) [m]."""
         checked = np.flatnonzero(self.required.of(BY_CAPSULES))
         poses, required = forward_kinematics(self.robot, q), required[checked]
         found = self.bodies.only(checked).distances(poses, reach=required)
         return (found - required).min(axis=1, initial=np.inf)
 
     def apart(self, q: Array) -> NDArray[np.bool_]:
-        """Tests whether the pairs of kind `MEASURED` keep their distance in poses (N, n), shape (N,)."""
+        """Tests whether the pairs of kind `MEASURED` keep their required distance in poses (N, n), shape (N,)."""
         which = self.required.of(MEASURED)
         found = distances(self.shapes, self.pairs[which], forward_kinematics(self.robot, q))
         return np.asarray((found > self.required.margin[which]).all(axis=1))
@@ -191,7 +191,7 @@ class CollisionModel:
         return close
 
     def distances(self, q: Array) -> Array:
-        """Distance of each pair in poses (N, n), shape (N, m) [m]."""
+        """Distances of the bounding volumes of the m pairs in poses (N, n), shape (N, m) [m]."""
         return self.bodies.distances(forward_kinematics(self.robot, q))
 
     def closer(self, which: NDArray[np.intp], margin: float, gain: float = -1.0) -> CollisionModel:
@@ -200,8 +200,8 @@ class CollisionModel:
         Args:
             which: Indices of the pairs, in ascending order.
             margin: Distance below which bodies count as touching [m].
-            gain: Share of random poses in which capsules touch, minus the share in which hulls touch: smallest value
-                for which hulls are used.
+            gain: Smallest value for which hulls are used: share of random poses with touching capsules, minus share
+                of random poses with touching hulls.
         """
         hulls, poses = Hulls(self.shapes, self.pairs[which], which), forward_kinematics(self.robot, self.tried)
         apart, before = hulls.distances(poses), self.bodies.distances(poses)[:, which]
@@ -268,7 +268,7 @@ def make_collision_model(
 
     Args:
         robot: The arm.
-        limits: Limits of its joints.
+        limits: Limits of the joints of the arm.
         surroundings: Bodies that do not move.
         margin: Required distance between bodies [m].
         ignored: Pairs that are not checked.
@@ -365,7 +365,7 @@ def collision_options(cell: CollisionModel, start: Array) -> CollisionOptions:
 
 
 def looked_at(cell: CollisionModel) -> CollisionOptions:
-    """Pairs of bodies that must be kept apart, without a start pose; for a search use `collision_options`."""
+    """Pairs of bodies that must be kept apart, if no start pose is known; a search needs `collision_options`."""
     required, labels = cell.required, cell.bodies.labels
     kept, own = np.flatnonzero(required.of(BY_CAPSULES)), required.of(MEASURED)
     left_out = np.flatnonzero(required.of(LEFT_OUT))

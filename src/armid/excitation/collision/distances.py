@@ -27,8 +27,9 @@ from armid.robot.collision_body_names import BodyPair
 from armid.robot.shapes import Shape, rotation_with_z
 
 FEW, REACH = 80, 0.15
-"""Number of pairs above which a stage of a search uses only the pairs that come within a distance [m], and this
-distance. Two arms of seven joints, for instance, have seven hundred pairs."""
+"""If there are more pairs of bodies than the first number, a stage of a search uses only the pairs that come closer
+to their required distance than the second number [m]. Two arms of seven joints, for instance, have seven hundred
+pairs."""
 
 TILE = 30000
 """Number of pairs times poses that are computed at a time, so that the data fit into the processor's cache."""
@@ -69,19 +70,19 @@ class CollisionBodies:
 
     @property
     def labels(self) -> tuple[BodyPair, ...]:
-        """Names of the pairs of bodies."""
+        """Names of the two bodies of each pair."""
         every = (*self.capsules, *self.solids)
         return tuple(BodyPair(every[a].name, every[b].name) for a, b in self.pairs[self.first])
 
     def links(self, side: int) -> list[int]:
-        """Links of the first (side 0) or the second (side 1) bodies of the pairs."""
+        """Index of the link of the first (side 0) or the second (side 1) body of each pair; -1 for the base."""
         every = (*self.capsules, *self.solids)
         return [every[k].link for k in self.pairs[self.first, side]]
 
     def distances(
         self, poses: tuple[Array, Array], hulls: Nearest | None = None, reach: Array | None = None
     ) -> Array:
-        """Distances of the pairs of bodies, shape (N, m) [m].
+        """Distances of the m pairs of bodies in N poses, shape (N, m) [m].
 
         Args:
             poses: Rotations (N, n, 3, 3) and origins (N, n, 3) of the links.
@@ -132,12 +133,12 @@ class CollisionBodies:
         return result
 
     def _places(self, begin: Array, along: Array) -> tuple[Array, tuple[Array, Array], dict[int, Array]]:
-        """Distances and nearest points of each single pair of capsules, from their axes (N, c, 3).
+        """Distances and nearest points of each pair of capsules, or of capsule and solid, from the axes (N, c, 3).
 
         Returns:
-            Distances (N, p) [m]; positions (N, p) of the nearest points along both axes, from 0 to 1; and for each
-            pair with a solid the gradient (N, 3) of the distance. For a solid, the position on the axis of the
-            capsule is given twice.
+            For `pairs` of length p: distances (N, p) [m]; positions (N, p) of the nearest points along both axes,
+            from 0 to 1; and for each pair with a solid the gradient (N, 3) of the distance. For a solid, the position
+            on the axis of the capsule is given twice.
         """
         count, samples = len(self.capsules), len(begin)
         radius, length, _ = np.array([capsule.size for capsule in self.capsules]).reshape(-1, 3).T
@@ -188,9 +189,10 @@ class CollisionBodies:
         return begin, along
 
     def lengths(self, poses: tuple[Array, Array], tree: Tree) -> Array:
-        """Largest distance of the points of each capsule from each joint axis, shape (N, c, n) [m].
+        """Largest distance of the points of each of c capsules from each joint axis in N poses, shape (N, c, n) [m].
 
-        The distance to a line is convex, so its maximum along the capsule's axis is at one of the ends.
+        The distance from a line is a convex function, so its maximum along the axis of a capsule is at one end of the
+        axis.
         """
         begin, along = self.axes(poses)
         R, p = poses
@@ -254,7 +256,7 @@ class Clearance:
 
     @property
     def labels(self) -> tuple[BodyPair, ...]:
-        """Names of the pairs."""
+        """Names of the two bodies of each pair."""
         return self.bodies.labels
 
     @property
@@ -263,7 +265,7 @@ class Clearance:
         return np.broadcast_to(self.margin, len(self.bodies))
 
     def near(self, states: States) -> Clearance:
-        """Channel for motions near the given one: all pairs if there are few, otherwise the pairs that come close."""
+        """Channel for motions near a given one. If there are many pairs, only those that come close are kept."""
         if len(self.bodies) <= FEW:
             return self
         return self.only(np.flatnonzero(self._distances(states).min(axis=0) < self.margin + REACH))
@@ -274,11 +276,14 @@ class Clearance:
         return replace(self, bodies=self.bodies.only(which), margin=self.margins[which], spare=spare)
 
     def values(self, states: States) -> Array:
-        """One minus the excess of the distance over the required one, divided by `SCALE`; shape (N, m)."""
+        """Utilisations (N, m): one minus the difference of distance and required distance, divided by `SCALE`."""
         return 1.0 - (self._distances(states) - self.margin - self.spare) / SCALE
 
     def pullback(self, states: States, weights: Array) -> Array:
-        """Gradients (m, n k), computed from the motion of the nearest points with their links."""
+        """Gradients (m, n k) by the unknowns, of the sums over the samples of values times weights (N, m).
+
+        The gradient of a distance follows from the motion of the two nearest points with their links.
+        """
         _, first, second, normal = self._nearest(states)
         forces = -weights[:, :, None] * normal / SCALE
         by_q = np.zeros((*weights.shape, states.tree.n))
@@ -322,7 +327,7 @@ class Clearance:
         return half * bodies.approach(states.poses, states.tree, speed, half * fastest)
 
     def _hulls(self, states: States) -> Nearest | None:
-        """Distances, nearest points and directions of hulls, computed once for each point of a search."""
+        """Distances, nearest points and directions of the hulls, computed once for each motion of a search."""
         if not len(self.bodies.hulls):
             return None
         if id(self) not in states.hulls:
@@ -330,13 +335,13 @@ class Clearance:
         return states.hulls[id(self)]
 
     def _nearest(self, states: States) -> Nearest:
-        """Distances, nearest points and directions, computed once for each point of a search."""
+        """Distances, nearest points and directions of all pairs, computed once for each motion of a search."""
         if id(self) not in states.nearest:
             states.nearest[id(self)] = self.bodies.nearest(states.poses, self._hulls(states))
         return states.nearest[id(self)]
 
     def _distances(self, states: States) -> Array:
-        """Distances without nearest points; this takes a third of the time."""
+        """Distances (N, m) [m] without nearest points, which takes a third of the time of `_nearest`."""
         if id(self) in states.nearest:
             return states.nearest[id(self)][0]
         if id(self) not in states.distances:

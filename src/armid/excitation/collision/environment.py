@@ -27,8 +27,9 @@ def load_environment(path: Path | str, robot: Robot) -> tuple[Shape, ...]:
 
     `[[box]]` has the keys `size` [m], `xyz` (its centre [m]) and `rpy` (its orientation [rad]). `[[sphere]]` has
     `radius` [m] and `xyz`. `[[half-space]]` has `offset` [m] and `normal`, which points out of the half-space. All
-    are in the base frame of the arm. Each body can have a `name`. A box or sphere with the key `link`, for instance a
-    tool, is carried by this link, and its position and orientation are in the frame of the link.
+    positions and directions are in the base frame of the arm. Each body can have a `name`. A box or sphere with the
+    key `link`, for instance a tool, is carried by this link, and its position and orientation are in the frame of the
+    link.
 
     Args:
         path: The file.
@@ -41,7 +42,10 @@ def load_environment(path: Path | str, robot: Robot) -> tuple[Shape, ...]:
     try:
         document = tomllib.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
-        raise ArmidError(f"{path} is not an environment file: {error}.", remedy="give a TOML file.") from error
+        raise ArmidError(
+            f"{path} is not an environment file: {error}.",
+            remedy="give a TOML file with tables [[box]], [[sphere]] or [[half-space]].",
+        ) from error
     shapes: list[Shape] = []
     for kind, tables in document.items():
         if kind not in ENVIRONMENT or not isinstance(tables, list):
@@ -85,7 +89,7 @@ def _carrier(robot: Robot, where: str, name: str | None) -> int:
 
 
 def _surrounding(kind: str, number: int, table: dict[str, Any]) -> Shape:
-    """Shape of one entry of the file."""
+    """Shape that one table of an environment file describes; link -1, placement as in the file."""
     name = str(table.get("name", f"{kind} {number}"))
     if kind == "half-space":
         turned = rotation_with_z(np.array([float(x) for x in table["normal"]]))

@@ -1,11 +1,11 @@
 """Convex bodies that enclose bodies more tightly than capsules do, and their distances, computed with Coal.
 
 A capsule around a cylinder or a shell extends beyond both ends by its radius. Two capsules may therefore overlap in
-every pose although the bodies never touch. An arm has only a few such pairs. For these pairs tighter bodies are used
-here: capsules, spheres, boxes and half-spaces are exact, a cylinder is enclosed in a prism, and a mesh in the convex
-hulls of its slices (`armid.excitation.collision.mesh_hulls`). For these bodies Coal computes distance, direction and
-nearest points exactly except for rounding, also if the bodies overlap, so the gradients are exact. For cylinders,
-Coal's results have only four correct digits.
+every pose although the bodies never touch. An arm has only a few such pairs. For these pairs this module uses tighter
+bodies: capsules, spheres, boxes and half-spaces are exact, a cylinder is enclosed in a prism, and a mesh in the
+convex hulls of its slices (`armid.excitation.collision.mesh_hulls`). For these bodies Coal computes distance,
+direction and nearest points exactly except for rounding, also if the bodies overlap, so the gradients are exact. For
+cylinders, Coal's results have only four correct digits.
 """
 
 from __future__ import annotations
@@ -71,7 +71,7 @@ class Hulls:
         return distances(self.shapes, self.pairs, poses, parts_of)
 
     def distances_below(self, reach: Array, bound: Array, poses: tuple[Array, Array]) -> Array:
-        """Distances (N, r) [m]; a lower bound (N, r) is returned if it exceeds the reach (r,) [m] of the pair."""
+        """Distances (N, r) [m]; where the lower bound (N, r) exceeds the reach (r,) [m] of a pair, this bound."""
         result = bound.copy()
         for k, pair in enumerate(self.pairs):
             near = np.flatnonzero(bound[:, k] < reach[k])

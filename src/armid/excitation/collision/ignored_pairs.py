@@ -19,8 +19,9 @@ class IgnoredBodies:
     Attributes:
         first: Name of the first link or body, or a pattern (`*`, `?`, `[…]`).
         second: Name of the second link or body, or a pattern.
-        reason: Option that excludes the pair, or file with the reason that it states.
-        strict: True if it is an error that no body has such a name.
+        reason: Option that excludes the pair, or name of the file that excludes it, with the reason that the file
+            gives.
+        strict: True if an error is raised when a name fits no body.
     """
 
     first: str
@@ -53,7 +54,7 @@ class IgnoredPair:
 
     @property
     def account(self) -> str:
-        """Text with the pair, and in parentheses the share of poses, or the option or file that excludes it."""
+        """Text with the pair and, in parentheses, the share of poses with overlap, or what excludes the pair."""
         return f"{self.pair} ({self.reason or f'{100.0 * self.share:.0f} %'})"
 
     @property
@@ -67,8 +68,8 @@ def pairs_by_reason(skipped: Sequence[IgnoredPair]) -> dict[str, list[str]]:
     """Pairs that are not checked, by reason; several pairs of bodies of the same two links become one entry.
 
     Returns:
-        Names of bodies or links for each reason. If the reason is overlap, the share of random poses in which they
-        overlap is given, too.
+        Names of bodies or links for each reason. If the reason is overlap, the share of random poses in which the
+        bodies overlap is given, too.
     """
     found: dict[str, dict[BodyPair, list[IgnoredPair]]] = {}
     for each in skipped:
@@ -153,13 +154,13 @@ def ignored_pairs(
 
 
 def _bodies_of(name: str, bodies: Sequence[str], links: tuple[str, ...], each: IgnoredBodies) -> set[str]:
-    """Bodies of a link, or bodies whose names are equal to a name or fit a pattern."""
+    """Names of the bodies that a name or pattern selects: all bodies of a link, or bodies with a fitting name."""
     fitting = set(matching(name, links))
     found = {body for body in bodies if link_of(body) in fitting} or set(matching(name, bodies)) & set(bodies)
     if not found and each.strict:
         raise ArmidError(
             f"{each.reason} {each.first},{each.second}: no body is called {name!r}.",
             possible=", ".join(links),
-            remedy=did_you_mean(name, links),
+            remedy=did_you_mean(name, links) or "name one of these links, or give a pattern that fits one of them.",
         )
     return found

@@ -38,13 +38,14 @@ CLOSE = 0.8
 distance of a corner from the hull is larger than from the planes."""
 
 FURTHEST = 0.6
-"""In one step, a corner is added if its distance outside is at least this share of the largest distance outside."""
+"""A corner of the mesh is added to a simplified hull if its distance from the hull is at least this share of the
+largest such distance."""
 
 SOLVER = 1e-6
 """Error with which Coal computes the distance of a corner from a hull [m]."""
 
 THIN = 1e-5
-"""Half the thickness [m] that is given to a flat part."""
+"""Half the thickness [m] that is given to a flat part of a mesh."""
 
 WHOLE = (".stl", ".obj", ".dae", ".ply", ".glb", ".off")
 """Endings of files that contain all their triangles themselves, so that the content identifies the mesh."""
@@ -162,7 +163,7 @@ def _read(arrays: Arrays | None) -> MeshOutline | None:
 
 
 def _made(corners: Array, faces: NDArray[np.intp]) -> MeshOutline:
-    """Bounding volumes of triangles; the hulls of the slices are computed once and used for capsules and parts."""
+    """Bounding volumes of a mesh from its corners (v, 3) [m] and triangles (t, 3), which are indices of corners."""
     cuts = cuts_of(corners, faces)
     hulls: dict[int, ConvexHull] = {}
 
@@ -179,7 +180,7 @@ def _made(corners: Array, faces: NDArray[np.intp]) -> MeshOutline:
 
 
 def hull_points(points: Array) -> ConvexHull:
-    """Convex hull of points (v, 3); if they lie in a plane, it is given a small thickness."""
+    """Convex hull of points (v, 3) [m]; if the points lie in a plane, the hull is given a small thickness."""
     try:
         return ConvexHull(points)
     except QhullError:

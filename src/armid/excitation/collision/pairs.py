@@ -14,9 +14,9 @@ from armid.robot.shapes import Shape
 
 
 def pairs_of_bodies(robot: Robot, shapes: Sequence[Shape]) -> tuple[CollisionBodies, NDArray[np.intp]]:
-    """Capsules and solids with their pairs, and for each pair of bodies the indices into `shapes`.
+    """Bounding volumes of all pairs of bodies that can collide, and the indices (m, 2) of each pair into `shapes`.
 
-    Pairs of adjacent links are not among them (`armid.excitation.collision.adjacent_link_collisions`).
+    Pairs of adjacent links are not included (`armid.excitation.collision.adjacent_link_collisions`).
     """
     chosen: list[tuple[int, int]] = []
     for a in range(len(shapes)):
@@ -30,7 +30,10 @@ def pairs_of_bodies(robot: Robot, shapes: Sequence[Shape]) -> tuple[CollisionBod
 def bounding_volumes(
     shapes: Sequence[Shape], chosen: Sequence[tuple[int, int]]
 ) -> tuple[CollisionBodies, NDArray[np.intp]]:
-    """Capsules and solids of chosen pairs of bodies, and the indices of each pair; two solids do not form a pair."""
+    """Capsules and solids of chosen pairs of bodies, and the indices (m, 2) of the bodies of each pair.
+
+    Pairs of two solids are left out.
+    """
     solid = [shape.kind in ("box", "half-space") and shape.link < 0 for shape in shapes]
     capsules: list[Shape] = []
     solids = [shape for shape, apart in zip(shapes, solid, strict=True) if apart]

@@ -1,4 +1,4 @@
-"""Required distance of each pair of bodies: the margin, or less if bodies are close by construction, or none.
+"""Required distance of each pair of bodies: the user's margin, or less if bodies are close by construction, or none.
 
 Bodies with two joints between them may be only a few millimetres apart by construction, in all or most poses. They
 cannot keep the margin, but they can collide. Their required distance is therefore at most half of their usual
@@ -51,13 +51,14 @@ OFTEN = 0.25
 half of that, the distance of the pair is computed with its triangles."""
 
 FREE = 0.75
-"""Quantile of the distances: the distance that a pair exceeds in a quarter of random poses. For links further apart
-`FAR` takes its place, because they can move away from each other."""
+"""Quantile of the distances: the distance that a pair exceeds in a quarter of random poses. For links with more than
+`NEIGHBOURS` joints between them, the quantile `FAR` is used, because such links can move away from each other."""
 
 LEVELS = (0.02, 0.05, 0.1)
-"""Distances [m], of which a pair must keep the largest that is below `FREE`, even if half of its usual distance is
-less. They do not depend on the margin, because a larger margin must not lead to smaller required distances. The first
-one is the margin by default: pairs that exceed it too seldom are close by construction."""
+"""A pair must keep the largest of these distances [m] that is below the quantile `FREE` of its distance, even if half
+of its usual distance is less. The values do not depend on the margin, because a larger margin must not lead to
+smaller required distances. The first one is the margin by default: pairs that exceed it too seldom are close by
+construction."""
 
 FEW = 100
 """Number of poses in which distances are computed with the triangles of bodies."""
@@ -99,7 +100,7 @@ class RequiredDistances:
         return (self.touching > MOSTLY) & ~self.of(LEFT_OUT)
 
     def lowered(self, distance: Array) -> RequiredDistances:
-        """Required distances for a start pose with distances (m,) [m]; smaller for pairs close by construction."""
+        """Required distances, lowered for close pairs that are closer in a start pose with distances (m,) [m]."""
         lower = self.close & (distance > LEAST) & (distance < self.margin)
         least = np.array([largest_required(d, d) for d in distance.tolist()])
         return replace(self, margin=np.where(lower, least, self.margin))
@@ -232,7 +233,7 @@ def _of_overlapping(
 
 
 def _usual_gap(actual: Array) -> float:
-    """Usual distance [m] of bodies with distances (k,) in random poses; a small one if few are above 20 mm."""
+    """Usual distance [m] of two bodies with distances (k,) in random poses; a low quantile if few exceed 20 mm."""
     usual = max(float(np.quantile(actual, USUAL)), 0.0)
     if usual > LEVELS[0] or not (actual > 0.0).any():
         return usual

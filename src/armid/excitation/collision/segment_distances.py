@@ -88,7 +88,7 @@ def _deepest(a: Array, u: Array, half: Array) -> Array:
 
 
 def _box_distance(point: Array, half: Array) -> tuple[Array, Array]:
-    """Signed distance of points to a box, and its gradient."""
+    """Signed distance (...,) of points (..., 3) from a box, negative inside the box, and its gradient (..., 3)."""
     offset = np.abs(point) - half
     outside = np.maximum(offset, 0.0)
     length = np.linalg.norm(outside, axis=-1)

@@ -90,7 +90,7 @@ def left_out_contacts(
 def _touching(
     collision: CollisionOptions, each: IgnoredPair, poses: tuple[Array, Array], which: NDArray[np.intp]
 ) -> NDArray[np.bool_]:
-    """Tests whether the bodies of a pair touch in some of the poses."""
+    """Tests for each of the poses with indices `which` whether the bodies of a pair touch, shape (k,)."""
     some = poses[0][which], poses[1][which]
     return too_close(collision.shapes, np.array(each.bodies), 0.0, some)
 
@@ -105,7 +105,10 @@ def contacts_found(contacts: Sequence[LeftOutContact]) -> Finding | None:
     parts += [f"all the time: {_listed(throughout)}"] if throughout else []
     touch = "touches" if len(contacts) == 1 else "touch"
     evidence = f"{plural(len(contacts), 'pair')} of bodies whose distance is not checked {touch} in this plan: "
-    remedy = "look at these pairs in the preview; if one must not touch, do not exclude it from the collision check."
+    remedy = (
+        "look at these pairs in the preview; if the bodies of a pair must not touch, do not exclude the pair from "
+        "the collision check."
+    )
     severity = "warning" if any(each.unexpected for each in contacts) else "info"
     return Finding("left-out-pairs-touch", severity, "", evidence + "; ".join(parts), remedy)
 

@@ -33,11 +33,11 @@ SCALE = 0.5
 which the utilisation is zero."""
 
 SPARE, SPARED = 0.5, 0.9
-"""Additional distance that a search keeps, in steps of the grid; and its largest share of the distance of the start
-pose."""
+"""Additional distance that a search keeps, in steps of the grid; and its largest value, divided by the distance of
+the start pose from the region in which the bodies are too close."""
 
 JOINTS = 2
-"""Number of joints between the bodies of a pair that is put into a grid."""
+"""Number of joints between the two bodies of a pair for which a grid of joint positions is computed."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -76,11 +76,11 @@ class PositionMap:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class MeasuredPairs:
-    """Constraint channel of pairs with a map of positions, for a search.
+    """Constraint channel that keeps pairs of bodies apart by maps of the positions of two joints, for a search.
 
     Attributes:
         name: Name of the quantity.
-        maps: Map of each pair.
+        maps: Map of the positions of two joints for each pair.
     """
 
     name: str
@@ -88,16 +88,16 @@ class MeasuredPairs:
 
     @property
     def labels(self) -> tuple[BodyPair, ...]:
-        """Names of the pairs."""
+        """Names of the two bodies of each pair."""
         return tuple(each.pair for each in self.maps)
 
     def values(self, states: States) -> Array:
-        """One minus the distance from the region in which bodies are too close, divided by `SCALE`; (N, m)."""
+        """Utilisations (N, m): 1 - d / `SCALE`, d being the distance from the positions with too close bodies."""
         q = states.derivatives[0]
         return np.column_stack([1.0 - (each.at(q)[0] - each.spare) / SCALE for each in self.maps])
 
     def pullback(self, states: States, weights: Array) -> Array:
-        """Gradients (m, n k); each pair depends on the unknowns of two joints."""
+        """Gradients (m, n k) by the unknowns, of the sums over the samples of values times weights (N, m)."""
         q = states.derivatives[0]
         by_q = np.zeros((*weights.shape, states.basis.n))
         for k, each in enumerate(self.maps):
@@ -105,7 +105,7 @@ class MeasuredPairs:
         return states.pullback_positions(by_q)
 
     def between(self, states: States, step: float) -> Array:
-        """Upper bound of the rise of the utilisation between points of a grid, from the joint speeds, shape (m,)."""
+        """Upper bound (m,) of the rise of each utilisation between grid points, computed from the joint speeds."""
         rises = [
             sum(
                 float(states.speed_bound[j] * np.abs(np.diff(each.distance, axis=k)).max() / each.step[k])

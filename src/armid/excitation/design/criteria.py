@@ -178,8 +178,8 @@ def make_criterion(
         name: One of `CRITERIA`.
         sharpness: Exponent p of the norms that replace extreme eigenvalues.
         prediction: Information matrix (b, b) of the motions whose torque the model must predict well.
-        scale: Typical values of the parameters, shape (b,); infinite for parameters to be ignored. If `None`, all are
-            1.
+        scale: Typical values of the parameters, shape (b,); infinite for parameters to be ignored. If `None`, all
+            typical values are 1.
 
     Raises:
         ArmidError: The name is unknown, or the criterion is `prediction` and no motions are given.

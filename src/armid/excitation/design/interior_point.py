@@ -5,9 +5,10 @@ that steps into a body may therefore not leave it again. The first stage of a sh
 
     f(x) - μ Σ log(1 - u_k(x)),
 
-where u are the soft maxima of all constraint channels and μ is a decreasing weight. The quasi-Newton method shortens
-every step that would leave the limits [Nocedal2006, chapters 7 and 19]. Its result is close to the limits and has
-nearly the final shape of the motion, so it is a good start for the stages of `armid.excitation.design.sqp`.
+where f is the criterion, u_k are the soft maxima of the utilisations of all limits, and μ is a decreasing weight. The
+quasi-Newton method shortens every step that would leave the limits [Nocedal2006, chapters 7 and 19]. Its result is
+close to the limits and has nearly the final shape of the motion, so it is a good start for the stages of
+`armid.excitation.design.sqp`.
 """
 
 from __future__ import annotations
@@ -32,7 +33,8 @@ REMEMBERED = 20
 """Number of steps from which the quasi-Newton method estimates the curvature."""
 
 SHORTENED = (0.5, 0.3)
-"""Factors that shorten a step: if it decreases the value too little, and if it leaves the limits."""
+"""Factors by which a step is shortened: the first if the step decreases the value too little, the second if it leaves
+the limits."""
 
 TRIALS = 14
 """Largest number of times that one step is shortened."""
@@ -54,7 +56,8 @@ def descend_inside(problem: DescentProblem, x: Array, stage: Stage, deadline: fl
 
     Args:
         problem: Criterion, unknowns and limits.
-        x: Starting point, shape (n k,). Its amplitudes are reduced until it keeps the limits.
+        x: Starting point, shape (n k,), with k unknowns of each joint. Its amplitudes are reduced until it keeps the
+            limits.
         stage: Smoothing of criterion and limits.
         deadline: Time on the clock of `time.time` [s] at which the descent ends; the point reached by then is
             returned.

@@ -1,4 +1,4 @@
-"""Torque of the rigid bodies on which load-dependent friction acts, with its exact gradient."""
+"""Torque of the rigid bodies, on which load-dependent friction depends, with its exact gradient."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class LoadTorque:
         self._states: States = (none_yet, none_yet, none_yet)
 
     def fill(self, states: States) -> Array:
-        """Torque (N, n) at states (N, n), which are kept for `pullback`."""
+        """Computes the torque (N, n) at states q, dq, ddq, each (N, n); the states are kept for `pullback`."""
         self._states = states
         return kernel.inverse_dynamics(self._tree, self._inertial, *states)
 

@@ -64,7 +64,8 @@ Progress = Callable[["SearchCandidate", float, int], None]
 
 
 TINY = 1e-4
-"""Standard deviation of the unknowns of a very small motion [rad/s]; a limit that it violates excludes any motion."""
+"""Standard deviation of the unknowns of a very small motion [rad/s]. A limit that this motion violates excludes any
+motion."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -73,7 +74,7 @@ class SearchCandidate:
 
     Attributes:
         x: Unknowns, shape (n k,).
-        value: The criterion, without smoothing.
+        value: Value of the criterion, computed without smoothing.
         round: Number of the round in which the plan was found.
         kind: Kind of the starting point of the descent: `start`, `random`, `shaken` (a perturbed plan) or `given`.
     """
@@ -145,7 +146,7 @@ def _problem(pickled: bytes) -> tuple[DescentProblem, Objective]:
 
 
 def random_start(problem: DescentProblem, grid: Objective, rng: np.random.Generator) -> Array:
-    """Random series that is at rest in the start pose, with each joint scaled to its own limits."""
+    """Unknowns (n k,) of a random series that starts at rest, with each joint scaled to its own limits."""
     basis = problem.basis
     c = rng.uniform(-AMPLITUDE, AMPLITUDE, (basis.n, 2 * basis.harmonics + 1))
     c[:, -1] = basis.start
@@ -167,7 +168,7 @@ def random_start(problem: DescentProblem, grid: Objective, rng: np.random.Genera
 
 
 def _run(pickled: bytes, task: _Task) -> _Outcome:
-    """Runs one descent; the outcome has no plan if it cannot keep the limits or would begin after the deadline."""
+    """Runs one descent; the outcome has no plan if none keeps the limits, or if the deadline has passed."""
     if time.time() > task.deadline:
         return _Outcome(task, begun=False)
     problem, grid = _problem(pickled)
@@ -265,7 +266,7 @@ class _Round:
 
 
 class _Incumbent:
-    """Best plan so far, with the history of its value and the function that is called with it."""
+    """Best plan so far, with the history of the criterion and the function that reports progress."""
 
     def __init__(self, problem: DescentProblem, progress: Progress | None, began: float) -> None:
         self.pickled = pickle.dumps(problem)
@@ -306,7 +307,7 @@ def search(
     given: Sequence[Array] = (),
     progress: Progress | None = None,
 ) -> Search:
-    """Searches for the plan with the smallest criterion that keeps every limit.
+    """Searches, among the plans that keep every limit, for the plan with the smallest criterion.
 
     Args:
         problem: Criterion, unknowns and limits.
@@ -324,7 +325,7 @@ def search(
     if (budget is not None and not budget > 0.0) or (rounds is not None and rounds < 1):
         raise ArmidError(
             f"A search needs a positive time and at least one round; found a time of {budget} s and {rounds} rounds.",
-            remedy="give some seconds; ten are enough for a good plan of a seven-joint arm.",
+            remedy="give a time of some seconds; ten are enough for a good plan of a seven-joint arm.",
         )
     began = time.time()
     deadline = np.inf if budget is None else began + budget
@@ -396,4 +397,4 @@ def _most_violated(incumbent: _Incumbent, x: Array) -> str:
         ),
         default=(0.0, "", ""),
     )
-    return f"relax {worst[1]} of {worst[2]} ({100 * worst[0]:.0f} % of its limit), or choose another start pose."
+    return f"relax {worst[1]} of {worst[2]} ({100 * worst[0]:.0f} % of its limit), or give another pose with --start."

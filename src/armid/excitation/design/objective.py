@@ -24,8 +24,8 @@ from armid.model.dynamics_model import DynamicsModel
 from armid.model.motion import Motion
 
 SIGNIFICANT = 3.0
-"""Ratio of estimate and standard deviation from which a parameter counts as significant. By chance, three of a
-thousand parameters whose true value is zero exceed it."""
+"""Ratio of estimate and standard deviation from which a parameter counts as significant. By chance, the ratio is
+larger for three of a thousand parameters whose true value is zero."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -134,7 +134,7 @@ class Objective:
         return self._of_others[source]
 
     def states(self, x: ArrayLike) -> tuple[Array, Array, Array]:
-        """Positions, velocities and accelerations (N, n) for unknowns (n k,)."""
+        """Positions, velocities and accelerations, each (N, n), of the series with unknowns x, shape (n k,)."""
         unknowns = np.asarray(x).reshape(self._shape).T
         q, dq, ddq = (matrix @ unknowns for matrix in self.matrices[:3])
         q += self.basis.start
@@ -147,11 +147,11 @@ class Objective:
         return G if self.goal.prior is None else G + self.goal.prior
 
     def value(self, x: ArrayLike) -> float:
-        """Criterion for unknowns (n k,)."""
+        """Criterion of the series with unknowns x, shape (n k,): k for each joint."""
         return self._criterion(self.information(x))[0]
 
     def __call__(self, x: ArrayLike) -> tuple[float, Array]:
-        """Criterion for unknowns (n k,), and its gradient (n k,)."""
+        """Criterion of the series with unknowns x, shape (n k,), and the gradient (n k,) of the criterion."""
         value, slopes = self._criterion(self.information(x))
         return value, self.pullback(self.columns.information_gradient(slopes, self._weights))
 

@@ -24,8 +24,8 @@ from armid.excitation.limits.constraint_channels import ConstraintChannel, State
 from armid.excitation.rest_to_rest_basis import SeriesBasis
 
 CHECKED = 80.0
-"""Points per period of the highest harmonic, for the grid on which candidates are compared. With this grid, the
-maximum is too small by less than a thousandth of the peak."""
+"""Points per period of the highest harmonic, for the grid on which candidates are compared. The maximum of a quantity
+on this grid is smaller than its true maximum by less than a thousandth."""
 
 FEASIBLE = 1.0 + 1e-9
 """Utilisation up to which a limit counts as kept; the excess over 1 allows for rounding errors."""
@@ -34,8 +34,8 @@ DIVERGED = 2.0
 """Utilisation from which a stage counts as diverged. If bodies overlap deeply, further steps increase the overlap."""
 
 HALVINGS, FURTHER = 14, 11
-"""Number of bisections for the amplitude factor, which reduce its interval to 6e-5; and number of additional
-bisections on the whole grid if a part of the grid was used before."""
+"""Number of bisections that determine the factor of the amplitudes to 6e-5; and number of additional bisections on
+the whole grid, if the first ones used only a part of the grid."""
 
 SPARSE = 8
 """Stride of the grid points that are used first if distances of bodies are limited."""
@@ -68,8 +68,8 @@ STAGES = (
     Stage(20.0, 0.02, 200.0, 3000.0, 60),
     Stage(20.0, 0.02, 200.0, 3000.0, 40),
 )
-"""Stages in order of decreasing smoothness. With two widths more or fewer, the result changes by a few percent of its
-spread over random starts."""
+"""Stages in order of decreasing smoothness. With two stages more or fewer, the criterion changes by a few percent of
+its spread over random starts."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,7 +94,7 @@ class DescentProblem:
         return Objective(self.goal, self.basis, samples, width=stage.width * self.scale, sharpness=stage.sharpness)
 
     def near(self, states: States) -> list[ConstraintChannel]:
-        """Constraint channels for motions near the given one; of many pairs of bodies, only those that come close."""
+        """Constraint channels for motions near a given one; of many pairs of bodies, only the close pairs."""
         return [channel.near(states) if isinstance(channel, Clearance) else channel for channel in self.channels]
 
     @cached_property
@@ -145,17 +145,17 @@ class _Evaluation:
         ]
 
     def objective(self, x: Array) -> tuple[float, Array]:
-        """Criterion and its gradient."""
+        """Criterion and its gradient at the unknowns x, shape (n k,)."""
         if time.time() > self._deadline:
             raise _DeadlineError
         return self._at(x).criterion
 
     def limits(self, x: Array) -> Array:
-        """Margins to the limits: one minus the utilisation."""
+        """Margins to all limits at the unknowns x: one minus the utilisation of each limit."""
         return 1.0 - np.concatenate(self._at(x).utilisations)
 
     def limit_slopes(self, x: Array) -> Array:
-        """Gradients of the margins."""
+        """Gradients by the unknowns x of the margins to all limits, one in each row."""
         return -np.concatenate(self._at(x).slopes)
 
     def _at(self, x: Array) -> _Point:
@@ -234,7 +234,7 @@ def utilisation(problem: DescentProblem, grid: Objective, x: Array) -> list[Arra
 
 
 def max_utilisation(problem: DescentProblem, grid: Objective, x: Array) -> float:
-    """Largest ratio of value and limit over all limits and all points of a grid."""
+    """Largest utilisation of any limit at any point of a grid, for the series with unknowns x, shape (n k,)."""
     return max((float(u.max()) for u in utilisation(problem, grid, x)), default=0.0)
 
 
@@ -286,7 +286,7 @@ def shrink_to_feasible(problem: DescentProblem, grid: Objective, x: Array, limit
 
 
 def about_start(basis: SeriesBasis, x: Array, factor: float | Array) -> Array:
-    """Unknowns (n k,) of the series with scaled amplitudes and the same start pose.
+    """Unknowns (n k,) of a series whose amplitudes are scaled and whose start pose is kept.
 
     Args:
         basis: Basis of the series.
@@ -302,7 +302,7 @@ def about_start(basis: SeriesBasis, x: Array, factor: float | Array) -> Array:
 
 
 def from_pose(basis: SeriesBasis, x: Array) -> Array:
-    """Unknowns (n k,) of the same motion, shifted so that it begins in the start pose of the basis."""
+    """Unknowns (n k,) of the motion with unknowns x, shifted so that it begins in the start pose of the basis."""
     c, L = basis.coefficients(x), basis.harmonics
     c[:, -1] = basis.start + c[:, L : 2 * L] @ (1.0 / (basis.base_frequency * np.arange(1, L + 1)))
     return basis.project(c)

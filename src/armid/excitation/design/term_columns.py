@@ -1,4 +1,4 @@
-"""Regressor columns of all torque terms except rigid bodies along a motion, and their gradients by its states.
+"""Regressor columns of all torque terms except rigid bodies along a motion, and gradients of these columns.
 
 Columns with the same law are evaluated together. Common subexpressions of a law and its derivatives are computed
 once: tanh(x/w) and its derivative need only one tanh.
@@ -55,7 +55,7 @@ class _ExpressionProgram:
         return len(self._steps) - 1
 
     def __call__(self, states: dict[str, Array]) -> list[Array]:
-        """Values of the expressions."""
+        """Values of the expressions for arrays of the states, given by symbol; one array for each expression."""
         values: list[Array] = []
         for (name, inputs), constant in zip(self._steps, self._constants, strict=True):
             if constant is not None:

@@ -31,7 +31,7 @@ def write(track: SampledMotion) -> bytes:
 
 
 def read(content: bytes) -> SampledMotion:
-    """Reads the motion; the table does not contain the plan.
+    """Reads the motion from a CSV table, which does not contain the plan.
 
     Raises:
         ArmidError: The table is not one that `write` has written.

@@ -32,7 +32,7 @@ def write(track: SampledMotion) -> bytes:
 
 
 def read(content: bytes) -> SampledMotion:
-    """Reads the positions; the cycle time is assumed to be 5 ms, the usual one."""
+    """Reads the joint positions; the cycle time is assumed to be 5 ms, which is usual."""
     q = number_rows(content.decode(errors="replace"), JOINTS)
     motion = states_of_positions(np.arange(len(q)) / RATE, q)
     return SampledMotion("", tuple(f"A{k + 1}" for k in range(JOINTS)), (False,) * JOINTS, motion)

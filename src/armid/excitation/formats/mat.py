@@ -41,7 +41,7 @@ def write(track: SampledMotion) -> bytes:
 
 
 def read(content: bytes) -> SampledMotion:
-    """Reads the motion and the plan.
+    """Reads the motion and the plan from a MATLAB file.
 
     Raises:
         ArmidError: The file is not one that `write` has written.

@@ -48,7 +48,7 @@ def write(track: SampledMotion) -> bytes:
 
 
 def read(content: bytes) -> SampledMotion:
-    """Reads the points and the plan.
+    """Reads the points of a trajectory, and the plan from its comments.
 
     Raises:
         ArmidError: The text is not a trajectory that `write` has written.

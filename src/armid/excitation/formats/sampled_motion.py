@@ -1,4 +1,4 @@
-"""Motion that is sampled at the rate of a controller, and the interface of the modules for its formats."""
+"""Motion that is sampled at the rate of a controller, and the interface of the modules that write it to files."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ class Format(Protocol):
 
 
 def plan_in_comments(text: str, comment: str) -> str:
-    """Plan in the comments of a file; empty if there is none."""
+    """Plan, as one line of JSON, in the comments of a file; empty if no comment contains a plan."""
     mark = f"{comment} {PLAN_MARK}"
     return next((line[len(mark) :] for line in text.splitlines() if line.startswith(mark)), "")
 

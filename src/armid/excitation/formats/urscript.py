@@ -21,7 +21,7 @@ RATE = 125.0
 
 JOINTS = 6
 LOOKAHEAD, GAIN = 0.1, 300
-"""Parameters of `servoj`: its default values, with which it smooths little and follows closely."""
+"""Lookahead time [s] and gain of `servoj`: the default values, with which the arm follows the positions closely."""
 
 SERVO = re.compile(r"servoj\(\[(.*?)\], t=([\d.]+)")
 
@@ -44,7 +44,7 @@ def write(track: SampledMotion) -> bytes:
 
 
 def read(content: bytes) -> SampledMotion:
-    """Reads the positions and the plan.
+    """Reads the joint positions from the commands `servoj`, and the plan from the comments.
 
     Raises:
         ArmidError: The text is not a program with `servoj`.

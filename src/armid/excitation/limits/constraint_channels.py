@@ -1,7 +1,7 @@
 """Constraint channels: utilisations of limits (value divided by limit) along a series, with exact gradients.
 
 A channel has m values u at each of the N samples of a series. Each is a utilisation: the value divided by its limit,
-which must be at most one. A search needs a smooth maximum over the samples, which is
+which must be at most one. A search needs a smooth maximum over the samples. With an exponent p it is
 
     max + log(Σ exp(p (u - max))) / p.
 
@@ -88,7 +88,7 @@ class States:
         return np.tensordot(by_q, matrix, axes=(0, 0)).reshape(by_q.shape[1], -1)
 
     def columns(self, source: ColumnSource | None = None) -> Columns:
-        """Columns of a model along the motion; those of the goal if no source is given."""
+        """Regressor columns of a model along the motion; of the model of the design goal if no source is given."""
         columns = self.objective.columns if source is None else self.objective.columns_of(source)
         if columns not in self._filled:
             columns.fill(*self.derivatives[:3])
@@ -123,7 +123,7 @@ class ConstraintChannel(Protocol):
         ...
 
     def pullback(self, states: States, weights: Array) -> Array:
-        """Gradients (m, n k) of the sums over the samples of values times weights (N, m)."""
+        """Gradients (m, n k) by the unknowns, of the sums over the samples of values times weights (N, m)."""
         ...
 
     def between(self, states: States, step: float) -> Array:
@@ -167,7 +167,7 @@ class RangeLimit:
         return np.abs(self._relative(states))
 
     def pullback(self, states: States, weights: Array) -> Array:
-        """Gradients (m, n k); each joint depends only on its own unknowns."""
+        """Gradients (m, n k) by the unknowns, of the sums over the samples of values times weights (N, m)."""
         slopes = weights * np.sign(self._relative(states)) / self.half
         blocks = slopes.T @ states.objective.matrices[self.order]
         gradient = np.zeros((len(self.joints), states.basis.n, states.basis.size))
@@ -175,7 +175,7 @@ class RangeLimit:
         return gradient.reshape(len(self.joints), -1)
 
     def between(self, states: States, step: float) -> Array:
-        """Upper bound of the rise between points, shape (m,): step²/8 times the bound of the second derivative."""
+        """Upper bound (m,) of the rise between grid points: step²/8 times a bound of the second derivative."""
         rise = step**2 / 8.0 * states.basis.peaks_between(states.x, self.order + 2)
         return rise[list(self.joints)] / self.half
 
@@ -189,7 +189,7 @@ class AmplitudeLimit:
     Attributes:
         name: Name of the quantity.
         order: 0 for Σ √(a²+b²) / (ω l), a bound of the distance from the offset; 1 for Σ √(a²+b²), a bound of the
-            velocity.
+            velocity. The sums are over the harmonics l with coefficients a and b and base frequency ω.
         joints: Indices of the joints with a limit.
         labels: Names of these joints.
         limit: Limits of the sums, shape (m,) [rad or m for order 0, rad/s or m/s for order 1].

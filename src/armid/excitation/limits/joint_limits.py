@@ -279,7 +279,7 @@ def _finite(values: Array) -> NDArray[np.intp]:
 
 
 def motion_channels(limits: Limits) -> tuple[ConstraintChannel, ...]:
-    """Constraint channels of position, velocity, acceleration and jerk."""
+    """Constraint channels of the limits of position, velocity, acceleration and jerk."""
     names = limits.joints
     bounded = _finite(limits.upper - limits.lower)
     low, high = limits.lower[bounded], limits.upper[bounded]

@@ -2,9 +2,10 @@
 
 Sums of amplitudes bound every time derivative of a joint position along a series. Along the kinematic chain, bounds
 of the norms of vectors follow from these sums. A vector u that is fixed in a link has the derivative u' = ω x u.
-Bounds of the norms of its derivatives therefore follow from those of ω, with Leibniz's rule and the triangle
-inequality. For a tensor that is fixed in a link, the bound of the first derivative is twice as large. A jet is the
-list of such bounds for a quantity and its derivatives in ascending order, all in the inertial frame.
+Bounds of the norms of the derivatives of u therefore follow from bounds of the angular velocity ω and its
+derivatives, with Leibniz's rule and the triangle inequality. For a tensor that is fixed in a link, the bound of the
+first derivative is twice as large. A jet is the list of such bounds for a quantity and its derivatives in ascending
+order, all in the inertial frame.
 """
 
 from __future__ import annotations
@@ -20,7 +21,8 @@ from armid.kernel import Tree
 Jet = Sequence[float]
 
 ORDERS = 4
-"""Number of time derivatives of the positions on which the second derivative of the torque depends."""
+"""Highest order of the time derivatives of the positions on which the second time derivative of the torque
+depends."""
 
 
 def torque_curvature(tree: Tree, inertial: Array, derivatives: Array) -> Array:

@@ -19,7 +19,7 @@ from armid.model.dynamics_model import DynamicsModel
 
 @dataclass(frozen=True, eq=False)
 class TorqueModel:
-    """Model that gives the torque to be limited, if it is another model than that of the criterion.
+    """Model that gives the torque to be limited, if it is not the model of the criterion.
 
     Attributes:
         model: Arm and torque terms.
@@ -87,7 +87,7 @@ class Torque:
         return np.abs(self._columns(states).torque(self.base)[:, self.joints]) / self.limit
 
     def pullback(self, states: States, weights: Array) -> Array:
-        """Gradients (m, n k), computed with one pass of the kernel's adjoint for each joint."""
+        """Gradients (m, n k) by the unknowns, of the sums over the samples of values times weights (N, m)."""
         columns = self._columns(states)
         torque = columns.torque(self.base)
         rows: list[Array] = []
@@ -101,8 +101,8 @@ class Torque:
 
         The torque of the rigid links rises by at most step²/8 times the bound of its second derivative. The torque of
         the other terms may jump when a joint reverses. Therefore the torque of the links at each point is also
-        combined with that of the other terms at the two neighbouring points. This gives a margin, but not a proven
-        bound.
+        combined with the torque of the other terms at the two neighbouring points. The result is a margin, but not a
+        proven bound.
         """
         goal, basis = states.objective.goal, states.basis
         model, base = (

@@ -36,7 +36,7 @@ def point_gradient(tree: Tree, poses: tuple[Array, Array], mask: Array, points: 
 
     Args:
         tree: The arm's geometry.
-        poses: Rotations (N, n, 3, 3) and origins (N, n, 3) of its links.
+        poses: Rotations (N, n, 3, 3) and origins (N, n, 3) of the links.
         mask: Mask of the joints that move each point, from `carried_by`, shape (m, n).
         points: Points in the base frame, shape (N, m, 3) [m].
         forces: Weights of the coordinates of the points, shape (N, m, 3).
@@ -83,18 +83,18 @@ class Workspace:
         return p[:, tip.parent] + R[:, tip.parent] @ tip.placement[:3, 3]
 
     def values(self, states: States) -> Array:
-        """One minus the distance to each plane divided by `SCALE`, shape (N, m)."""
+        """Utilisations (N, m): one minus the distance of the tip from each plane divided by `SCALE`."""
         return 1.0 - (self.offsets - self._tip(states) @ self.normals.T) / SCALE
 
     def pullback(self, states: States, weights: Array) -> Array:
-        """Gradient (m, n k)."""
+        """Gradients (m, n k) by the unknowns, of the sums over the samples of values times weights (N, m)."""
         forces = weights[:, :, None] * self.normals / SCALE
         points = np.broadcast_to(self._tip(states)[:, None], forces.shape)
         mask = carried_by(states.tree, [states.robot.tip.parent] * len(self.labels))
         return states.pullback_positions(point_gradient(states.tree, states.poses, mask, points, forces))
 
     def between(self, states: States, step: float) -> Array:
-        """Upper bound of the rise of the utilisation between points of a grid, from the speed of the tip, (m,)."""
+        """Upper bound (m,) of the rise of the utilisations between grid points, from the speed of the tip."""
         mask = carried_by(states.tree, [states.robot.tip.parent])
         speed = point_speed(states.tree, states.poses, mask, self._tip(states)[:, None], states.speed_bound)
         return np.full(len(self.labels), 0.5 * step * float(speed.max()) / SCALE)
