@@ -1,4 +1,4 @@
-"""Joint controllers and drives for the closed-loop simulation.
+"""Joint controllers and drives of a simulated arm in closed loop.
 
 Every controller adds a feed-forward torque along the planned motion to a linear feedback of position and velocity of
 the drive: τ = feed-forward(t) + KP e + KD ė + KI ∫e. The controllers differ only in the feed-forward torque:
@@ -23,11 +23,11 @@ from armid.lab.known_arms import UNKNOWN_EFFORT, KnownArm
 from armid.model.motion import Motion
 
 CONTROLLERS = ("computed-torque", "pd-gravity", "pid")
-"""Kinds of controllers."""
+"""Kinds of controllers, the values of the key `kind` of the table [controller] of a `lab.toml`."""
 
 SLOWER = 0.25
-"""Largest product of the natural frequency of the position loop and its delay [rad]. The delay is the sum of the
-sample time and the time constant of the current loop."""
+"""Largest product of the angular natural frequency of the position loop and the delay of this loop [rad]. The delay
+is the sum of the sample time and the time constant of the current loop."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,8 +36,9 @@ class Controller:
 
     Attributes:
         kind: One of `CONTROLLERS`.
-        compliance: Position error at which the feedback commands the full effort of the joint [rad or m]. It
-            determines the gains, except if a joint is so light that the loop would be too fast for the sampling rate.
+        compliance: Position error at which the feedback commands the full effort of the joint [rad or m]. The
+            compliance determines the gains, unless a joint is so light that the loop would be too fast for the
+            sampling rate.
         damping: Damping ratio of the loop for the mean inertia of the joint.
         integral: KI divided by KP [1/s]; `None` stands for 2 if `kind` is `pid`, otherwise for 0.
         rate: Sampling rate [Hz]; 0 for sampling in every step of the simulation.
@@ -116,7 +117,7 @@ def gains(controller: Controller, drive: Drive, truth: KnownArm, motion: Motion,
         controller: The controller.
         drive: The drive; its current loop limits the gains.
         truth: The simulated arm.
-        motion: Motion along which the mean inertias are computed; they determine the gains.
+        motion: Motion along which the mean inertias of the joints are computed, which determine the gains.
         step: Sample time of the controller [s].
     """
     mass = kernel.mass_matrix(truth.robot.tree, truth.inertial, some_poses(motion.q))
@@ -135,7 +136,7 @@ def gains(controller: Controller, drive: Drive, truth: KnownArm, motion: Motion,
 
 
 def some_poses(q: Array, count: int = 100) -> Array:
-    """Positions (N, n) at evenly spaced samples of a motion, with N near `count`."""
+    """Selects about `count` evenly spaced samples of the positions (N, n) of a motion."""
     return q[:: max(1, len(q) // count)]
 
 

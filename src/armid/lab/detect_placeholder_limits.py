@@ -1,4 +1,4 @@
-"""Detection of effort limits that are only placeholders; the lab would compute unrealistic friction from them."""
+"""Detection of effort limits that are only placeholders, which would give the simulated arm unrealistic friction."""
 
 from __future__ import annotations
 
@@ -11,25 +11,26 @@ from armid.errors import Finding
 from armid.lab.known_arms import TYPICAL_COULOMB, UNKNOWN_EFFORT, KnownArm, friction_of_limits
 
 MUCH = 0.5
-"""Friction divided by the largest torque of the links. Effort limits are suspicious if this ratio is larger than
-`MUCH` in all joints with load, or in one joint whose effort limit is unknown."""
+"""Effort limits are suspicious if the Coulomb friction of a joint divided by the largest torque that its links need
+exceeds this ratio in all joints with load, or in one joint whose effort limit is unknown."""
 
 MUCH_OF_EQUAL = 0.25
-"""Same ratio as `MUCH`, for arms whose joints all have the same effort limit."""
+"""Ratio that replaces `MUCH` for arms whose joints all have the same effort limit."""
 
 PROPOSED = 0.1
-"""Proposed friction divided by the largest torque of the links; it is typical of gears of robot arms."""
+"""Friction that the finding proposes, divided by the largest torque of the links of the joint; typical of gears of
+robot arms."""
 
 LEAST = 0.01
 """Smallest proposed friction, divided by the largest torque of all links. Joints whose torque is smaller have no load
 and are not judged."""
 
 FEWEST = 3
-"""Smallest number of joints for which it is suspicious that all joints have the same limit."""
+"""Smallest number of joints from which it is suspicious that all joints of an arm have the same effort limit."""
 
 
 def placeholder_finding(truth: KnownArm, transmitted: Array) -> Finding | None:
-    """Finding about friction that was computed from effort limits that look like placeholders; `None` if they do not.
+    """Finding about friction that was computed from effort limits that look like placeholders; otherwise `None`.
 
     Args:
         truth: The simulated arm.
@@ -64,7 +65,7 @@ def placeholder_finding(truth: KnownArm, transmitted: Array) -> Finding | None:
 
 
 def _reason(limits: Array) -> str:
-    """Clause that says why the limits are suspicious."""
+    """Clause of the finding that says why the effort limits (n,) are suspicious."""
     known = np.isfinite(limits)
     if not known.any():
         return f"the limit {UNKNOWN_EFFORT:g}, which is assumed because the description has none, is unrealistic"
@@ -74,6 +75,6 @@ def _reason(limits: Array) -> str:
 
 
 def _list(numbers: Array) -> str:
-    """Numbers as text; if all are equal, the number is written once."""
+    """Text with numbers; if all numbers are equal, the text contains the number once."""
     words = [f"{x:.3g}" for x in numbers]
     return words[0] if len(set(words)) == 1 else ", ".join(words)

@@ -1,7 +1,7 @@
 """Faults of logs; each kind of fault is a class.
 
-Each class of `FAULTS` is a kind of table in a `lab.toml`. A fault changes only the quantities that it names; all
-other quantities remain exactly the same.
+Each class of `FAULTS` is a kind of table [[faults]] in a `lab.toml`. A fault changes only the quantities that the
+table names; all other quantities remain exactly the same.
 """
 
 from __future__ import annotations
@@ -38,12 +38,12 @@ class Fault(Protocol):
     """Name of the fault in a `lab.toml`."""
 
     def apply(self, recording: Recording, rng: np.random.Generator) -> Recording:
-        """Recording to which the fault is applied."""
+        """Returns the recording with this fault; `rng` gives the random numbers that the fault needs."""
         ...
 
 
 def spoil(recording: Recording, faults: Sequence[Fault], seed: int) -> Recording:
-    """Applies faults to a recording, one after another."""
+    """Applies faults to a recording, one after another; the seed determines all random numbers."""
     rng = np.random.default_rng(seed)
     for fault in faults:
         recording = fault.apply(recording, rng)
@@ -52,7 +52,7 @@ def spoil(recording: Recording, faults: Sequence[Fault], seed: int) -> Recording
 
 
 def _column(recording: Recording, quantity: str, joint: int) -> Array:
-    """Copy of a quantity of a recording, in which one joint will be changed."""
+    """Copy of a quantity of a recording, shape (N, n), after a check that the quantity and the joint exist."""
     values = getattr(recording, quantity, None) if quantity in QUANTITIES else None
     if values is None:
         raise LabError(
@@ -83,7 +83,7 @@ class Delayed:
     name: ClassVar[str] = "delayed"
 
     def apply(self, recording: Recording, rng: np.random.Generator) -> Recording:
-        """Recording in which the quantity is delayed; until the delay has passed, it has its first value."""
+        """Recording in which `quantity` is delayed by `seconds`; before that time it has its first value."""
         del rng
         time = clock_of(recording)
         rate = (recording.samples - 1) / (time[-1] - time[0])
@@ -108,7 +108,7 @@ class Filtered:
     name: ClassVar[str] = "filtered"
 
     def apply(self, recording: Recording, rng: np.random.Generator) -> Recording:
-        """Recording in which the quantity is filtered."""
+        """Recording in which `quantity` is filtered with the corner frequency `cutoff`."""
         del rng
         from scipy.signal import sosfilt, sosfilt_zi
 
@@ -120,7 +120,7 @@ class Filtered:
 
 @dataclass(frozen=True, slots=True)
 class DeadChannel:
-    """Channel that is always zero.
+    """Channel (one quantity of one joint) that is always zero.
 
     Attributes:
         joint: Index of the joint, from 0.
@@ -132,7 +132,7 @@ class DeadChannel:
     name: ClassVar[str] = "dead-channel"
 
     def apply(self, recording: Recording, rng: np.random.Generator) -> Recording:
-        """Recording in which the channel is zero."""
+        """Recording in which `quantity` is zero for the joint `joint` in all rows."""
         del rng
         values = _column(recording, self.quantity, self.joint)
         values[:, self.joint] = 0.0
@@ -141,7 +141,7 @@ class DeadChannel:
 
 @dataclass(frozen=True, slots=True)
 class StuckChannel:
-    """Channel whose value does not change any more after some time.
+    """Channel (one quantity of one joint) whose value does not change any more after some time.
 
     Attributes:
         joint: Index of the joint, from 0.
@@ -160,7 +160,7 @@ class StuckChannel:
         check_share("start", self.start)
 
     def apply(self, recording: Recording, rng: np.random.Generator) -> Recording:
-        """Recording in which the channel is constant for the given time."""
+        """Recording in which `quantity` of the joint `joint` is constant for `seconds` from the time `start` on."""
         del rng
         time, values = clock_of(recording), _column(recording, self.quantity, self.joint)
         begin = time[0] + self.start * (time[-1] - time[0])
@@ -172,11 +172,11 @@ class StuckChannel:
 
 @dataclass(frozen=True, slots=True)
 class Saturated:
-    """Channel whose absolute value is limited.
+    """Channel (one quantity of one joint) whose absolute value is limited.
 
     Attributes:
         joint: Index of the joint, from 0.
-        share: Ratio of the limit to the largest absolute value of the channel.
+        share: Limit divided by the largest absolute value of the channel.
         quantity: `q`, `dq` or `effort`.
     """
 
@@ -189,7 +189,7 @@ class Saturated:
         check_share("share", self.share)
 
     def apply(self, recording: Recording, rng: np.random.Generator) -> Recording:
-        """Recording in which the channel is limited."""
+        """Recording in which `quantity` of the joint `joint` is limited to `share` of its largest absolute value."""
         del rng
         values = _column(recording, self.quantity, self.joint)
         bound = self.share * np.abs(values[:, self.joint]).max()
@@ -211,7 +211,7 @@ class Scaled:
     name: ClassVar[str] = "scaled"
 
     def apply(self, recording: Recording, rng: np.random.Generator) -> Recording:
-        """Recording in which the quantity is scaled."""
+        """Recording in which `quantity` is multiplied by `factors`."""
         del rng
         if len(self.factors) not in (1, recording.n):
             raise LabError(
@@ -233,7 +233,7 @@ class TorqueSign:
     name: ClassVar[str] = "torque-sign"
 
     def apply(self, recording: Recording, rng: np.random.Generator) -> Recording:
-        """Recording in which the sign of the torques of these joints is changed."""
+        """Recording in which the torques of the joints `joints` have the opposite sign."""
         del rng
         effort = _column(recording, "effort", max(self.joints, default=0))
         effort[:, list(self.joints) or slice(None)] *= -1.0
@@ -247,7 +247,7 @@ class SwappedJoints:
     Attributes:
         first: Index of a joint, from 0.
         second: Index of another joint.
-        quantities: Quantities that are exchanged.
+        quantities: Quantities whose values are exchanged: `q`, `dq` or `effort`.
     """
 
     first: int = 0
@@ -256,7 +256,7 @@ class SwappedJoints:
     name: ClassVar[str] = "swapped-joints"
 
     def apply(self, recording: Recording, rng: np.random.Generator) -> Recording:
-        """Recording in which the columns of the two joints are exchanged."""
+        """Recording in which the values of the joints `first` and `second` are exchanged for all `quantities`."""
         del rng
         swapped: dict[str, Any] = {}
         for quantity in self.quantities:
@@ -293,7 +293,7 @@ class PositionOffset:
     name: ClassVar[str] = "position-offset"
 
     def apply(self, recording: Recording, rng: np.random.Generator) -> Recording:
-        """Recording in which the offset is added to the positions of the joint."""
+        """Recording in which `offset` is added to the positions of the joint `joint`."""
         del rng
         q = _column(recording, "q", self.joint)
         q[:, self.joint] += self.offset
@@ -312,7 +312,7 @@ class WrappedPosition:
     name: ClassVar[str] = "wrapped-position"
 
     def apply(self, recording: Recording, rng: np.random.Generator) -> Recording:
-        """Recording with all angles inside the interval."""
+        """Recording with all positions shifted by whole turns into the interval of one turn that ends at `upper`."""
         del rng
         turn = 2.0 * math.pi
         q = recording.q - turn * np.ceil((recording.q - self.upper) / turn)
@@ -340,4 +340,4 @@ FAULTS: Mapping[str, type[Any]] = {
         WrappedPosition,
     )
 }
-"""Kinds of faults by name."""
+"""Classes of faults, by the name that stands in the key `kind` of a table [[faults]] of a `lab.toml`."""

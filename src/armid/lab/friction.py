@@ -5,9 +5,9 @@ Friction is the sum of a dry part and a smooth part. While a joint sticks, the d
     dry     ±(FS + FT exp(-(|q̇|/v)^shape) + FSL |load|) + FSA     against the motion
     smooth  FV(T) q̇ + FO + FR sin(teeth q + phase) + Σ FH_k (q - z_k) / r_k
 
-T is the temperature rise of the joint, which is heated by friction. z_k is the end of a Maxwell-slip spring: it moves
-with q as soon as the deflection of the spring reaches r_k [AlBender2005]. `FrictionState` computes friction step by
-step, `friction_along` for a whole motion.
+The parameters F… are those of `Friction` and its effects. T is the temperature rise of the joint, which is heated by
+friction. z_k is the end of a Maxwell-slip spring; this end moves with q as soon as the deflection of the spring
+reaches r_k [AlBender2005]. `FrictionState` computes friction step by step, `friction_along` for a whole motion.
 """
 
 from __future__ import annotations
@@ -22,12 +22,13 @@ from armid.model.motion import Motion
 
 
 def _columns(kind: object, *names: str) -> None:
-    """Converts fields to arrays with one number for each joint, which must not be negative."""
+    """Converts fields of a dataclass to arrays of one number for each joint; the numbers must not be negative."""
     for name in names:
         values = array(getattr(kind, name), (None,), name)
         if (values < 0.0).any():
             raise LabError(
-                f"The values of {name!r} must not be negative; found {values.min():g}.", remedy="correct them."
+                f"The values of {name!r} must not be negative; found {values.min():g}.",
+                remedy=f"correct the key {name!r} in the lab.toml.",
             )
         object.__setattr__(kind, name, values)
 
@@ -57,7 +58,7 @@ class StribeckEffect:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class MaxwellSlip:
-    """Hysteresis at reversals of motion: E springs for each joint, each of which slips at a given deflection.
+    """Hysteresis at reversals of motion: each joint has E springs, and each spring slips at a given deflection.
 
     Attributes:
         torque: Torque FH at which each spring slips, shape (E, n) [N·m or N].
@@ -84,7 +85,7 @@ class MaxwellSlip:
         return (self.torque / self.deflection).sum(axis=0)
 
     def next(self, ends: Array, q: Array) -> Array:
-        """Ends of the springs (E, n) after a motion to the positions q (n,); `ends` are those before the motion."""
+        """Ends (E, n) of the springs after a motion to positions q (n,); `ends` are the ends before the motion."""
         return np.minimum(np.maximum(ends, q - self.deflection), q + self.deflection)
 
 
@@ -111,8 +112,8 @@ class ToothRipple:
 class Warmth:
     """Viscous friction that decreases as the gear warms up: FV(T) = FV exp(-coefficient T).
 
-    T is the temperature rise of a joint above its temperature at rest. Friction power increases it; it decays
-    exponentially.
+    T is the temperature rise of a joint above its temperature at rest. The power of friction increases T; without
+    friction T decays exponentially.
 
     Attributes:
         coefficient: Temperature coefficient of viscous friction, shape (n,) [1/K].
@@ -145,7 +146,7 @@ def _none() -> Array:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Friction:
-    """Friction of n joints; arrays have one number for each joint, and effects that are not given do not occur.
+    """Friction of n joints; an effect whose attribute is not given does not occur.
 
     Attributes:
         viscous: Viscous friction FV, shape (n,) [N·m·s/rad or N·s/m].
@@ -216,7 +217,7 @@ class Friction:
         return not rest and all(part is None for part in parts)
 
     def dry(self, dq: Array, load: Array) -> Array:
-        """Dry friction without `asymmetry`: mean of the bounds in both directions, shape (..., n) [N·m or N].
+        """Dry friction while sliding, mean of the two directions (without `asymmetry`), shape (..., n) [N·m or N].
 
         Args:
             dq: Velocity, shape (..., n) [rad/s or m/s].
@@ -245,19 +246,19 @@ class Friction:
         return torque
 
     def viscosity(self, rise: Array | None) -> Array:
-        """Viscous coefficient for a temperature rise (..., n) [K]."""
+        """Viscous friction [N·m·s/rad or N·s/m] for a temperature rise (..., n) [K]; without rise if `None`."""
         if self.warmth is None or rise is None:
             return self.viscous
         return self.viscous * np.exp(-self.warmth.coefficient * rise)
 
 
 class FrictionState:
-    """Friction of a simulated arm, together with its state between steps.
+    """Friction of a simulated arm, together with the state of the friction between two simulation steps.
 
     Attributes:
         law: Law and parameters of the friction.
-        is_plain: Whether there is only viscous and Coulomb friction.
-        is_symmetric: Whether dry friction is the same in both directions.
+        is_plain: True if there is only viscous and Coulomb friction.
+        is_symmetric: True if dry friction is the same in both directions of motion.
         signs: Signs of the directions of motion, 0 for joints that stick, shape (n,).
         load: Torque that the gears transmit, shape (n,) [N·m or N].
         ends: Ends of the springs of Maxwell slip, shape (E, n) [rad or m].
@@ -273,9 +274,13 @@ class FrictionState:
         self.viscous = law.viscosity(self.rise)
 
     def split(self, q: Array, dq: Array) -> tuple[Array, Array, Array, Array]:
-        """Dry friction of sliding joints, its bounds, and friction that depends on the position q, shape (n,) each.
+        """Dry friction of sliding joints, its two bounds, and friction that depends on the position, shape (n,) each.
 
-        The bounds are the largest absolute values of dry friction in negative and in positive direction.
+        The bounds are the largest absolute values of dry friction in negative and in positive direction [N·m or N].
+
+        Args:
+            q: Positions, shape (n,) [rad or m].
+            dq: Velocities, shape (n,) [rad/s or m/s].
         """
         if self.is_plain:
             level = self.law.coulomb
@@ -287,7 +292,14 @@ class FrictionState:
         return np.where(self.signs > 0.0, upper, -lower) * np.abs(self.signs), lower, upper, rest
 
     def update(self, q: Array, load: Array, power: Array, step: float) -> None:
-        """Updates the state for the end of a `step` [s], with the new q (n,) and the power of friction (n,) [W]."""
+        """Updates the state for the end of a simulation step.
+
+        Args:
+            q: Positions at the end of the step, shape (n,) [rad or m].
+            load: Torque that the gears transmit, shape (n,) [N·m or N].
+            power: Power that friction dissipates, shape (n,) [W].
+            step: Duration of the step [s].
+        """
         self.load = load
         if self.law.slip is not None and self.ends is not None:
             self.ends = self.law.slip.next(self.ends, q)
@@ -297,7 +309,7 @@ class FrictionState:
 
 
 def friction_along(friction: Friction, motion: Motion, load: Array) -> tuple[Array, Array | None]:
-    """Friction (N, n) along a motion, and temperature rise (N, n) [K], `None` if friction does not depend on it.
+    """Friction (N, n) [N·m or N] along a motion, and temperature rise (N, n) [K], `None` without warm-up.
 
     The dry friction at samples with velocity zero is set to zero; only a closed-loop simulation can determine it.
 

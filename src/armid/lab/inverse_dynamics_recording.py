@@ -1,7 +1,7 @@
 """Recordings of a simulated arm, computed by inverse dynamics along a plan, with sensor noise.
 
-The motion is exactly the planned one and the torque is that of the model. There is no controller and no elasticity.
-Therefore every error of the estimates is an error of the identification.
+The motion is exactly the planned motion, and the torque is exactly the torque of the model. There is no controller
+and no elasticity. Therefore every error of the estimates is an error of the identification.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ THESIS_FRICTION = {
 
 
 WHOLE = 1e-6
-"""Largest deviation of the period from a whole number of samples for which one period is computed and repeated
-[samples]; the error of the position is far below the noise of any encoder."""
+"""If the period differs from a whole number of samples by at most this part of a sample, one period is computed and
+repeated. The error of the position is then far below the noise of any encoder."""
 
 
 @dataclass(frozen=True, slots=True)

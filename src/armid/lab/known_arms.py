@@ -28,7 +28,7 @@ class KnownArm:
         robot: Geometry, limits and gravity.
         inertial: Inertial parameters of the links, shape (n, 10).
         friction: Friction of the drives.
-        rotor: Inertia of the drives, reflected to the joints, shape (n,) [kg·m² or kg].
+        rotor: Rotor inertia of the drives, as seen from the joints, shape (n,) [kg·m² or kg].
         stiffness: Stiffness of the gears between drive and link, shape (n,) [N·m/rad or N/m]; `None` for rigid gears.
         spring_damping: Damping of the gears, shape (n,) [N·m·s/rad or N·s/m].
     """
@@ -112,7 +112,7 @@ def truth_of(robot: Robot) -> KnownArm:
     """Simulated arm for a robot description, with viscous and Coulomb friction, rigid drives and no rotor inertia.
 
     A built-in arm has the friction in `OWN`. The friction of any other arm is proportional to its effort limits. The
-    inertias are those of the description; only for the Panda, which has none, they are built in.
+    inertias are those of the description; only the inertias of the Panda, whose description has none, are built in.
 
     Raises:
         LabError: The description contains no inertias, or some joints move no mass.
@@ -135,7 +135,7 @@ def friction_of_limits(robot: Robot) -> Friction:
 
 
 def _bodies(robot: Robot) -> Array:
-    """Inertial parameters (n, 10) of the simulated arm."""
+    """Inertial parameters (n, 10) of the links for a simulation: of the description, or built in for the Panda."""
     nominal, empty = robot.inertial_vector, massless_joints(robot)
     if nominal is not None and empty:
         raise LabError(
@@ -155,7 +155,7 @@ def _bodies(robot: Robot) -> Array:
 
 
 def _cylinder(mass: float, com: Sequence[float], length: float, radius: float, axis: int) -> Array:
-    """Inertial parameters (10,) of a homogeneous cylinder along an axis of its frame."""
+    """Inertial parameters (10,) of a homogeneous cylinder whose axis is parallel to an axis of the link frame."""
     across = mass * (3.0 * radius**2 + length**2) / 12.0
     moments = np.full(3, across)
     moments[axis] = 0.5 * mass * radius**2
@@ -188,7 +188,7 @@ def _like(friction: Friction, value: ArrayLike) -> Array:
 
 
 def _slip(friction: Friction) -> Friction:
-    """Friction in which springs carry two fifths of the Coulomb part; its total during sliding is unchanged."""
+    """Friction in which Maxwell-slip springs replace two fifths of the Coulomb friction."""
     share, deflections = (0.25, 0.15), (5e-4, 2e-3)
     torque = np.outer(share, friction.coulomb)
     slip = MaxwellSlip(torque, np.outer(deflections, np.ones(friction.n)))

@@ -1,4 +1,4 @@
-"""Options of a simulation, and their reader from a `lab.toml`, whose keys are the fields of the classes."""
+"""Options of a simulation, and reader of a file `lab.toml` with them; keys are the fields of the classes."""
 
 from __future__ import annotations
 
@@ -33,8 +33,8 @@ class Arm:
     """Properties of a simulated arm that replace the built-in ones or are added to them.
 
     Attributes:
-        effects: Names of effects in `armid.lab.known_arms.EFFECTS`, most of which are proportional to the arm's
-            friction.
+        effects: Names of additional effects, keys of `armid.lab.known_arms.EFFECTS`. Most effects are proportional to
+            the friction of the arm.
         friction: Friction that replaces the built-in one.
         rotor: Rotor inertia, shape (n,) [kg·m² or kg].
         stiffness: Stiffness of elastic drives, shape (n,) [N·m/rad or N/m].
@@ -63,14 +63,14 @@ class LabOptions:
     Attributes:
         mode: `closed-loop` for a controlled arm in MuJoCo, or `inverse-dynamics` for an exact motion along the plan.
         repetitions: Number of repetitions of the motion.
-        lead_in: Duration of the transition from rest to the plan in closed loop [s].
+        lead_in: Duration of the transition from rest to the planned motion, in the mode `closed-loop` [s].
         physics_rate: Smallest number of simulation steps per second [Hz]; the next multiple of the log's rate is
             used.
-        arm: Properties that replace the built-in ones or are added to them.
+        arm: Properties of the arm that replace the built-in properties or are added to them.
         controller: Controller of the joints.
         drive: Dynamics and limits of the drives.
         sensing: Sensors, rate and clock of the log.
-        faults: Faults of the log.
+        faults: Faults that are added to the log.
     """
 
     mode: Literal["closed-loop", "inverse-dynamics"] = "closed-loop"
@@ -91,13 +91,13 @@ class LabOptions:
         if self.repetitions < 1 or isinstance(self.repetitions, bool):
             raise LabError(
                 f"The number of repetitions must be a whole number of at least 1; found {self.repetitions}.",
-                remedy="correct the key `repetitions`.",
+                remedy="correct the key `repetitions` of the lab.toml.",
             )
         if not (self.lead_in >= 0.0 and self.physics_rate > 0.0):
             raise LabError(
                 f"`lead_in` must not be negative and `physics_rate` must be positive; found {self.lead_in} and "
                 f"{self.physics_rate}.",
-                remedy="correct these keys.",
+                remedy="correct these keys of the lab.toml.",
             )
 
 
@@ -125,7 +125,7 @@ def parse_options(table: Mapping[str, Any]) -> LabOptions:
 
 
 def _made(kind: type[T], table: object, where: str) -> T:
-    """Dataclass from a table whose keys are the fields of the class, including nested tables."""
+    """Makes a dataclass from a TOML table, also from nested ones, whose keys are the fields of the class."""
     if not isinstance(table, Mapping):
         raise LabError(f"{where} must be a table; found {table!r:.60}.", remedy="write it as a TOML table.")
     fields = {f.name: f for f in dataclasses.fields(kind) if f.init}  # pyright: ignore[reportArgumentType]
@@ -141,7 +141,9 @@ def _made(kind: type[T], table: object, where: str) -> T:
         if name not in table and f.default is dataclasses.MISSING and f.default_factory is dataclasses.MISSING
     ]
     if missing:
-        raise LabError(f"In {where}, these keys are missing: {', '.join(missing)}.", remedy="add these keys.")
+        raise LabError(
+            f"In {where}, these keys are missing: {', '.join(missing)}.", remedy="add these keys to the lab.toml."
+        )
     values = {key: _value(hints[key], value, f"{where}: {key}") for key, value in table.items()}
     try:
         return kind(**values)
@@ -152,7 +154,7 @@ def _made(kind: type[T], table: object, where: str) -> T:
 
 
 def _value(hint: Any, value: Any, where: str) -> Any:
-    """Value of a field, converted to the type that the class declares."""
+    """Converts the value of a key to the type that the dataclass declares for its field."""
     if typing.get_origin(hint) in (typing.Union, types.UnionType):
         hint = next(each for each in typing.get_args(hint) if each is not type(None))
     if dataclasses.is_dataclass(hint):

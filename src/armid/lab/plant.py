@@ -8,11 +8,11 @@ MuJoCo's own friction is a soft constraint, whose sign also depends on the accel
 which is of second order, conserves energy and calls MuJoCo once in each step. It gives position, acceleration and
 torque of a sample at the same instant; with a torque that is constant over a step, the torque would be half a step
 earlier than the motion. Viscous friction acts on the mean velocity of the step: h/2 FV is added to the diagonal of
-the mass matrix, which makes it stable for any step. Dry friction depends on the velocity at the end of the step; both
-are solved together (`armid.maths.stiction`).
+the mass matrix, which makes the integration of viscous friction stable for any step. Dry friction and the velocity at
+the end of the step depend on each other; they are solved together (`armid.maths.stiction`).
 
-An elastic drive is a separate rotor on a hinge that is fixed to the world; a MuJoCo spring connects it to its joint.
-Rotations of the rotor about other axes are neglected [Spong1987].
+An elastic drive is a separate rotor on a hinge that is fixed to the world; a MuJoCo spring connects the rotor to its
+joint. Rotations of the rotor about other axes are neglected [Spong1987].
 """
 
 from __future__ import annotations
@@ -37,8 +37,8 @@ from armid.robot.robot import Robot
 EXTRA = "lab"
 
 STABLE = 0.5
-"""Largest product of step and angular eigenfrequency. Leapfrog is stable if it is below 2, and accurate to 1 % if it
-is below 0.5."""
+"""Largest product of step and angular eigenfrequency. Leapfrog is stable if this product is below 2, and accurate to
+1 % if it is below 0.5."""
 
 ROUNDING = 1e-3
 """Relative amount by which the step rate may be below the stable rate, because only some poses of a plan are
@@ -57,7 +57,8 @@ def write_mjcf(robot: Robot, inertial: Array, truth: KnownArm | None = None) -> 
     Args:
         robot: Geometry and gravity.
         inertial: Inertial parameters of the links, shape (n, 10).
-        truth: Simulated arm with rotor inertia and elasticity; `None` for an arm without both.
+        truth: Simulated arm with rotor inertia and elasticity; `None` for an arm without rotor inertia and
+            elasticity.
 
     Raises:
         LabError: A link is not physically consistent.
@@ -103,7 +104,7 @@ def write_mjcf(robot: Robot, inertial: Array, truth: KnownArm | None = None) -> 
 
 
 def _springs(truth: KnownArm) -> list[str]:
-    """MJCF springs between each joint and its rotor."""
+    """MJCF elements of the springs between each joint and its rotor."""
     assert truth.stiffness is not None
     return [
         f'<fixed name="spring_{i}" springlength="0" stiffness="{k!r}" damping="{d!r}">'
@@ -113,7 +114,7 @@ def _springs(truth: KnownArm) -> list[str]:
 
 
 def _inertial(robot: Robot, i: int, vector: Array) -> str:
-    """MJCF inertia of a link; MuJoCo requires that it is physically consistent."""
+    """MJCF element `<inertial>` of a link; an error if the inertia is not physically consistent."""
     name = robot.links[i].name
     if not vector[0] > 0.0:
         raise LabError(
@@ -145,7 +146,7 @@ def _attribute(text: str) -> str:
 
 
 def stable_rate(truth: KnownArm, q: Array) -> float:
-    """Smallest stable step rate [Hz] for the springs of gears and friction in poses q (N, n); 0 without springs."""
+    """Smallest stable number of steps per second [Hz] for the springs of gears and friction in poses q (N, n)."""
     slip = truth.friction.slip
     dry = np.zeros(truth.robot.n) if slip is None else slip.stiffness
     mass = kernel.mass_matrix(truth.robot.tree, truth.inertial, q)
@@ -191,8 +192,8 @@ class _RigidBodies:
 
     Attributes:
         joints: Indices of the joints in MuJoCo's state.
-        drives: Indices of the rotors in MuJoCo's state; if drives are rigid, those of the joints.
-        size: Number of coordinates.
+        drives: Indices of the rotors in MuJoCo's state; for rigid drives, indices of the joints.
+        size: Number of coordinates of MuJoCo's state: joints and, for elastic drives, rotors.
     """
 
     def __init__(self, truth: KnownArm, step: float) -> None:
@@ -216,7 +217,7 @@ class _RigidBodies:
         return slice(at[0], at[0] + n) if at == list(range(at[0], at[0] + n)) else np.array(at)
 
     def add_inertia(self, inertia: Array) -> None:
-        """Sets the inertia (n,) that is added to the inertia of the drives."""
+        """Sets the inertia (n,) [kg·m² or kg] that is added to the rotor inertia of the drives."""
         self._model.dof_armature[self.drives] = self._armature + inertia
 
     def acceleration(self, q: Array, dq: Array, torque: Array) -> Array:
@@ -319,7 +320,7 @@ class Plant:
     def _reversal(
         self, turned: NDArray[np.bool_], dry: Array, lower: Array, upper: Array, new: Array
     ) -> tuple[Array, Array]:
-        """Dry friction of the drives and velocities of all coordinates if a drive sticks or reverses."""
+        """Dry friction of the drives and new velocities of all coordinates, if a drive stops or reverses."""
         drives = self._bodies.drives
         columns = self.h * self._bodies.mobility()
         coupling = columns[drives]

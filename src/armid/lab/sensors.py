@@ -30,7 +30,7 @@ class SensorChannel:
         noise: Standard deviation of white noise.
         resolution: Quantisation step; 0 for no quantisation.
         bias: Constant error.
-        drift: Change of the error per second.
+        drift: Change of the constant error per second.
         delay: Delay [s].
         cutoff: Corner frequency of the controller's low-pass filter, a causal Butterworth filter [Hz]; 0 for no
             filter.
@@ -50,12 +50,12 @@ class SensorChannel:
             if not 0.0 <= getattr(self, name) < math.inf:
                 raise LabError(
                     f"The key `{name}` of a channel must be finite and not negative; found {getattr(self, name)}.",
-                    remedy="correct the value.",
+                    remedy=f"correct the key `{name}` in the table of the channel below [sensing].",
                 )
         if self.delay > MARGIN:
             raise LabError(
                 f"The key `delay` of a channel must be at most {MARGIN:g} s; found {self.delay:g} s.",
-                remedy="give a smaller delay.",
+                remedy="give a smaller `delay` in the table of the channel below [sensing].",
             )
 
 
@@ -104,18 +104,19 @@ class Sensing:
         if not 0.0 <= self.jitter < math.inf:
             raise LabError(
                 f"The key `jitter` must be finite and not negative; found {self.jitter}.",
-                remedy="give a jitter of 0 or more seconds.",
+                remedy="give a `jitter` of 0 or more seconds in the table [sensing].",
             )
 
 
 MOST_JITTER = 0.2
-"""Largest error of a sample time, divided by the time between rows; with it, the rows stay in order."""
+"""Largest error of a sample time, divided by the time between two rows; with larger errors, rows could change their
+order."""
 
 
 def sense(
     trace: TrueMotion, sensing: Sensing, joint_names: tuple[str, ...], source: str, rng: np.random.Generator
 ) -> Recording:
-    """Log of a simulated motion.
+    """Recording that sensors make of a simulated motion.
 
     Args:
         trace: True motion, at a rate that is not below that of the log.
@@ -153,7 +154,7 @@ def sense(
 
 
 def _logged(time: Array, values: Array, taken: Array, channel: SensorChannel, rng: np.random.Generator) -> Array:
-    """One quantity as it is logged, shape (M, n)."""
+    """Values (M, n) that the sensors of one quantity log at times `taken` (M,) [s], from its true values (N, n)."""
     rate = 1.0 / (time[1] - time[0])
     if channel.cutoff:
         from scipy.signal import sosfilt, sosfilt_zi

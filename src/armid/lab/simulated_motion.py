@@ -1,4 +1,4 @@
-"""True motion of a simulation: all quantities at every step, before they are measured by sensors."""
+"""True motion of a simulated arm: all quantities at every simulation step, before sensors measure them."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ MARGIN = 0.25
 """Time before the recording that is simulated, because delays and causal filters need it [s]."""
 
 WHOLE = 1e-6
-"""Largest deviation of the period from a whole number of steps for which the samples of one period are repeated
-[steps]."""
+"""If the period differs from a whole number of steps by at most this part of a step, the samples of one period are
+repeated."""
 
 PROGRESS_INTERVAL = 2000
 """Number of steps between two calls of the progress callback."""
@@ -59,14 +59,14 @@ class TrueMotion:
     rise: Array | None = None
 
     def from_time(self, start: float) -> TrueMotion:
-        """Part of the motion from a given time [s] on."""
+        """The motion from the time `start` [s] on; earlier instants are left out."""
         first = int(np.searchsorted(self.time, start - 1e-9))
         parts = {name: getattr(self, name) for name in self.__slots__}
         return replace(self, **{name: None if x is None else x[first:] for name, x in parts.items()})
 
 
 def inverse_dynamics(truth: KnownArm, plan: Excitation, rate: float, repetitions: int) -> TrueMotion:
-    """Motion of an arm that follows its plan exactly; the torque is computed by inverse dynamics.
+    """True motion of an arm that follows its plan exactly; the torque is computed by inverse dynamics.
 
     Args:
         truth: The arm; its drives must be rigid.
@@ -102,7 +102,7 @@ def closed_loop(
     lead_in: float = 2.0,
     tell: Tell | None = None,
 ) -> tuple[TrueMotion, ControllerGains]:
-    """Motion of an arm that a controller moves along a plan; it begins at rest with a smooth lead-in.
+    """True motion of an arm that a controller moves along a plan; the arm begins at rest with a smooth lead-in.
 
     In the lead-in, the reference changes smoothly from rest in the first pose of the plan to the plan. The time of
     the plan runs from the beginning of the lead-in, and from time 0 on the reference is the plan.
@@ -166,7 +166,7 @@ Reference = tuple[Array, Array, Array]
 
 
 def _reference(controller: Controller, truth: KnownArm, motion: Motion) -> Reference:
-    """Positions, velocities and feed-forward torques for the controller, shape (N, n) each."""
+    """Reference positions, velocities and feed-forward torques for the controller, shape (N, n) each."""
     if not motion.samples:
         return motion.q, motion.dq, motion.q
     torque = feedforward(controller, truth, motion)
@@ -177,14 +177,14 @@ def _reference(controller: Controller, truth: KnownArm, motion: Motion) -> Refer
 
 
 def _equilibrium(truth: KnownArm, drive_q: Array) -> tuple[Array, Array]:
-    """Positions of the joints at rest for positions of the drives (1, n), and torques that hold them, (n,) each."""
+    """Joint positions at rest, shape (n,), for drive positions (1, n), and torques (n,) that hold the arm there."""
     rest = np.zeros_like(drive_q)
     holding = kernel.inverse_dynamics(truth.robot.tree, truth.inertial, drive_q, rest, rest)[0]
     return drive_q[0] if truth.stiffness is None else drive_q[0] - holding / truth.stiffness, holding
 
 
 class _Actuation:
-    """Controller and drives, with the commanded torque and the torque that the drives give."""
+    """Controller and drives of a simulated arm, with the commanded torque and the actual torque of the drives."""
 
     def __init__(
         self,
@@ -205,7 +205,7 @@ class _Actuation:
         self.increment = gain.integral * (every * step) if gain.integral.any() else None
 
     def update(self, k: int, reference: Reference, plant: Plant) -> Array:
-        """Torque of the drives (n,) in step k of a reference."""
+        """Torque (n,) [N·m or N] of the drives in simulation step k of a reference motion."""
         if k % self.every == 0:
             error = reference[0][k] - plant.drive_q
             torque = reference[2][k] + self.gain.proportional * error
@@ -220,7 +220,7 @@ class _Actuation:
 
 
 class _Run:
-    """Simulated arm with its controller, and its stored motion."""
+    """Simulated arm with its controller, and the motion that is stored step by step."""
 
     def __init__(self, plant: Plant, actuation: _Actuation, rows: int) -> None:
         self.plant, self.actuation, self.row = plant, actuation, 0
@@ -230,7 +230,7 @@ class _Run:
         self.stored = {name: np.empty((rows, plant.truth.robot.n)) for name in names}
 
     def follow(self, reference: Reference, steps: int, *, keep: int, tell: Tell | None = None) -> None:
-        """Follows a reference for a number of steps, and stores the last `keep` of them."""
+        """Moves the arm along a reference for a number of simulation steps, and stores the last `keep` steps."""
         for k in range(steps):
             instant = self.plant.step(self.actuation.update(k, reference, self.plant))
             if k >= steps - keep:
@@ -241,7 +241,7 @@ class _Run:
                 tell(self.row / len(self.stored["q"]))
 
     def trace(self, time: Array) -> TrueMotion:
-        """True motion from the stored quantities."""
+        """True motion from the stored quantities, for the times (N,) [s] of the stored steps."""
         stored = self.stored
         acceleration = stored.pop("drive_ddq", stored["ddq"])
         transmitted = stored["effort"] - stored["friction"] - self.plant.truth.rotor * acceleration

@@ -27,18 +27,19 @@ from armid.model.terms import Coulomb, Offset, RigidBody, RotorInertia, Term, Vi
 from armid.robot.robot import Joint
 
 POSES = 60
-"""Number of poses of a plan at which the eigenfrequency of springs is computed; it depends only on inertia."""
+"""Number of poses of a plan in which the eigenfrequency of the springs is computed."""
 
 
 KEPT = 1.0 + 1e-9
-"""Largest ratio of value to limit at which a plan counts as within the limit; the excess over 1 allows for rounding
+"""A plan counts as within a limit up to this ratio of value and limit; the excess over 1 allows for rounding
 errors."""
 
 ASKED = 1000.0
-"""Rate at which a plan is checked [Hz]."""
+"""Rate at which positions and velocities of a plan are compared with the limits [Hz]."""
 
 FULL = 0.999
-"""Share of the effort limit from which the limit counts as reached; a current loop never reaches it exactly."""
+"""Share of the effort limit from which the limit counts as reached, because a current loop never reaches the limit
+exactly."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -46,8 +47,8 @@ class Simulated:
     """Result of a simulation.
 
     Attributes:
-        recording: The log, with faults.
-        trace: The true motion.
+        recording: The log of the simulated arm, with faults.
+        trace: The true motion of the arm.
         truth: The simulated arm.
         plan: The planned motion.
         options: Options of the simulation.
@@ -67,7 +68,7 @@ class Simulated:
 def simulate(
     truth: KnownArm, plan: Excitation, options: LabOptions | None = None, *, seed: int = 1, tell: Tell | None = None
 ) -> Simulated:
-    """Simulates an arm that moves along a plan, and its log.
+    """Simulates an arm that moves along a plan, and the sensors that record the motion.
 
     Args:
         truth: The arm, without the properties of `options.arm`.
@@ -111,9 +112,10 @@ def simulate(
 
 
 def simulation_findings(simulated: Simulated) -> tuple[Finding, ...]:
-    """Findings if the simulated arm or its motion is not realistic: joints in the lab have no hard stops.
+    """Findings about a simulated arm or motion that is not realistic, such as joints beyond their limits.
 
-    If a limit is exceeded, the finding says whether the plan or only the controller exceeds it.
+    The joints of the simulated arm have no hard stops. If a limit is exceeded, the finding says whether the plan
+    exceeds the limit, or only the controlled motion.
     """
     trace, joints = simulated.trace.from_time(0.0), simulated.truth.robot.joints
     asked = simulated.plan.sample(ASKED)
@@ -178,7 +180,7 @@ def _physics_rate(truth: KnownArm, plan: Excitation, options: LabOptions) -> flo
 
 
 def true_model(truth: KnownArm) -> tuple[DynamicsModel, Array]:
-    """Model with the parameters that have one true value, and its true standard parameters (p,)."""
+    """Model whose parameters have known true values in a simulation, and these true standard parameters (p,)."""
     extra: list[Term] = [Offset()] if truth.friction.offset.any() else []
     extra += [RotorInertia()] if truth.rotor.any() else []
     model = DynamicsModel(truth.robot, (RigidBody(), Viscous(), Coulomb(), *extra))
@@ -225,7 +227,7 @@ def truth_record(simulated: Simulated, recording_sha256: str) -> dict[str, Any]:
 
 
 def _record(value: Any) -> Any:
-    """Converts a dataclass to a table; a fault also gets its kind."""
+    """Converts a dataclass to a dictionary, including nested dataclasses; a fault also gets the key `kind`."""
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         table = {f.name: _record(getattr(value, f.name)) for f in dataclasses.fields(value)}
         name = getattr(type(value), "name", None)

@@ -32,7 +32,7 @@ def clock_of(recording: Recording) -> Array:
 
 
 def _rows(recording: Recording, rows: NDArray[np.intp]) -> dict[str, Array]:
-    """Quantities of a recording at a selection of rows, in which rows may repeat."""
+    """Quantities of a recording at rows with given indices, by name; an index may occur several times."""
     present = {name: getattr(recording, name) for name in QUANTITIES}
     return {name: x[rows] for name, x in present.items() if x is not None}
 
@@ -58,7 +58,7 @@ class LostRows:
         check_share("share", self.share)
 
     def apply(self, recording: Recording, rng: np.random.Generator) -> Recording:
-        """Recording without the lost rows."""
+        """Recording without the rows that are lost; `rng` decides which rows are lost."""
         kept = rng.random(recording.samples) >= self.share
         kept[[0, -1]] = True
         return _without(recording, kept)
@@ -81,7 +81,7 @@ class Gap:
         check_share("start", self.start)
 
     def apply(self, recording: Recording, rng: np.random.Generator) -> Recording:
-        """Recording without the rows of this interval."""
+        """Recording without the rows of the interval that begins at `start` and lasts `seconds`."""
         del rng
         time = clock_of(recording)
         begin = time[0] + self.start * (time[-1] - time[0])
@@ -94,7 +94,7 @@ class RepeatedRows:
 
     Attributes:
         share: Probability that a row is a repetition.
-        stamps: Whether the time stamp of the row before is repeated, too.
+        stamps: True if the time stamp of the row before is repeated, too.
     """
 
     share: float = 0.01
@@ -105,7 +105,7 @@ class RepeatedRows:
         check_share("share", self.share)
 
     def apply(self, recording: Recording, rng: np.random.Generator) -> Recording:
-        """Recording with repeated rows."""
+        """Recording in which rows repeat the row before; `rng` decides which rows are repetitions."""
         again = rng.random(recording.samples) < self.share
         again[0] = False
         rows = np.maximum.accumulate(np.where(again, 0, np.arange(recording.samples)))
