@@ -1,8 +1,8 @@
 """Comparison of all estimation methods on one data set: training error, held-out error, physical consistency.
 
 Recordings are read and processed once, and all methods use the same information. The held-out error is the error on
-the validation recordings. If there are none, quick methods are cross-validated on blocks of the training data, with
-the weight of the prior that was determined on all of these data. If friction was selected on the training data, no
+the validation recordings. Without validation recordings, quick methods are cross-validated on blocks of the training
+data; the weight of the prior is determined on all training data. If friction was selected on the training data, no
 motion is held out, and there is no held-out error.
 """
 
@@ -42,15 +42,15 @@ NOTES = {
     ),
     "none": "not known, since friction and the prior's weight were chosen on all training data: " + VALIDATE[:-1],
 }
-"""Description of the held-out motion, by kind."""
+"""Description of the held-out motion, by the values of `MethodTable.unseen`."""
 
 UnseenError = Callable[[Estimator, Fit], Array]
-"""Function that gives the RMS error (n,) of a method on held-out motion."""
+"""Function that gives the RMS torque error (n,) [N·m or N] on held-out motion, for a method and its fit."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class MethodScore:
-    """Scores of one method; if the method fails, only the reason of the failure.
+    """Scores of one estimation method; if the estimate fails, only the reason of the failure.
 
     Attributes:
         method: Name of the method.
@@ -58,10 +58,10 @@ class MethodScore:
         unseen: RMS error on held-out motion, shape (n,) [N·m or N]; NaN if no motion is held out.
         consistent: True if the base parameters are physically consistent; `None` if this is not known.
         distance: Distance between the base parameters and the nearest consistent parameters; NaN if it is not known.
-        relative_distance: Distance divided by the norm of the base parameters.
+        relative_distance: `distance` divided by the norm of the base parameters.
         eigenvalue: Smallest eigenvalue of the pseudo-inertias of the links, if the method estimates links.
         dropped: Number of parameters that the method sets to zero.
-        seconds: Time for the estimate [s].
+        seconds: Computing time of the estimate [s].
         failure: Reason why the estimate or its cross-validation failed; empty without failure.
     """
 
@@ -79,13 +79,13 @@ class MethodScore:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class MethodTable:
-    """Scores of all methods.
+    """Scores of all estimation methods on one data set.
 
     Attributes:
         joints: Names of the joints.
         unseen: Held-out motion: `validation` recordings, `cross-validation` on the training recordings, or `none`.
         scores: Scores of each method.
-        seconds: Time for the comparison, without the estimate of the run itself [s].
+        seconds: Computing time of the comparison, without the estimate of the run [s].
     """
 
     joints: tuple[str, ...]
@@ -102,12 +102,12 @@ class MethodTable:
 def compare_methods(
     prepared: Prepared, methods: Sequence[str] | None = None, *, progress: Progress | None = None
 ) -> MethodTable:
-    """Estimates with every method, with the study's options for it, on the study's training data.
+    """Estimates the parameters of a study with every method, each with its options in the study, and scores them.
 
     Args:
         prepared: Data and model of the study, which all methods share.
-        methods: Names of the methods; all methods if none are given.
-        progress: Called before each method.
+        methods: Names of the methods; all methods if no names are given.
+        progress: Function that is called before each method, with the share of the methods that are done.
 
     Raises:
         ArmidError: No row of the validation recordings can be used.
@@ -134,7 +134,7 @@ def compare_methods(
 
 
 def compare_record(table: MethodTable) -> dict[str, Any]:
-    """The contents of `compare.json`; a total is the root of the sum of squares over the joints."""
+    """Content of `compare.json`: scores of each method. A total is the root of the sum of squares over the joints."""
     return {
         "joints": table.joints,
         "unseen": table.unseen,
@@ -160,7 +160,7 @@ def compare_record(table: MethodTable) -> dict[str, Any]:
 
 
 def _score(prepared: Prepared, problem: EstimationProblem, name: str, unseen: UnseenError) -> MethodScore:
-    """Scores of one method; if it fails, the failure is recorded."""
+    """Scores of the method with a given name; if the method fails, the scores contain the reason."""
     model, base = prepared.model, prepared.base
     nothing = np.full(model.n, np.nan)
     began = time.perf_counter()
@@ -189,12 +189,12 @@ def _quick(method: Estimator) -> Estimator:
 
 
 def _reason(error: Exception) -> str:
-    """Reason why a method failed."""
+    """Text of the error with which a method failed."""
     return error.problem if isinstance(error, ArmidError) else str(error)
 
 
 def _on_recordings(prepared: Prepared, unseen: Information) -> UnseenError:
-    """Function that computes the error on the validation recordings."""
+    """Function that computes the torque error of a fit on the validation recordings."""
 
     def error(method: Estimator, fit: Fit) -> Array:
         del method
@@ -204,13 +204,13 @@ def _on_recordings(prepared: Prepared, unseen: Information) -> UnseenError:
 
 
 def _no_error(method: Estimator, fit: Fit) -> Array:
-    """Errors that are NaN, because no motion is held out."""
+    """Torque errors (n,) that are all NaN, because no motion is held out."""
     del method
     return np.full(len(fit.rows), np.nan)
 
 
 def _on_folds(problem: EstimationProblem) -> UnseenError:
-    """Function that computes the cross-validation error on folds of the training data."""
+    """Function that computes the cross-validation error of a method on folds of the training data."""
     information = problem.information
 
     def error(method: Estimator, fit: Fit) -> Array:
@@ -237,7 +237,7 @@ def _on_folds(problem: EstimationProblem) -> UnseenError:
 
 
 def _without(problem: EstimationProblem, left_out: NDArray[np.bool_]) -> EstimationProblem:
-    """Estimation problem without some blocks, in its factors and in its samples."""
+    """Estimation problem without the blocks that a mask selects, both in its factors and in its samples."""
     information = problem.information
     observations = problem.observations
     if observations is not None:
@@ -250,5 +250,5 @@ def _without(problem: EstimationProblem, left_out: NDArray[np.bool_]) -> Estimat
 
 
 def _rms(squares: Array, rows: NDArray[np.int64]) -> Array:
-    """Root mean square (n,); NaN for a joint without rows."""
+    """Root mean square (n,) from sums of squares and numbers of rows, each (n,); NaN for a joint without rows."""
     return np.sqrt(np.where(rows > 0, squares / np.maximum(rows, 1), np.nan))

@@ -1,4 +1,4 @@
-"""Study: robot, model, recordings, processing and estimation.
+"""Study: the inputs and options of an identification, as a `study.toml` states them.
 
 A `study.toml` has the tables `[robot]`, `[model]`, `[[recording]]`, `[processing]` and `[estimation]`. Its keys are
 the fields of the dataclasses in this module, of `LogFormat` and of `ProcessingOptions`. An unknown key is an error
@@ -28,11 +28,10 @@ from armid.study.study_overview import study_summary
 T = TypeVar("T")
 
 Shapes = Mapping[str, Any] | Sequence[Mapping[str, Any]]
-"""Options of one term, or of several terms with the same name."""
+"""Options of one torque term, or a list of the options of several terms with the same name."""
 
-PLAIN_METHOD = "wls"
-AUTOMATIC_METHOD = "ridge"
-"""Default estimation methods. Friction that was selected under a prior is estimated by a method with a prior."""
+PLAIN_METHOD, AUTOMATIC_METHOD = "wls", "ridge"
+"""Default estimation methods: for given friction, and for friction that is selected automatically with a prior."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +40,7 @@ class RobotChoice:
 
     Attributes:
         description: Name of a built-in arm or path to a URDF, xacro, MJCF or DH table.
-        gravity: Acceleration of gravity in the base frame [m/s²]; if not given, that of the description.
+        gravity: Acceleration of gravity in the base frame [m/s²]; if not given, the gravity of the description.
         lock: Joints that are locked: names or patterns, `"name=position"`, or a table of positions. If no position is
             given, a joint is locked at the position within its limits that is closest to 0.
         tip: Frame that is the tool flange. If `only` is not given, the joints between the base and this frame move,
@@ -71,8 +70,8 @@ class ModelChoice:
     """Torque terms of a study.
 
     Attributes:
-        terms: Names of the terms; if none are given, they follow from the kind of effort. A name may occur several
-            times; `default` stands for the default terms with their shapes.
+        terms: Names of the terms; if no names are given, the terms follow from the kind of effort (joint torque or
+            motor torque). A name may occur several times; `default` stands for the default terms with their shapes.
         shapes: Options of terms, by the name of the term: one table, or a list of tables if a term has different
             shapes on different joints.
         automatic: True if friction is selected joint by joint and added (`terms = "auto"` in a study).
@@ -95,8 +94,8 @@ class RecordingChoice:
         path: The file.
         role: `train` or `validate`.
         reading: Log format.
-        part: Begin and end of the part that is used, as shares of the length from 0 to 1. One part of a file may be
-            used for training and another part for validation.
+        part: Beginning and end of the part of the recording that is used, as shares of its length from 0 to 1. One
+            part of a file may be used for training and another part for validation.
     """
 
     path: str
@@ -112,11 +111,12 @@ class RecordingChoice:
         _require(_are_numbers(self.part, 2), "part", "two numbers", self.part)
         low, high = self.part
         if not 0.0 <= low < high <= 1.0:
-            raise StudyError(f"{self.path}: `part` must be two increasing shares from 0 to 1; found {self.part}.")
+            problem = f"{self.path}: the key `part` must be two increasing shares from 0 to 1; found {self.part}."
+            raise StudyError(problem, remedy="write for instance part = [0.0, 0.7] for the first 70 %.")
 
 
 PER_RECORDING = ("friction_per_recording", "offset_per_recording")
-"""Keys of the options with which each recording has separate parameters."""
+"""Keys of the table [estimation] with which each recording gets parameters of its own."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,8 +151,8 @@ class Study(Displayed):
     """Inputs and options of an identification.
 
     Attributes:
-        robot: The arm.
-        model: Its torque terms.
+        robot: Options of the arm.
+        model: Torque terms of the arm.
         recordings: Recordings; at least one of them has the role `train`.
         processing: Processing options.
         estimation: Estimation options.
@@ -178,7 +178,7 @@ class Study(Displayed):
         return all(each.transmission is not None or each.drive_gain is not None for each in readings)
 
     def summary(self) -> Summary:
-        """Arm, terms, method, recordings, and options that differ from the defaults."""
+        """Summary of a study: arm, terms, method, recordings, and options that differ from the defaults."""
         return study_summary(self)
 
 
@@ -227,7 +227,7 @@ def parse_study(table: Mapping[str, Any], folder: str = ".") -> Study:
 
 
 def load_choice(choice: RobotChoice, folder: Path | str = ".") -> Robot:
-    """Loads the arm that a study or a command line gives; paths are relative to `folder`."""
+    """Loads the arm that a study or a command line names; a path is relative to `folder`."""
     name = choice.description if choice.description in builtin_arms() else Path(folder) / choice.description
     return load_robot(name, gravity=choice.gravity, lock=choice.lock, only=choice.only, tip=choice.tip)
 
@@ -240,12 +240,12 @@ def parse_robot(table: Any) -> RobotChoice:
 
 
 def default_estimation(model: ModelChoice) -> EstimationChoice:
-    """Default estimation options for a model."""
+    """Default estimation options for given torque terms: a method with a prior if friction is selected."""
     return EstimationChoice(AUTOMATIC_METHOD if model.automatic else PLAIN_METHOD)
 
 
 def build_estimator(choice: EstimationChoice) -> Estimator:
-    """Makes the estimator that a study selects, with its options."""
+    """Makes the estimator of a study, with the options that the study gives for this estimator."""
     return _make(ESTIMATORS[choice.method], choice.options.get(choice.method, {}), f"[estimation.{choice.method}]")
 
 
@@ -291,7 +291,7 @@ def build_model(robot: Robot, choice: ModelChoice, *, motor_side: bool = False) 
 
 
 def _tables(shapes: Shapes) -> list[dict[str, Any]]:
-    """Options of each term that has a given name."""
+    """List of the options of each term with one name, from one table or a list of tables."""
     return [dict(each) for each in ([shapes] if isinstance(shapes, Mapping) else shapes)]
 
 
@@ -306,7 +306,7 @@ def resolve_model(model: DynamicsModel) -> ModelChoice:
 
 
 def _model_choice(table: Mapping[str, Any]) -> ModelChoice:
-    """Terms and their options; the options of each term are under its name."""
+    """Reads the table [model]: names of terms, and options of each term under the name of the term."""
     _known(table, ("terms", *TERMS), "[model]")
     terms = table.get("terms", ())
     automatic = terms == "auto"
@@ -320,7 +320,7 @@ def _model_choice(table: Mapping[str, Any]) -> ModelChoice:
 
 
 def _estimation_choice(table: Mapping[str, Any], method: str) -> EstimationChoice:
-    """Method (the given one by default) and options; the options of each estimator are under its name."""
+    """Reads the table [estimation]; `method` is the default, options of an estimator stand under its name."""
     possible = ("method", *PER_RECORDING, *ESTIMATORS)
     if unknown := sorted(table.keys() - set(possible)):  # only then are all estimators imported
         owner = {option: name for name, kind in ESTIMATORS.items() for option in getattr(kind, "__slots__", ())}
@@ -352,7 +352,7 @@ def _recording_choice(table: Mapping[str, Any]) -> RecordingChoice:
 
 
 def _make(kind: type[T], table: Mapping[str, Any], where: str) -> T:
-    """Makes a dataclass from a table with its fields as keys; lists become tuples."""
+    """Makes a dataclass from a table whose keys are the fields of the class; lists become tuples."""
     fields = [f for f in dataclasses.fields(kind) if f.init]  # pyright: ignore[reportArgumentType]
     _known(table, [f.name for f in fields], where)
     missing = [
@@ -372,7 +372,7 @@ def _make(kind: type[T], table: Mapping[str, Any], where: str) -> T:
 
 
 def _known(table: object, known: Iterable[str], where: str) -> None:
-    """Refuses a value that is not a table, and unknown keys."""
+    """Raises an error if a value is not a table, or if the table has a key that is not in `known`."""
     known = list(known)
     if not isinstance(table, Mapping):
         raise StudyError(f"{where} must be a table; found {table!r}.", remedy=f"write the keys {', '.join(known)}.")
@@ -384,7 +384,7 @@ def _known(table: object, known: Iterable[str], where: str) -> None:
 
 
 def _require(good: bool, key: str, wanted: str, found: object, table: str = "") -> None:
-    """Refuses a value of the wrong kind."""
+    """Raises an error if the value of a key is not of the wanted kind."""
     if not good:
         raise StudyError(f"{table}`{key}` must be {wanted}; found {found!r}.")
 

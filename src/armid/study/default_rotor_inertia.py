@@ -21,14 +21,15 @@ def add_rotor_inertia(
 ) -> tuple[DynamicsModel, list[tuple[int, Finding]]]:
     """Adds rotor inertia to a default model if a training recording shows it.
 
-    Without it, the inertia of rotors counts as inertia of the links: the torque error stays small, but intervals of
-    the links miss their true values. Validation recordings do not decide, because the model is judged on them.
+    Without rotor inertia in the model, the inertia of rotors counts as inertia of the links: the torque error stays
+    small, but intervals of the links miss the true values. Validation recordings do not decide whether the term is
+    added, because they are used to judge the model.
 
     Args:
         model: Model with the default terms.
         choice: Terms of the study; a study that names its terms keeps them.
         recordings: Recordings of the study.
-        findings: Index of a recording and a finding of the doctor on it.
+        findings: Findings of the doctor, each with the index of its recording.
 
     Returns:
         The model, and the findings; the doctor's warning is replaced by the information that the term was added.
@@ -45,7 +46,7 @@ def add_rotor_inertia(
 
 
 def _added(finding: Finding) -> Finding:
-    """Information that rotor inertia was added, with the doctor's evidence for it."""
+    """Finding that rotor inertia was added to the model, with the evidence of the doctor's finding."""
     evidence = f"{finding.evidence} The default model therefore includes rotor inertia."
     remedy = lines("for a model without rotor inertia", table="model", terms=[DEFAULT])
     return Finding("rotor-inertia-added", "info", finding.channel, evidence, remedy)

@@ -55,7 +55,7 @@ class Demo:
 
 
 def demo_study(processing: ProcessingOptions | None = None, method: str = "wls") -> Study:
-    """Study of the demo; its edges are periodic, because the motion repeats without a pause."""
+    """Study of the demo; the option `edges` is periodic, because the motion repeats without a pause."""
     return Study(
         RobotChoice("iiwa14-r820", gravity=HANGING),
         ModelChoice(("rigid-body", "viscous", "coulomb"), {"coulomb": {"width": 0.0}}),
@@ -69,20 +69,20 @@ def demo_study(processing: ProcessingOptions | None = None, method: str = "wls")
 
 
 def thesis_processing(edges: str = "periodic") -> ProcessingOptions:
-    """Processing options of the thesis with the given edges."""
+    """Processing options of the thesis, with a given value of the option `edges`."""
     return replace(THESIS, edges=edges, average=edges == "periodic")  # pyright: ignore[reportArgumentType]
 
 
 def run_demo(
     study: Study | None = None, *, seed: int = SEED, threads: int = 1, progress: Progress | None = None
 ) -> Demo:
-    """Simulates recordings, identifies, validates on Table A.2 of the thesis, and compares with the true parameters.
+    """Simulates recordings, identifies and validates the model, and compares it with the true parameters.
 
     Args:
-        study: Study with other options; by default `demo_study()`.
+        study: Study to use; `demo_study()` if not given.
         seed: Seed of the noise.
-        threads: Threads of the kernel.
-        progress: Called with the name of each stage and its finished share.
+        threads: Number of threads of the compiled kernel.
+        progress: Function that is called with the name of each stage and the share of the stage that is done.
     """
     study = study or demo_study()
     if progress is not None:
@@ -121,7 +121,7 @@ def demo_recordings(folder: Path | str) -> dict[str, Recording]:
 
 
 def _record(model: DynamicsModel, truth: Array, seed: int) -> tuple[dict[str, Recording], Motion, Array]:
-    """Both recordings, and the true motion and torque of the validation recording."""
+    """Training and validation recording by name, and true motion and torque (N, n) of the validation recording."""
     rng = np.random.default_rng(seed)
     plans = {name: builtin_plan(plan).stretched(SECONDS) for name, plan in MOTIONS.items()}
     made = {name: record(model, truth, plan, Sensors(), rng, repetitions=REPETITIONS) for name, plan in plans.items()}

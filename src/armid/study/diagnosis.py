@@ -1,4 +1,4 @@
-"""Checks of the recordings of a study by the doctor, with workarounds for faults that prevent reading."""
+"""Checks of the recordings of a study by the doctor. Faults that prevent reading are worked around where possible."""
 
 from __future__ import annotations
 
@@ -31,13 +31,14 @@ from armid.threads import one_blas_thread
 from armid.validation.gravity_sign import gravity_finding
 
 TRIES = 4
-"""Largest number of faults for which workarounds are tried one after the other."""
+"""Largest number of faults of one recording for which workarounds are tried one after the other."""
 
 USUAL = ProcessingOptions()
 """Default processing options."""
 
 FAR_OUTSIDE = ("position-limits", "position-sign", "position-offset", "degrees", "joint-order")
-"""Codes of findings that give the cause of positions far outside the limits; the reader can only suspect it."""
+"""Codes of findings of the doctor that give the cause of positions far outside the limits. The reader only warns of
+such positions."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,8 +46,8 @@ class Diagnosis:
     """Findings on one recording.
 
     Attributes:
-        path: The recording.
-        findings: Findings, errors first.
+        path: Path of the recording.
+        findings: Findings on the recording, errors first.
     """
 
     path: str
@@ -86,7 +87,8 @@ def diagnose_recording(
 ) -> tuple[Finding, ...]:
     """Checks one recording.
 
-    A fault that prevents reading is an error. If there is a workaround, the rest of the log is checked, too.
+    A fault that prevents reading becomes a finding of severity `error`. If there is a workaround for the fault, the
+    rest of the log is checked, too.
 
     Args:
         robot: The arm that was recorded.
@@ -131,7 +133,7 @@ def diagnose_recording(
 
 
 def _no_effort(raw: Recording) -> Finding:
-    """Finding for a log without effort, with the columns that may hold it."""
+    """Finding for a log without effort, with the columns that may contain the effort."""
     possible = next((each for each in raw.findings if each.code == "effort-possible"), None)
     evidence = "The recording has no effort (torque or motor current)." + (
         "" if possible is None else f" {possible.evidence}"
@@ -153,7 +155,7 @@ def _standstill(recording: Recording, processing: ProcessingOptions) -> list[Fin
 
 
 def _of_currents(evidence: LogEvidence) -> tuple[Finding, ...]:
-    """Findings for a log of currents: those of checks that need no torque, and about drive gains."""
+    """Findings for a log of currents: of checks that need no torque, and on the drive gains that are missing."""
     state = evidence.state
     scale = None if state is None else explain_scale(state)
     if scale is not None:
@@ -180,7 +182,7 @@ def findings_of_each(
         model: Arm and torque terms.
         recordings: Recordings with their roles.
         read: Findings of the reader on each recording.
-        trained: Findings about all training recordings together, which are not repeated.
+        trained: Findings about all training recordings together; they are not repeated for single recordings.
         known_links: Links that are compared with the recordings instead of those of the description.
         processing: Options of the study.
     """
@@ -197,7 +199,7 @@ def findings_of_each(
 
 
 def merged(recordings: Sequence[RecordingChoice], findings: Sequence[tuple[int, Finding]]) -> list[Finding]:
-    """Findings with the names of their recordings; equal findings become one."""
+    """Findings with the names of their recordings; equal findings on several recordings become one finding."""
     names = labels(recordings)
     return together((names[k], finding) for k, finding in findings)
 
@@ -210,7 +212,7 @@ def run_checks(
     known_links: KnownLinks | None = None,
     processing: ProcessingOptions = USUAL,
 ) -> list[tuple[int, Finding]]:
-    """Checks recordings during an identification, before the estimate, or for a run.
+    """Checks the recordings of an identification before the estimate, or the recordings of a finished run.
 
     Args:
         model: Arm and torque terms of the study.
@@ -220,7 +222,7 @@ def run_checks(
         processing: Options of the study.
 
     Returns:
-        Index of a recording and a finding about it.
+        Findings, each with the index of its recording.
     """
     result: list[tuple[int, Finding]] = []
     faulty: dict[str, bool] = {}
@@ -246,7 +248,7 @@ def run_checks(
 
 
 def _cutoff(processing: ProcessingOptions) -> float | None:
-    """Cut-off of a study [Hz]; `None` if it follows from the motion or nothing is filtered."""
+    """Cut-off frequency of a study [Hz]; `None` if it follows from the motion, or if nothing is filtered."""
     return None if processing.cutoff == "auto" or processing.family == "none" else processing.cutoff
 
 
@@ -262,7 +264,7 @@ def _kind(choice: RecordingChoice) -> str:
 
 
 def diagnosis_record(diagnoses: tuple[Diagnosis, ...]) -> dict[str, Any]:
-    """The contents of `doctor --json`."""
+    """Content of the output of `armid doctor --json`: the findings on all recordings, errors first."""
     effect_of = effects()
     findings = [
         {
@@ -281,7 +283,7 @@ def diagnosis_record(diagnoses: tuple[Diagnosis, ...]) -> dict[str, Any]:
 
 
 def diagnosed_error(error: EstimationError, findings: Sequence[Finding]) -> EstimationError:
-    """Error, extended by the errors that the doctor found in the recordings, which are its likely cause."""
+    """Estimation error whose text also states the doctor's findings of severity `error`, the likely cause."""
     errors = [finding for finding in findings if finding.severity == "error"]
     if not errors:
         return error
@@ -292,12 +294,12 @@ def diagnosed_error(error: EstimationError, findings: Sequence[Finding]) -> Esti
 
 
 def has_errors(diagnoses: tuple[Diagnosis, ...]) -> bool:
-    """True if any finding is an error."""
+    """True if any finding on any recording has the severity `error`."""
     return any(f.severity == "error" for each in diagnoses for f in each.findings)
 
 
 def _finding(error: RecordingError) -> Finding:
-    """Finding for a fault that prevented reading."""
+    """Finding for the error of a fault that prevented the reading of a recording."""
     evidence = error.evidence
     if error.code != "value-missing":  # that sentence begins with the name of a channel
         evidence = f"{evidence[0].upper()}{evidence[1:]}"
@@ -305,7 +307,7 @@ def _finding(error: RecordingError) -> Finding:
 
 
 def _worked_around(finding: Finding, log: Recording, reading: LogFormat) -> tuple[Recording, LogFormat] | None:
-    """Log and log format with a workaround for a fault, only for the checks; `None` if there is no workaround."""
+    """Log and log format in which a fault is worked around for further checks; `None` without a workaround."""
     if finding.code == "current-without-gain":
         return replace(log, effort_is_current=False), reading
     keys = tables_of(finding.remedy).get("recording", {})
@@ -336,11 +338,12 @@ def _implied_rate(log: Recording) -> float | None:
 
 
 def _told_once(findings: Sequence[tuple[int, Finding]], kinds: Sequence[str] = ("",)) -> list[tuple[int, Finding]]:
-    """Leaves out the reader's warnings about joints far outside their limits if another finding gives the cause.
+    """Leaves out the reader's warnings about positions far outside the limits if another finding gives the cause.
 
     Args:
         findings: Findings, each with the index of its recording.
-        kinds: Log format of each recording; a cause that is known for one recording is known for all of its kind.
+        kinds: Log format of each recording; a cause that is known for one recording is known for all recordings with
+            this format.
     """
     known = [(kinds[k], finding) for k, finding in findings]
     return [

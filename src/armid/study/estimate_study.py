@@ -26,13 +26,13 @@ def estimate_study(
     problem: EstimationProblem,
     recordings: Sequence[ProcessedRecording],
 ) -> Estimate:
-    """Estimates with the method of the study; stores covariance, digests of all inputs and speeds with the estimate.
+    """Estimates the parameters with the method of a study; the estimate also contains digests of all its inputs.
 
     Args:
         study: The study.
         model: Arm and torque terms.
         base: Base parameters of the model.
-        problem: Estimation problem.
+        problem: Information of the training recordings, and the options of the estimate.
         recordings: All recordings with their roles, processed.
 
     Raises:
@@ -60,7 +60,7 @@ def estimate_study(
 
 
 def _uses(model: DynamicsModel) -> tuple[TermUse, ...]:
-    """Terms of a model with their joints and shapes."""
+    """Torque terms of a model, with the joints on which each term acts and its shapes."""
     names = model.robot.joint_names
     uses: list[TermUse] = []
     for term in model.terms:

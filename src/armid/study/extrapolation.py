@@ -10,27 +10,27 @@ from armid.measurement.observations import Observations
 from armid.robot import Robot
 
 FAR = 1.25
-"""Ratio of a speed to the highest speed in training above which a finding is reported. The highest speeds of two
-random motions of the same kind differ by less."""
+"""Ratio of the speed of a joint to its highest speed in training, above which a finding is reported. The highest
+speeds of two random motions with the same limits differ by less than this ratio."""
 
 LEAST = 0.02
 """Smallest increase of a speed that is reported [rad/s or m/s]: the width of Coulomb friction. A joint that rested in
-training may move more slowly than that."""
+training may move more slowly than this without a finding."""
 
 
 def highest_speeds(observations: Observations) -> Array:
-    """Highest speed of each joint in the rows in use, shape (n,) [rad/s or m/s]; 0 without such rows."""
+    """Highest speed of each joint in the rows that are used, shape (n,) [rad/s or m/s]; 0 if none are used."""
     speeds = [np.max(np.abs(run.motion.dq[run.rows]) * run.mask, axis=0, initial=0.0) for run in observations.runs]
     return np.max(speeds, axis=0)
 
 
 def speed_finding(robot: Robot, trained: Array | None, requested: Array, where: str) -> Finding | None:
-    """Finding on joints whose speed is far above their speeds in training, or `None`.
+    """Finding on joints whose speed is far above their highest speed in training; `None` without such joints.
 
     Args:
         robot: The arm.
         trained: Highest speed of each joint in training, shape (n,) [rad/s or m/s]; `None` where it is unknown.
-        requested: Highest speed of each joint in the new motion, shape (n,).
+        requested: Highest speed of each joint in the new motion, shape (n,) [rad/s or m/s].
         where: Name of the recording or plan.
     """
     if trained is None:

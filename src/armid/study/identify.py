@@ -38,7 +38,7 @@ from armid.validation.torque_validation import (
 
 @dataclass(frozen=True, eq=False, slots=True, repr=False)
 class Result(Displayed):
-    """Result of an identification: the inputs, the estimate and its errors.
+    """Result of an identification: the inputs, the estimate and the torque errors of the estimate.
 
     Attributes:
         study: Study, in which automatic choices are replaced by their results.
@@ -48,7 +48,7 @@ class Result(Displayed):
         estimate: The estimate.
         validation: Torque error on the validation recordings.
         training: Torque error on the training recordings.
-        friction_selection: Friction selection, if there was one.
+        friction_selection: Result of the selection of friction; `None` if friction was not selected.
         given_format: Log format of the first training recording as given in the study, before its columns were
             guessed.
         predictions: Torque that the estimate predicts for each recording, in the order of the study; may be empty.
@@ -83,8 +83,8 @@ def identify(
     Args:
         study: The study.
         given: Recordings that are in memory already, by their path in the study.
-        threads: Threads of the kernel.
-        progress: Called with each stage.
+        threads: Number of threads of the compiled kernel.
+        progress: Function that is called with the name of each stage and the share of the stage that is done.
 
     Raises:
         ArmidError: An input is wrong; the message names the input and the fault.
@@ -94,7 +94,7 @@ def identify(
 
 @one_blas_thread
 def conclude(prepared: Prepared, *, progress: Progress | None = None) -> Result:
-    """Estimates with the method of the study and validates on the validation recordings of the study.
+    """Estimates the parameters of a prepared study, and validates them on the study's validation recordings.
 
     Raises:
         EstimationError: The data do not determine the parameters.

@@ -1,4 +1,4 @@
-"""Plausibility checks of an estimate against its data and the description."""
+"""Plausibility checks of an estimate against the recordings and the description."""
 
 from __future__ import annotations
 
@@ -40,16 +40,17 @@ FAR = 20.0
 NAMED = 4
 
 RECORDING_ERRORS = "errors in the recordings"
-"""Beginning of the names of checks that fail because of errors in the recordings; a code in brackets follows."""
+"""Beginning of the names of checks that fail because of errors in the recordings. The code of the finding follows in
+parentheses."""
 
 TELLING = 0.5
-"""Share of the information that comes from data, below which a value counts as determined by the prior."""
+"""A value counts as determined by the prior if less than this share of its information comes from the data."""
 
 
 def plausibility_findings(
     model: DynamicsModel, information: Information, problem: EstimationProblem, fit: Fit, *, chosen: bool
 ) -> list[Finding]:
-    """Findings that show why an estimate may be wrong.
+    """Findings that give reasons why an estimate may be wrong.
 
     Args:
         model: Arm and torque terms.
@@ -72,7 +73,7 @@ def plausibility_findings(
 
 
 def drift_finding(model: DynamicsModel, fit: Fit) -> Finding | None:
-    """Finding about offsets that differ between recordings by more than the RMS residual of the joint, or `None`."""
+    """Finding about offsets that differ between recordings by more than the RMS residual of the joint; or `None`."""
     drifts: list[str] = []
     for parameter in (each for each in model.parameters if each.name in offset_names(model)):
         copies = [k for k, name in enumerate(fit.names) if name.of_all == parameter.name]
@@ -95,9 +96,10 @@ def drift_finding(model: DynamicsModel, fit: Fit) -> Finding | None:
 
 
 def far_findings(standard: StandardParameters | None, fit: Fit) -> list[Finding]:
-    """Findings about link masses far from the description: one for masses that the data determine, one for others.
+    """Findings about link masses that are far from the description.
 
-    A mass that the data determine does not follow the prior, so another prior is no remedy for it.
+    Masses that the data determine get a separate finding, because they do not follow the prior, so that another prior
+    is no remedy.
     """
     standard_fit = fit.standard
     if standard_fit is None or standard is None or standard.nominal is None:
@@ -138,7 +140,7 @@ def _far(evidence: str, remedy: Remedy | str) -> Finding:
 
 
 def _nearer(prior: str) -> Remedy | str:
-    """Remedy for masses that the data do not determine, given the kind of the prior in use."""
+    """Remedy for masses far from the description that the data do not determine, by the kind of the prior."""
     if prior == "log-det":
         return "if better masses are known, write them into the description and identify again"
     return lines(
@@ -154,7 +156,7 @@ def far_masses(found: Array, described: Array) -> NDArray[np.bool_]:
 
 
 def listed_masses(names: Sequence[str], found: Array, described: Array, which: NDArray[np.bool_]) -> str:
-    """Text that lists some masses (K,) [kg] and the masses of the description (K,)."""
+    """Text that lists selected masses (K,) [kg] of an estimate, with the masses of the description (K,) [kg]."""
     texts = [
         f"{name} {mass:.3g} kg (description: {nominal:.3g} kg)"
         for name, mass, nominal, wanted in zip(names, found, described, which, strict=True)
@@ -164,7 +166,7 @@ def listed_masses(names: Sequence[str], found: Array, described: Array, which: N
 
 
 def excitation_finding(information: Information, model: DynamicsModel, observations: Observations) -> Finding | None:
-    """Finding about a motion with which some parameters can hardly be distinguished, or `None`."""
+    """Finding about a recorded motion with which some parameters can hardly be distinguished; or `None`."""
     columns = stack(total(information))[0]
     _, values, directions = np.linalg.svd(unit_columns(columns)[0], full_matrices=False)
     condition = float(values[0] / values[-1])
@@ -202,7 +204,7 @@ def weak_finding(information: Information, observations: Observations, fit: Fit,
     """Finding about data that are too weak for the parameters or for the selection of friction, or `None`.
 
     Estimators without a prior raise an error if the data do not determine a parameter. Estimators with a prior
-    estimate it nevertheless.
+    estimate such a parameter nevertheless.
 
     Args:
         information: Information of the training recordings.
@@ -262,8 +264,8 @@ def weak_finding(information: Information, observations: Observations, fit: Fit,
 def _count_prior_determined(information: Information, fit: Fit) -> int:
     """Number of base parameters that a prior of one sample and the constraints determine more than the data.
 
-    The weight here is always one sample, because a larger weight of a correct description does not mean that the data
-    are weak.
+    The number is always computed with the weight of one sample, because a larger weight of a correct description does
+    not mean that the data are weak.
     """
     if fit.prior_precision is None or fit.standard is None:
         return 0
@@ -297,7 +299,7 @@ def negative_finding(model: DynamicsModel, fit: Fit) -> Finding | None:
 
 
 def contradictions(findings: Sequence[Finding]) -> tuple[Check, ...]:
-    """Failed checks, one for each kind of error in the recordings; empty if they have no error.
+    """Failed checks of the validation, one for each code of findings of severity `error` on the recordings.
 
     Args:
         findings: Findings on the recordings.
@@ -310,7 +312,7 @@ def contradictions(findings: Sequence[Finding]) -> tuple[Check, ...]:
 
 
 def recording_error_check(code: str) -> str:
-    """Name of the check that fails because of errors with a code in the recordings.
+    """Name of the check that fails if the recordings have findings of severity `error` with a given code.
 
     Args:
         code: Code of the findings.
@@ -322,7 +324,8 @@ def contradicted(validation: Validation, findings: Sequence[Finding]) -> Validat
     """Validation that fails if there is a finding of severity `error` about the recordings.
 
     Such an error makes most of an estimate wrong. Training and validation recordings with the same fault, such as a
-    wrong unit or order of channels, agree with each other, so that no error on held-out motion shows it.
+    wrong unit or order of channels, agree with each other, so that the error on held-out motion does not show the
+    fault.
 
     Args:
         validation: Scores, checks and verdict.

@@ -1,4 +1,4 @@
-"""Preparation of an estimate: from a study to data, model and estimation problem."""
+"""Preparation of an estimate: makes data, model and estimation problem from a study."""
 
 from __future__ import annotations
 
@@ -41,14 +41,14 @@ class Prepared:
     """Data, model and estimation problem of a study, before the estimate.
 
     Attributes:
-        study: The study with its automatic choices resolved.
+        study: The study, in which automatic choices are replaced by their results.
         model: Arm and torque terms.
         base: Base parameters of the model.
         recordings: All recordings with their roles, processed.
         problem: Estimation problem of the training recordings.
-        findings: Findings before the estimate.
+        findings: Findings on description, recordings and processing, before the estimate.
         began: Time at which the identification began, from `time.perf_counter` [s].
-        friction_selection: Friction selection, if there was one.
+        friction_selection: Result of the selection of friction; `None` if friction was not selected.
     """
 
     study: Study
@@ -69,7 +69,7 @@ def prepare(
     threads: int = 1,
     progress: Progress | None = None,
 ) -> Prepared:
-    """Prepares data and model once for the estimates by one or more methods; the arguments are those of `identify`.
+    """Prepares data and model of a study for one or more estimates; the arguments are those of `identify`.
 
     Raises:
         ArmidError: An input is wrong; the message names the input and the fault.
@@ -131,7 +131,7 @@ def stated_problem(prepared: Prepared) -> EstimationProblem:
     if len(np.unique(problem.information.recording)) < 2:
         raise StudyError(
             f"The key `{asked[0]}` needs at least two training recordings, but the study has only one.",
-            remedy="add another training recording, or leave this key out.",
+            remedy="add another training recording, or leave this key of [estimation] out.",
         )
     offsets = np.isin(problem.information.names, offset_names(prepared.model))
     own = changing_parameters(prepared.model)[prepared.base.kept] if choice.friction_per_recording else offsets

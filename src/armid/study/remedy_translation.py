@@ -1,4 +1,4 @@
-"""Remedies of findings as lines of a study and as options of the command line."""
+"""Conversion of the remedies of findings to lines of a study and to options of the command line."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ TABLES: Mapping[str, type] = {
     "recording": LogFormat,
     "estimation": EstimationChoice,
 }
-"""Classes of the tables of a study; keys that belong to none of them belong to `[processing]`."""
+"""Classes whose fields are the keys of the tables of a study; keys of no class belong to `[processing]`."""
 
 TABLE_KEYS = tuple(field.name for field in dataclasses.fields(LogFormat))
 """Keys of a `[[recording]]` table that describe the log format."""
@@ -33,12 +33,12 @@ READING = "reading"
 
 
 def tables_of(remedy: str) -> dict[str, dict[str, Any]]:
-    """Keys of a remedy, by table of the study; empty if the remedy contains no keys."""
+    """Keys of a study that a remedy sets, by table of the study; empty if the remedy sets no keys."""
     return _by_table(Remedy.read(remedy).keys)
 
 
 def _by_table(keys: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
-    """Keys of a study by their table."""
+    """Sorts keys of a study by the tables to which they belong."""
     tables: dict[str, dict[str, Any]] = {}
     for key, value in keys.items():
         owners = [name for name, kind in TABLES.items() if key in {f.name for f in dataclasses.fields(kind)}]
@@ -47,11 +47,11 @@ def _by_table(keys: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
 
 
 def applied(study: Study, path: str, remedy: str) -> Study:
-    """Applies a remedy to one recording of a study.
+    """Study in which the keys are set that a remedy for one recording names.
 
     Args:
         study: The study.
-        path: The recording to which the remedy applies.
+        path: Path of the recording to which the remedy applies.
         remedy: Remedy of a finding.
     """
     tables = tables_of(remedy)
@@ -65,7 +65,7 @@ def applied(study: Study, path: str, remedy: str) -> Study:
 
 
 def as_option(remedy: str, options: Collection[str] = OPTIONS) -> str | None:
-    """Options of the command line that correspond to a remedy, or `None` if there are none.
+    """Options of the command line that correspond to a remedy; `None` if no options can express the remedy.
 
     Args:
         remedy: Remedy of a finding.
@@ -106,7 +106,7 @@ def at_the_prompt(remedy: str, options: Collection[str]) -> str:
 
 
 def _with_option(setting: Assignment, options: Collection[str]) -> str:
-    """Setting as part of a sentence, preceded by the corresponding option of the command if there is one."""
+    """Text of a setting within a sentence: the option of the command and, in parentheses, the keys of a study."""
     option = _options(setting.keys, options)
     if option is None or READING in options:
         return option or setting.text
@@ -114,7 +114,7 @@ def _with_option(setting: Assignment, options: Collection[str]) -> str:
 
 
 def _values(key: str, value: Any) -> list[str] | None:
-    """Values of an option, one for each time it is given; `None` if the option cannot express the value."""
+    """Texts of the values of an option, one for each time it is given; `None` if it cannot express the value."""
     if key == "terms":
         return [",".join(value)]
     if key == "gravity":
@@ -131,7 +131,7 @@ def as_study(remedy: str, study: Study, path: str, reading: Mapping[str, Any]) -
     Args:
         remedy: Remedy of a finding.
         study: Study that was made from the command line; its arm and its terms are used.
-        path: The recording.
+        path: Path of the recording.
         reading: Log format options of the command line.
     """
     tables = tables_of(remedy)
@@ -144,7 +144,7 @@ def as_study(remedy: str, study: Study, path: str, reading: Mapping[str, Any]) -
 
 
 def _with_note(text: str, remedy: Remedy) -> str:
-    """Text of a study with the comment of a remedy behind the remedy's last key."""
+    """Text of a study with the comment of a remedy after the last key that the remedy sets."""
     if not remedy.note or not remedy.keys:
         return text
     last = f"{list(remedy.keys)[-1]} = "

@@ -20,7 +20,7 @@ def score_recordings(
     recordings: Sequence[ProcessedRecording],
     predictions: Mapping[ProcessedRecording, PredictedRecording] | None = None,
 ) -> tuple[tuple[Score, ...], tuple[Finding, ...]]:
-    """Computes the torque error on each recording, with findings; predictions are computed if not given."""
+    """Computes the torque error on each recording, with findings on it; missing predictions are computed."""
     scores: list[Score] = []
     findings: list[Finding] = []
     names = labels([each.choice for each in recordings])

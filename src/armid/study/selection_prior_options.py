@@ -1,4 +1,4 @@
-"""Default estimation options for a model with selected friction, and the finding about the method."""
+"""Default estimation options for a model with selected friction, and the finding about the selection."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from armid.study.config import EstimationChoice
 
 
 def as_chosen(choice: EstimationChoice, selection: FrictionSelection, *, described: bool) -> EstimationChoice:
-    """Estimation options with the prior and the offsets of the friction selection.
+    """Estimation options with the prior and the offsets that were used in the selection of friction.
 
     Args:
         choice: Options of the study.
@@ -26,7 +26,7 @@ def as_chosen(choice: EstimationChoice, selection: FrictionSelection, *, describ
 
 
 def with_selection_prior(choice: EstimationChoice, weight: float | None, *, described: bool) -> EstimationChoice:
-    """Estimation options with the prior of the friction selection, unless the study sets the prior of the estimator.
+    """Estimation options with the prior of the friction selection, unless the study sets the prior itself.
 
     Args:
         choice: Options of the study.
@@ -45,7 +45,7 @@ def with_selection_prior(choice: EstimationChoice, weight: float | None, *, desc
 
 
 def with_origin_of_weight(estimate: Estimate, selection: FrictionSelection | None) -> Estimate:
-    """Estimate that names the friction selection as the origin of the prior's weight, if this is so."""
+    """Estimate whose findings name the friction selection as origin of the prior's weight, if it is the origin."""
     if selection is None or selection.prior_weight is None:
         return estimate
     weight = selection.prior_weight
@@ -62,7 +62,7 @@ def with_origin_of_weight(estimate: Estimate, selection: FrictionSelection | Non
 
 
 def chosen_finding(selection: FrictionSelection, method: str) -> Finding:
-    """Finding about the method by which selected friction is estimated."""
+    """Finding about the friction selection and the method with which the selected friction was estimated."""
     if selection.prior_weight is None:
         return Finding(
             "friction-not-chosen", "warning", "", selection.why, "record longer, or give the torque terms by name."

@@ -1,1 +1,1 @@
-"""Designed motions on disk: goals, placement, files, preflight, simulation."""
+"""Designed motions: goals, start poses, surroundings, plan files, preflight reports, and files of simulations."""

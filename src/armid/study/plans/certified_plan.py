@@ -1,4 +1,4 @@
-"""Last step of a design: distances of the bodies themselves, certified limits, and preflight report."""
+"""Last step of a design: check of the distances of the bodies, certification of all limits, and preflight report."""
 
 from __future__ import annotations
 
@@ -17,29 +17,31 @@ Stage = Callable[[str], None]
 """Callback with the name of a stage of a design."""
 
 DRAWN, DRAWN_BY = 0.1, (0.97, 0.94, 0.88, 0.85)
-"""Smallest factor of the amplitude of joints between bodies that touch, and the factors of the first steps; the last
-one is used for all further steps. The search keeps these bodies apart only approximately."""
+"""If bodies are too close, the amplitudes of the joints between them are reduced step by step. The first number is
+the smallest total factor. The others are the factors of the first steps; the last factor is used for all further
+steps. For pairs that are checked with the bodies themselves, the search keeps the distances only approximately."""
 
 TRIED = 50.0
-"""Rate at which these bodies are tested first [Hz]; then they are tested at `RATE`."""
+"""Rate at which pairs of bodies are tested first [Hz]; afterwards they are tested at `RATE`."""
 
 
 def certified_plan(
     problem: DescentProblem, x: Array, collision: CollisionOptions | None, unchecked: str, stage: Stage
 ) -> tuple[Array, Preflight]:
-    """Plan with certified limits; amplitudes of joints are reduced as long as bodies that they move are too close.
+    """Plan that provably keeps all limits, and its preflight check.
 
-    If this does not separate the bodies, the preflight report names them.
+    As long as bodies are too close, the amplitudes of the joints between them are reduced. If this is not sufficient,
+    the preflight report names the bodies.
 
     Args:
         problem: Criterion and all limits of the design.
-        x: Unknowns of the plan that the search has found, shape (n k,).
+        x: Unknowns of the plan that the search has found, shape (n k,), with k unknowns of each joint.
         collision: Pairs of bodies that must keep a distance; `None` for no collision check.
         unchecked: Reason why collisions are not checked; empty if they are checked.
         stage: Called with the name of each stage.
 
     Returns:
-        Unknowns (n k,) of the certified plan, and its preflight check.
+        Unknowns (n k,) of the certified plan, and the preflight check of this plan.
     """
     grid, basis = fine_grid(problem), problem.basis
     few, every = (max(100, round(rate * basis.period)) for rate in (TRIED, RATE))

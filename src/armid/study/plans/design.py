@@ -51,14 +51,14 @@ def design_plan(
     executor: Executor | None = None,
     stage: Stage = lambda name: None,
 ) -> Designed:
-    """Designs a motion.
+    """Designs the periodic motion with the smallest criterion that keeps all constraints.
 
     Args:
         goal: Model, criterion, length and poses of the motion.
         constraints: Limits that the motion must keep.
         budget: Time, workers and seed of the search.
         progress: Called after every descent of the search.
-        executor: Runs the search; by default processes are started for it.
+        executor: Pool of processes that runs the search; if not given, processes are started.
         stage: Called with the name of each stage before and after the search.
 
     Raises:
@@ -106,10 +106,10 @@ def design_plan(
 def _searched(
     problem: DescentProblem, budget: SearchBudget, executor: Executor | None, progress: Progress | None
 ) -> Search:
-    """Runs the search in the given processes, or starts processes for it.
+    """Runs the search for the best plan in given processes, or in processes that are started for the search.
 
     Raises:
-        KeyboardInterrupt: The user has stopped it, and does not wait for a certificate of the best plan so far.
+        KeyboardInterrupt: The user has stopped the search, so the best plan so far is not certified.
     """
     pool = nullcontext(executor) if executor or not budget.workers else single_threaded_pool(budget.workers)
     with pool as workers:
@@ -127,20 +127,20 @@ def _searched(
 
 
 def _check_times(goal: DesignGoal, budget: SearchBudget) -> None:
-    """Refuses a duration or a budget that is not positive."""
+    """Raises an error if the duration of the motion or the time budget of the search is not positive."""
     if budget.budget is not None and not budget.budget > 0.0:
         raise ArmidError(
             f"The time budget of the search must be positive; found {budget.budget} s.",
-            remedy="give a budget of some seconds; ten seconds are enough for one arm.",
+            remedy="give a --budget of some seconds; ten seconds are enough for one arm.",
         )
     if not goal.duration > 0.0:
         raise ArmidError(
-            f"The duration of a period must be positive; found {goal.duration} s.", remedy="give another --duration."
+            f"The duration of a period must be positive; found {goal.duration} s.", remedy="give a longer --duration."
         )
 
 
 def _unlimited(plan: Plan, limits: Limits, robot: Robot) -> Finding | None:
-    """Finding with the largest accelerations of joints without a limit; `None` if all joints have one."""
+    """Finding with the largest accelerations of the joints without acceleration limit; `None` without such joints."""
     free = np.flatnonzero(~np.isfinite(limits.acceleration))
     if not free.size:
         return None
@@ -152,7 +152,7 @@ def _unlimited(plan: Plan, limits: Limits, robot: Robot) -> Finding | None:
 
 
 def _motion(limits: Limits, basis: SeriesBasis, constraints: DesignConstraints) -> tuple[ConstraintChannel, ...]:
-    """Constraints on the motion itself, or on sums of the amplitudes of the series.
+    """Constraint channels for limits of the motion itself, or of sums of the amplitudes of the series.
 
     Raises:
         ArmidError: The kind of limits is unknown.

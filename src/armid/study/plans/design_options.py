@@ -1,4 +1,4 @@
-"""Goal of a designed motion, its constraints, and the budget of the search."""
+"""Options of a design: goal of the motion, constraints on the motion, and budget of the search."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from armid.robot.shapes import Shape
 from armid.study.plans.surroundings import AssumedFloor
 
 LIMIT_KINDS = ("true", "thesis", "thesis-literal")
-"""Forms of position and velocity limits: on the motion, or on sums of amplitudes (equations 3.55d-f of the
-thesis)."""
+"""Forms of position and velocity limits: `true` limits the motion itself; the other two limit sums of amplitudes
+(equations 3.55d to 3.55f of the thesis)."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -26,9 +26,9 @@ class DesignGoal:
     """Goal of a designed motion.
 
     Attributes:
-        goal: Model and criterion.
+        goal: Model, and criterion that the design minimises.
         duration: Length of a period [s].
-        harmonics: Number of harmonics.
+        harmonics: Number of harmonics of the series.
         start: Start pose, shape (n,) [rad or m]; chosen automatically if not given.
         free_start: True if the start pose is one of the unknowns.
         free_centre: True if joints may oscillate about a pose other than the start pose, which equation (3.55c) of
@@ -60,10 +60,11 @@ class DesignConstraints:
         estimate: Estimate from which torque is computed; if not given, torque is computed from the description.
         clearance: Smallest allowed distance between bodies [m]; if `None`, collisions are not checked.
         surroundings: Bodies that do not move.
-        floor: Assumed floor, which is ignored if the arm does not start above it.
+        floor: Assumed floor; it is ignored if the arm does not start above it.
         workspace: Region in which the tip must stay.
         envelope: Motion whose velocities and accelerations must not be exceeded.
-        envelope_by_joint: True if the envelope applies joint by joint; otherwise the maximum over all joints applies.
+        envelope_by_joint: True if each joint is limited to its own values in `envelope`; otherwise all joints are
+            limited to the largest values of any joint.
         ignored: Pairs of bodies that are not checked.
     """
 
@@ -84,11 +85,11 @@ class DesignConstraints:
 
 @dataclass(frozen=True, slots=True)
 class SearchBudget:
-    """Budget of the search.
+    """Budget of the search for the best plan.
 
     Attributes:
         budget: Wall time of the search [s]; `None` if only `rounds` limits the search.
-        seed: Seed of the random starts.
+        seed: Seed of the random starting points.
         workers: Number of processes; with 0 the search runs in the present process.
         rounds: Largest number of rounds.
     """
@@ -100,7 +101,7 @@ class SearchBudget:
 
 
 def constrained_limits(robot: Robot, constraints: DesignConstraints) -> Limits:
-    """Limits of the joints; if there is an envelope, velocity and acceleration are limited to it."""
+    """Limits of the joints for a design; `envelope` also limits velocity and acceleration to those of a motion."""
     limits = limits_of(robot, constraints.given, acceleration=constraints.acceleration, jerk=constraints.jerk)
     if constraints.envelope is None:
         return limits

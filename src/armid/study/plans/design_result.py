@@ -1,4 +1,4 @@
-"""Result of a design."""
+"""Result of the design of a periodic motion: plan, search, preflight check and findings."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ SPREAD = 200.0
 
 @dataclass(frozen=True, eq=False, slots=True, repr=False)
 class Designed(Displayed):
-    """Result of a design.
+    """Result of the design of a periodic motion.
 
     Attributes:
-        plan: The motion.
+        plan: The designed plan.
         problem: The optimisation problem, with constraints for all pairs of bodies.
-        x: Values of the unknowns.
+        x: Unknowns of the plan, shape (n k,), with k unknowns of each joint.
         limits: Limits of the joints.
         search: Course of the search.
         preflight: Check of the plan against all limits.
@@ -65,12 +65,12 @@ class Designed(Displayed):
 
     @property
     def torque(self) -> Torque | None:
-        """Limits of the torque; `None` if torque is not checked."""
+        """Constraint channel of the torque limits; `None` if torque is not checked."""
         return next((each for each in self.problem.channels if isinstance(each, Torque)), None)
 
     @property
     def heading(self) -> str:
-        """Text with the number of harmonics, the period, the repetitions and the duration."""
+        """Text with the number of harmonics, the period, the number of repetitions and the duration of the plan."""
         plan, series = self.plan, self.plan.excitation
         times = "once" if plan.repetitions == 1 else f"{plan.repetitions} times"
         leads = (
@@ -81,7 +81,7 @@ class Designed(Displayed):
         return f"{series.harmonics} harmonics over {series.period:g} s, {times}{leads}"
 
     def spread(self, margin: Margin) -> tuple[float, float, float, float] | None:
-        """Lowest and highest position of a joint and its limits, for a position limit; `None` for other limits."""
+        """Lowest and highest position of a joint, then its two position limits; `None` if another limit is given."""
         if margin.limit != "position" or margin.label not in self.limits.joints:
             return None
         j, series = self.limits.joints.index(margin.label), self.plan.excitation

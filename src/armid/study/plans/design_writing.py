@@ -23,12 +23,12 @@ from armid.study.storage.records import finding_record, to_json
 
 
 def refuse_plan_folder(folder: Path | str) -> None:
-    """Refuses a folder that a plan must not replace, before the design starts."""
+    """Raises an error, before a design starts, if the plan must not replace the given folder."""
     refuse(folder, PLAN_FILE, "plan")
 
 
 def choose_formats(names: Sequence[str] | None) -> tuple[str, ...]:
-    """Names of the chosen formats; all if none are named.
+    """Checks names of motion formats and returns them; all formats if no names are given.
 
     Raises:
         ArmidError: A format is unknown.
@@ -44,12 +44,12 @@ def choose_formats(names: Sequence[str] | None) -> tuple[str, ...]:
 
 
 def plan_record(designed: Designed | DesignedMoves) -> dict[str, Any]:
-    """The contents of `plan.json`."""
+    """Content of the file `plan.json` of a design."""
     return design_record(designed) if isinstance(designed, Designed) else _moves_record(designed)
 
 
 def design_record(designed: Designed) -> dict[str, Any]:
-    """The contents of `plan.json` for a series."""
+    """Content of the file `plan.json` of a designed periodic motion."""
     plan, report, goal = designed.plan, designed.preflight, designed.problem.goal
     series = plan.excitation
     limits = {
@@ -84,7 +84,7 @@ def design_record(designed: Designed) -> dict[str, Any]:
 
 
 def _moves_record(designed: DesignedMoves) -> dict[str, Any]:
-    """The contents of `plan.json` for poses or sweeps."""
+    """Content of the file `plan.json` of designed poses or sweeps."""
     moves = designed.plan
     return {
         "robot": designed.robot.name,
@@ -101,7 +101,7 @@ def _moves_record(designed: DesignedMoves) -> dict[str, Any]:
 
 
 def _verdict_record(designed: Designed | DesignedMoves) -> dict[str, Any]:
-    """Part of `plan.json` with the verdict, the pairs that are not checked, and the findings."""
+    """Keys of `plan.json` for the verdict, the pairs of bodies that are not checked, and the findings."""
     report = designed.preflight
     return {
         "verdict": report.verdict,
@@ -127,7 +127,7 @@ def save_design(
     Args:
         designed: The design.
         folder: Output folder; an existing plan is replaced.
-        formats: Names of formats; formats that cannot represent this arm are left out.
+        formats: Names of the formats of the motion files; formats that cannot represent this arm are left out.
         rate: Sample rate in every format [Hz]; if not given, the default of each format.
         rehearsal: Speed of the rehearsal as a share of the speed of the plan.
     """
@@ -153,7 +153,7 @@ def _write_motions(
 
 
 def track_of(plan: Plan | Moves, robot: Robot, rate: float) -> SampledMotion:
-    """Samples a plan for a controller."""
+    """Samples a plan at a rate [Hz], for a file that a controller reads."""
     if not rate > 0.0:
         raise ArmidError(
             f"The sample rate of a motion must be above zero; found {rate} Hz.", remedy="correct --format-rate."

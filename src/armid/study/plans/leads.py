@@ -1,4 +1,4 @@
-"""Motions from a given pose to the start of a series, and from its end to a given pose."""
+"""Motions from a given pose to the start pose of an excitation, and from the start pose to a given last pose."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ LEAD_ACCELERATION = 2.0
 
 
 def add_leads(basis: SeriesBasis, x: Array, goal: DesignGoal, limits: Limits, name: str) -> Plan:
-    """Plan with motions from and to other poses, which use at most half of the velocity limits."""
+    """Plan with motions to and from the start pose, which use at most half of the velocity limits."""
     series = basis.excitation(x, name)
     start = series.at([0.0]).q[0]
     acceleration = np.where(np.isfinite(limits.acceleration), limits.acceleration, LEAD_ACCELERATION)
@@ -39,7 +39,7 @@ def add_leads(basis: SeriesBasis, x: Array, goal: DesignGoal, limits: Limits, na
             raise ArmidError(
                 f"A pose before or after the motion has {np.size(pose)} numbers, but the arm has {len(start)} "
                 "joints.",
-                remedy="give one number for each joint.",
+                remedy="give one number for each joint with --begin or --end.",
             )
         return max(seconds_for(pose - start, LEAD_SHARE * limits.velocity, acceleration, limits.jerk), 0.1)
 
@@ -47,7 +47,7 @@ def add_leads(basis: SeriesBasis, x: Array, goal: DesignGoal, limits: Limits, na
 
 
 def check_leads(plan: Plan, robot: Robot, collision: CollisionOptions | None) -> None:
-    """Refuses motions from and to other poses during which bodies come too close to each other.
+    """Raises an error if bodies come too close to each other during the motions to and from the start pose.
 
     Raises:
         ArmidError: Bodies come too close to each other; the message names the pair.
@@ -67,5 +67,5 @@ def check_leads(plan: Plan, robot: Robot, collision: CollisionOptions | None) ->
                 f"During the motion from or to the {name} pose, {close[0].pair} come too close to each other: "
                 f"{1000 * max(close[0].distance, 0.0):.0f} mm instead of at least "
                 f"{1000 * close[0].required_distance:.0f} mm.",
-                remedy="choose another pose, or leave the pose out and move the arm there by hand.",
+                remedy=f"choose another pose with --{name}, or leave it out and move the arm there by hand.",
             )

@@ -1,4 +1,4 @@
-"""Reading of plan files: `plan.json`, with its surroundings and its series, and motions for controllers."""
+"""Reading of the files of a plan: `plan.json` with motion and surroundings, and motion files for controllers."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def is_plan(name: str) -> bool:
 
 
 def series_of(name: str) -> Excitation:
-    """Series of a built-in plan, a `plan.json`, a folder with one, or a motion file next to its `plan.json`.
+    """Excitation of a plan: a built-in plan, a `plan.json`, its folder, or a motion file next to a `plan.json`.
 
     Raises:
         ArmidError: There is no such plan.
@@ -41,7 +41,7 @@ def series_of(name: str) -> Excitation:
 
 
 def motion_of_plan(name: str, robot: Robot, rate: float) -> Motion | None:
-    """Motion of a plan or of a file that was written for a controller; `None` for anything else.
+    """Motion of a plan or of a motion file for a controller; `None` if the name belongs to something else.
 
     Args:
         name: A built-in plan, a `plan.json`, a folder with one, or a motion in one of the formats of `armid excite`.
@@ -111,7 +111,7 @@ def read_whole_plan(name: str) -> tuple[Plan | Moves, tuple[Shape, ...]]:
 
 
 def limits_of_plan(name: str, robot: Robot) -> Limits | None:
-    """Limits of the joints with which a plan was designed; `None` if the file has none of these joints.
+    """Limits of the joints with which a plan was designed; `None` if the file has no limits for these joints.
 
     Args:
         name: A built-in plan, a `plan.json` or a folder with one.
@@ -147,12 +147,12 @@ LIMITS_LEFT_OUT = {"lower": -np.inf, "upper": np.inf} | dict.fromkeys(
 
 
 def limits_record(limits: Limits) -> dict[str, Any]:
-    """Limits of the joints, for a `plan.json`."""
+    """Limits of the joints by kind, for the key `joint_limits` of a `plan.json`."""
     return {key: getattr(limits, key) for key in LIMITS_LEFT_OUT}
 
 
 def shape_records(shapes: Sequence[Shape]) -> list[dict[str, Any]]:
-    """Bodies that do not move, for a `plan.json`."""
+    """Bodies of the surroundings, for the key `surroundings` of a `plan.json`."""
     return [
         {"name": shape.name, "kind": shape.kind, "size": shape.size, "placement": shape.placement} for shape in shapes
     ]

@@ -38,7 +38,7 @@ CHECK_RATE, APPROACH_RATE = 1000.0, 100.0
 """Rates at which limits and distances of bodies are checked along the moves [Hz]."""
 
 CHUNK = 2000
-"""Number of points for which torque is computed at once."""
+"""Number of samples of a motion for which torque is computed at a time, to save memory."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -62,14 +62,14 @@ class MovesGoal:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class DesignedMoves:
-    """Static poses or sweeps, checked.
+    """Designed static poses or sweeps, and their check against all limits.
 
     Attributes:
         kind: `poses` or `sweeps`.
         plan: The moves.
         model: Arm and torque terms.
         limits: Limits of the joints.
-        torque: Limits of the torque; `None` if torque is not checked.
+        torque: Constraint channel of the torque limits; `None` if torque is not checked.
         preflight: Check of the moves against all limits.
         findings: Findings of the design.
         collision: Bodies that are kept apart; `None` where collisions are not checked.
@@ -102,7 +102,7 @@ class DesignedMoves:
         return f"{counts} in {self.plan.duration:.0f} s"
 
     def spread(self, margin: Margin) -> tuple[float, float, float, float] | None:
-        """Lowest and highest position of a joint and its limits, for a position limit; `None` for other limits."""
+        """Lowest and highest position of a joint, then its two position limits; `None` if another limit is given."""
         if margin.limit != "position":
             return None
         j = self.limits.joints.index(margin.label)
@@ -175,7 +175,7 @@ def design_moves(model: DynamicsModel, goal: MovesGoal, constraints: DesignConst
 def _distances(
     collision: CollisionOptions | None, robot: Robot, motion: Motion
 ) -> tuple[tuple[ClosestApproach, ...], tuple[LeftOutContact, ...], tuple[IgnoredPair, ...]]:
-    """Closest approaches along a motion, contacts of pairs that are left out, and these pairs."""
+    """Closest approaches along a motion, contacts of unchecked pairs, and the unchecked pairs themselves."""
     if collision is None:
         return (), (), ()
     approaches = closest_approaches(collision, robot, motion.time, motion.q)
@@ -185,7 +185,7 @@ def _distances(
 def _margins(
     motion: Motion, robot: Robot, limits: Limits, torque: Torque | None, goal: CriterionGoal
 ) -> tuple[Margin, ...]:
-    """Margins of a motion to every limit; between points, a value may rise by at most its largest step."""
+    """Margins of a motion to every limit; the largest step between samples is added for the time between samples."""
     middle, half = 0.5 * (limits.upper + limits.lower), 0.5 * (limits.upper - limits.lower)
     jerk = np.diff(motion.ddq, axis=0, append=motion.ddq[-1:]) * CHECK_RATE
     result: list[Margin] = []

@@ -1,4 +1,4 @@
-"""Preflight report of a series, or of poses or sweeps, as text and as JSON."""
+"""Preflight report of a designed motion as text and as JSON."""
 
 from __future__ import annotations
 
@@ -21,20 +21,20 @@ Checked = Designed | DesignedMoves
 """Designed motion with its preflight check."""
 
 MOST_LINES = 12
-"""Largest number of parameters and of pairs in the text; the JSON contains all of them."""
+"""Largest number of parameters, and of pairs of bodies, in the text; the JSON contains all parameters and pairs."""
 
 MARKS = {"pass": "✓", "fail": "✗", "weak": "!", "not checked": "–"}
-"""Marks that precede the verdicts."""
+"""Marks that precede the verdict of a preflight check, by verdict."""
 
 MEASURED = "distances between the shapes of the description, their convex hulls, or triangles of meshes"
-"""Explanation of the kinds of distances in the rows of closest approaches."""
+"""Explanation of the representations of bodies between which the closest approaches are computed."""
 
 
 def mark_of(report: Preflight) -> str:
-    """Mark before the verdict.
+    """Mark that precedes the verdict of a preflight check.
 
-    It is also `!`, the mark of a warning, if limits are wider than described, or if bodies touch whose pair the user
-    has excluded.
+    The mark is also `!`, which means a warning, if limits are wider than described, or if the bodies of a pair touch
+    that the user has excluded.
     """
     doubtful = report.wider is not None or any(each.unexpected for each in report.touching)
     return MARKS["weak" if report.verdict == "pass" and doubtful else report.verdict]
@@ -46,7 +46,7 @@ def findings_of(designed: Checked) -> tuple[Finding, ...]:
 
 
 def report_record(designed: Checked) -> dict[str, Any]:
-    """The contents of `preflight.json`."""
+    """Content of the file `preflight.json` of a designed motion."""
     report = designed.preflight
     return {
         "verdict": report.verdict,
@@ -94,7 +94,7 @@ def report_record(designed: Checked) -> dict[str, Any]:
 
 
 def _expected_record(expected: Expectation) -> dict[str, Any]:
-    """Predicted uncertainty after the recording of a series, as JSON."""
+    """Predicted uncertainty of the parameters after a recording of the plan, as keys of `preflight.json`."""
     return {
         "condition": expected.condition,
         "log_det": expected.log_det,
@@ -138,14 +138,14 @@ def report_text(designed: Checked, *, findings: bool = True) -> str:
 
 
 def skipped_pairs(report: Preflight) -> dict[str, Any]:
-    """Number of the pairs that are not checked as a sentence (`counted`), and the pairs by reason (`skipped`)."""
+    """Pairs that are not checked: a sentence with their number (`counted`), and the pairs by reason (`skipped`)."""
     count = len(report.skipped)
     counted = f"{plural(count, 'pair')} of bodies {'is' if count == 1 else 'are'} not checked"
     return {"counted": counted, "skipped": pairs_by_reason(report.skipped)}
 
 
 def _approach_lines(report: Preflight) -> list[str]:
-    """Lines with the closest approaches; pairs with constant distance come last."""
+    """Lines of the report with the closest approaches; pairs with constant distance come last."""
     changing = [each for each in report.approaches if not each.constant]
     constant = [each for each in report.approaches if each.constant]
     lines = ["", f"closest approaches (required distance; {MEASURED})"]
@@ -162,13 +162,13 @@ def _approach_lines(report: Preflight) -> list[str]:
 
 
 def constant_text(constant: Sequence[ClosestApproach]) -> str:
-    """Sentence that names pairs with constant distance, their distances, and the required distances."""
+    """Sentence that names pairs with constant distance, with distance and required distance of each pair."""
     pairs = "; ".join(f"{a.pair} {1000 * a.distance:.1f} mm ({1000 * a.required_distance:.1f} mm)" for a in constant)
     return f"neighbouring links at a nearly constant distance, with this and the required distance: {pairs}"
 
 
 def _criterion_lines(designed: Designed) -> list[str]:
-    """Line with the criterion of a series and its values."""
+    """Line of the report with the criterion of the design, the condition number and the log-determinant."""
     expected = designed.expected
     return [
         f"designed for {designed.problem.goal.criterion}; condition number {expected.condition:.2f}, "
@@ -177,7 +177,7 @@ def _criterion_lines(designed: Designed) -> list[str]:
 
 
 def _limit_line(margin: Margin, designed: Checked) -> str:
-    """Line for one limit; for a position, with its range."""
+    """Line of the report for one limit; for a position limit, the line contains the range of the position."""
     when = "" if np.isnan(margin.time) else f" at {margin.time:6.2f} s"
     shares = f"{100 * margin.share:6.1f} %  {100 * margin.certified:6.1f} %{when}"
     spread = designed.spread(margin)
@@ -190,7 +190,7 @@ def _limit_line(margin: Margin, designed: Checked) -> str:
 
 
 def _expected_lines(designed: Designed) -> list[str]:
-    """Lines with the predicted standard deviations of the parameters after the recording."""
+    """Lines of the report with the predicted standard deviations of the parameters after a recording of the plan."""
     goal, expected = designed.problem.goal, designed.expected
     units = [joint.effort_unit for joint in goal.model.robot.joints]
     noises = [f"{x:.3g} {unit}" for x, unit in zip(goal.noise, units, strict=True)]
@@ -207,7 +207,7 @@ def _expected_lines(designed: Designed) -> list[str]:
 
 
 def start_text(designed: Checked) -> str:
-    """Start pose, joint by joint with units."""
+    """Text with the start pose: name, position and unit of each joint."""
     q, joints = designed.start.tolist(), designed.robot.joints
     return ", ".join(f"{joint.name} {round(x, 4) + 0.0:g} {joint.unit}" for joint, x in zip(joints, q, strict=True))
 

@@ -1,4 +1,4 @@
-"""Simulation of a recording to files, with the true parameters."""
+"""Simulation of a recording; the recording and the true parameters are written to files."""
 
 from __future__ import annotations
 
@@ -28,10 +28,10 @@ class WrittenSimulation:
     """Files of a simulation.
 
     Attributes:
-        simulated: The simulation.
-        recording: The log.
-        truth: True parameters and options, as JSON.
-        noise_free: Motion and torque without noise, as NPZ, if requested.
+        simulated: Result of the simulation.
+        recording: Path of the simulated recording.
+        truth: Path of the JSON file with the true parameters and the options.
+        noise_free: Path of the NPZ file with motion and torque without noise; `None` if the file was not requested.
     """
 
     simulated: Simulated
@@ -41,7 +41,7 @@ class WrittenSimulation:
 
 
 def the_plan(name: str, period: float | None = None) -> Excitation:
-    """Built-in plan or plan of `armid excite`, stretched to another period [s] if one is given."""
+    """Excitation of a built-in plan or a plan of `armid excite`; with `period` [s], slowed down or sped up to it."""
     plan = series_of(name)
     return plan if period is None else plan.stretched(period)
 
@@ -78,12 +78,12 @@ def simulate_to(
     Args:
         folder: Output folder; other files in it are not changed.
         robot: The arm.
-        plan: The motion.
+        plan: The motion along which the arm is moved.
         options: Options of the simulation.
-        kind: Format of the recording.
+        kind: Format of the recording, the suffix of its file without the dot.
         seed: Seed of noise and faults.
         noise_free: True if motion and torque without noise are written, too.
-        tell: Called with the finished share.
+        tell: Function that is called with the share of the simulation that is done.
     """
     suffix, folder = refuse_format(kind), Path(folder)
     done = simulate(truth_of(robot), plan, options, seed=seed, tell=tell)
@@ -97,7 +97,7 @@ def simulate_to(
 
 
 def _archive(trace: TrueMotion, rate: float) -> bytes:
-    """NPZ file with the true motion at the times of the rows of the log, before jitter and delays."""
+    """Content of an NPZ file with the true motion at a rate [Hz], at the times of the rows without jitter."""
     every = round(1.0 / (rate * (trace.time[1] - trace.time[0])))
     names = {name: getattr(trace, name) for name in trace.__slots__}
     buffer = io.BytesIO()

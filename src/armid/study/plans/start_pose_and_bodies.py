@@ -1,4 +1,4 @@
-"""Start pose of a motion, given or chosen, and the collision model of its bodies."""
+"""Start pose of a designed motion, given or chosen, and the collision model of the arm and its surroundings."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ from armid.robot.shapes import Shape
 from armid.study.plans.design_options import DesignConstraints
 
 TIGHT = 0.1
-"""Share of random moves from a start pose that are free of collisions, below which hulls replace capsules."""
+"""If less than this share of random moves from a start pose is free of collisions, hulls replace capsules."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Placement:
-    """Start pose of a motion, with the collision model.
+    """Start pose of a designed motion, with the pairs of bodies that must be kept apart.
 
     Attributes:
         start: The pose, shape (n,) [rad or m].
@@ -52,20 +52,20 @@ class Placement:
 def place_motion(
     robot: Robot, limits: Limits, constraints: DesignConstraints, given: Array | None, holds: Holds = any_pose
 ) -> Placement:
-    """Checks a given start pose or chooses one with free space around it, and makes the collision model.
+    """Checks a given start pose, or chooses a pose with free space around it, and makes the collision model.
 
-    The usual start position of a joint is zero if the limits allow it, otherwise the middle of the range. If bodies
-    must keep a distance, or the joints cannot hold this pose, `armid.excitation.start_pose` chooses another pose.
+    The usual start position of a joint is zero if the limits allow it, otherwise the middle of the range. If
+    collisions are checked, or the joints cannot hold the usual pose, `armid.excitation.start_pose` chooses the pose.
 
     Args:
         robot: The arm.
-        limits: Limits of its joints.
+        limits: Limits of the joints of the arm.
         constraints: Clearance, surroundings and floor.
-        given: Given pose, shape (n,) [rad or m], if any.
-        holds: Test for poses that the joints can hold.
+        given: Start pose that the user gives, shape (n,) [rad or m]; `None` if a pose is chosen.
+        holds: Function that tests whether the joints can hold poses.
 
     Raises:
-        ArmidError: The pose violates a limit, or bodies are too close to each other in it.
+        ArmidError: The given pose violates a limit, or bodies are too close to each other in this pose.
     """
     if given is not None:
         given = _checked_start(robot, limits, given)
@@ -93,7 +93,7 @@ def _among_bodies(
     given: Array | None,
     holds: Holds,
 ) -> Placement:
-    """Start pose among bodies."""
+    """Start pose of an arm with collision check; `around` are the bodies of the surroundings."""
     assert constraints.clearance is not None
     cell = make_collision_model(robot, limits, around, margin=constraints.clearance, ignored=constraints.ignored)
     described, limits = limits, cell.adjacent.narrowed(limits, given)
@@ -118,9 +118,10 @@ def _among_bodies(
 
 
 def _choose(cell: CollisionModel, limits: Limits, holds: Holds) -> tuple[CollisionModel, Start]:
-    """Start pose among bodies; hulls replace capsules if capsules are so wide that no pose has free space.
+    """Chooses the start pose of an arm with collision check, and the collision model with which a pose is possible.
 
-    If hulls leave no such pose, pairs of neighbours whose bodies overlap in most poses are left out.
+    If capsules are so wide that no pose has free space, hulls replace them. If no pose has free space with hulls,
+    either, pairs of neighbours whose bodies overlap in most poses are left out.
     """
     chosen = find_start(cell, limits, holds)
     if chosen is not None and chosen.free_share >= TIGHT:
@@ -135,7 +136,7 @@ def _choose(cell: CollisionModel, limits: Limits, holds: Holds) -> tuple[Collisi
 
 
 def _without_bodies(robot: Robot, limits: Limits, holds: Holds) -> tuple[Array, tuple[Finding, ...]]:
-    """Usual start pose, or another pose if the joints cannot hold it."""
+    """Start pose without collision check: the usual pose, or another pose if the joints cannot hold the usual one."""
     usual = usual_pose(limits)
     if holds(usual[None])[0]:
         return usual, ()
@@ -148,7 +149,7 @@ def _without_bodies(robot: Robot, limits: Limits, holds: Holds) -> tuple[Array, 
 
 
 def _positions(robot: Robot, pose: Array) -> str:
-    """Pose as text, joint by joint with units."""
+    """Text with a pose: name, position and unit of each joint."""
     return ", ".join(f"{joint.name} {q:.4g} {joint.unit}" for joint, q in zip(robot.joints, pose, strict=True))
 
 
@@ -198,7 +199,7 @@ def _without_shapes(robot: Robot) -> tuple[Finding, ...]:
 
 
 def _skipped_pairs(collision: CollisionOptions) -> tuple[Finding, ...]:
-    """Findings about pairs of bodies that are not checked, because they were left out or touch in most poses."""
+    """Findings about pairs of bodies that are not checked: excluded by the user, or touching in most poses."""
     asked = [each for each in collision.unchecked if each.reason]
     built = [each for each in collision.skipped if not each.reason]
     mounts = [each for each in built if each.cause]
@@ -238,7 +239,7 @@ def _are(pairs: Sequence[IgnoredPair]) -> str:
 
 
 def _by_reason(pairs: Sequence[IgnoredPair]) -> list[str]:
-    """Text for each reason: the reason, and the pair of links or the number of pairs; the report lists all pairs."""
+    """Texts on pairs that are not checked: each reason, with the pair of links or the number of pairs."""
     return [
         f"{why} ({found[0] if len(found) == 1 else plural(len(found), 'pair') + ' of links'})"
         for why, found in pairs_by_reason(pairs).items()
@@ -250,7 +251,7 @@ def _shares(pairs: Sequence[IgnoredPair]) -> str:
 
 
 def _checked_start(robot: Robot, limits: Limits, given: Array) -> Array:
-    """Start pose, after a check of its size and its limits."""
+    """Start pose (n,) that the user gives, after a check of its length and of the position limits."""
     start = np.asarray(given, dtype=np.float64)
     if start.shape != (robot.n,):
         raise ArmidError(

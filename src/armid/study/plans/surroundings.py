@@ -20,16 +20,16 @@ UPRIGHT = 0.996
 """Cosine of the largest angle, five degrees, between gravity and -z of the base of a standing arm."""
 
 STANDS = (-0.05, 0.1)
-"""Range of the height, above the origin of the base, of the lowest body that is fixed to the base, for a standing
-arm [m]."""
+"""An arm counts as standing if the lowest point of the bodies that are fixed to the base is in this range of heights
+above the origin of the base [m]."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class AssumedFloor:
-    """Floor that is assumed if none is given.
+    """Floor that is assumed if the user gives no floor.
 
     Attributes:
-        shape: The floor; `None` if none is assumed.
+        shape: The floor; `None` if no floor is assumed.
         why: Reason why no floor is assumed; empty if a floor is assumed.
     """
 
@@ -38,7 +38,7 @@ class AssumedFloor:
 
 
 def surroundings_of(options: Mapping[str, Any], robot: Robot) -> tuple[Shape, ...]:
-    """Floor and environment from the options of a command."""
+    """Bodies of the surroundings from the values of the options `floor` and `environment` of a command."""
     shapes = () if options["environment"] is None else load_environment(options["environment"], robot)
     return shapes if options["floor"] is None else (*shapes, floor(options["floor"], robot.gravity))
 
@@ -47,7 +47,7 @@ def assumed_floor(robot: Robot, options: Mapping[str, Any]) -> AssumedFloor | No
     """Assumes a floor through the origin of the base for an arm that stands on it; `None` if a floor is given.
 
     An arm stands on a floor if gravity points along -z of its base and the lowest of the bodies that are fixed to the
-    base is close to the origin. The torso of a humanoid and the carriage of a gantry do not stand on it.
+    base is close to the origin. The torso of a humanoid and the carriage of a gantry do not stand on the floor.
     """
     if options["floor"] is not None:
         return None
@@ -73,7 +73,7 @@ def assumed_floor(robot: Robot, options: Mapping[str, Any]) -> AssumedFloor | No
 
 
 def meshes_are_missing(robot: Robot) -> bool:
-    """True if the description has bodies that could not be read."""
+    """True if the description names meshes that could not be read."""
     return bool(missing_bodies(robot))
 
 

@@ -34,7 +34,7 @@ HELD = 0.9
 def judged_torque(
     goal: CriterionGoal, limits: Limits, constraints: DesignConstraints
 ) -> tuple[Torque | None, tuple[Finding, ...]]:
-    """Constraint on torque, with findings about the masses with which torque is computed."""
+    """Constraint channel of the torque limits, with findings about the masses with which torque is computed."""
     if constraints.torque_margin is None:
         return None, ()
     unlimited = [limits.joints[j] for j in np.flatnonzero(~np.isfinite(limits.effort))]
@@ -86,18 +86,18 @@ def _described(robot: Robot) -> tuple[TorqueModel | None, Array | None]:
 
 
 def _contained(estimate: EstimatedTorque) -> str:
-    """Sentence with the terms of an estimate that the torque contains."""
+    """Sentence that names the estimate from which torque is computed, and its torque terms."""
     slipping = "; hysteresis counts as slipping in the direction of motion" if "hysteresis" in estimate.terms else ""
     return f"torque is computed from {estimate.origin}, with all of its terms: {', '.join(estimate.terms)}{slipping}"
 
 
 def torque_lacks(robot: Robot, constraints: DesignConstraints, torque: Torque | None) -> str:
-    """Names of friction and rotor inertia if the torque that is compared with limits lacks them; otherwise empty.
+    """Names of the contributions (friction, rotor inertia) that the torque of a design lacks; empty if complete.
 
     Args:
         robot: The arm.
-        constraints: Constraints of a design; with an estimate, torque contains all of its terms.
-        torque: Constraint on torque, if any.
+        constraints: Constraints of a design; with `estimate`, torque contains all terms of this estimate.
+        torque: Constraint channel of the torque limits; `None` if torque is not checked.
     """
     if torque is None or constraints.estimate is not None:
         return ""
@@ -119,7 +119,7 @@ def _stuck_joints(robot: Robot, limits: Limits, margin: float) -> dict[str, str]
 
 
 def _beyond_effort(stuck: Mapping[str, str], margin: float) -> Finding:
-    """Finding that the torque of joints is not checked because friction alone needs all torque that is allowed."""
+    """Finding that the torque of joints is not checked, since friction alone needs all torque that a plan may use."""
     texts = ", ".join(f"{name} ({text})" for name, text in stuck.items())
     evidence = (
         f"the torque of {', '.join(stuck)} is not checked: in the description, Coulomb friction is at least as "
@@ -161,7 +161,7 @@ def _unjudged(joints: Sequence[str], robot: Robot) -> Finding:
 
 
 def pose_holds(goal: CriterionGoal, torque: Torque | None) -> Holds:
-    """Function that tests whether the joints can hold a pose with a reserve of torque."""
+    """Function that tests whether the joints can hold poses with at most the share `HELD` of their torque limits."""
     if torque is None:
         return any_pose
 

@@ -1,1 +1,1 @@
-"""Recordings of a study: read, cut, processed and labelled."""
+"""Recordings of a study: reading, selection of parts, processing, names, and agreement of the recordings."""

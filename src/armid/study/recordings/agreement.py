@@ -30,44 +30,46 @@ WORSE = 1.2
 """Smallest ratio of the residuals of a joint without and with a torque scale at which the scale is reported."""
 
 OTHERWISE = 1.5
-"""Smallest ratio of the residual of a recording in the common fit to that of a fit of the recording alone, at which
-the recording is reported although torque scales do not explain the difference. Between recordings of one arm it was
-at most 1.11."""
+"""If torque scales do not explain a difference, a recording is reported from this ratio on: residual of the recording
+in the common fit of all recordings, divided by its residual in a fit of this recording alone. For recordings of one
+arm with one load, the ratio was at most 1.11."""
 
 LARGE = 0.08
-"""Smallest residual of such a recording in the common fit, relative to the torque. Parts of five seconds had ratios
-(see `OTHERWISE`) of up to 2.2, because separate fits follow the noise, but residuals of 5 %. With a load of 2.8 kg
-the residual was 15 %."""
+"""Smallest residual of a recording in the common fit, divided by its torque, from which the recording is reported
+although torque scales do not explain the difference. Recordings of five seconds had ratios (see `OTHERWISE`) of up to
+2.2, because separate fits follow the noise, but residuals of 5 %. With an additional load of 2.8 kg the residual was
+15 %."""
 
 SCALED = 1.15
-"""Torque scale, or its inverse, above which the scale is reported."""
+"""Torque scale of a joint relative to other recordings, or its inverse, above which the scale is reported."""
 
 WRONG = 1.3
-"""Torque scale, or its inverse, above which the finding is an error."""
+"""Torque scale of a joint relative to other recordings, or its inverse, above which the finding is an error."""
 
 SURE = 5.0
 """Smallest difference between a torque scale and one, in standard deviations, that is significant. The standard
-deviations do not include the error of the friction model. It shifted the scale of joints with little load on recorded
-arms by up to 4.4."""
+deviations do not include the error of the friction model. On recorded arms, this error shifted the scale of joints
+with little load by up to 4.4 standard deviations."""
 
 EXPLAINED = 0.9
-"""Smallest share of the disagreement that torque scales must explain. If the cause was another load, they explained
-0.66 to 0.85."""
+"""Smallest share of the disagreement between recordings that torque scales must explain. If the cause was another
+load, torque scales explained 0.66 to 0.85."""
 
 LEFT = 1.5
-"""Largest ratio of the residual with torque scales to that of separate fits at which the scales explain the
-disagreement. For a load of 10 kg they explained 97 %, but the ratio was 3.7."""
+"""Torque scales explain the disagreement only up to this ratio: residual with torque scales, divided by the residual
+of separate fits. For a load of 10 kg the scales explained 97 % of the disagreement, but the ratio was 3.7."""
 
 ALIKE = 0.8
-"""Smallest decrease of the cost, relative to the largest one, at which a recording may be the wrong one, too."""
+"""Fitting a recording separately decreases the cost. A recording may be the wrong one if this decrease is at least
+this share of the largest decrease of all recordings."""
 
 TRIED = 3
-"""Largest number of recordings of which scales are computed at a time."""
+"""Largest number of recordings for which torque scales are computed, to find the recording that is wrong."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Odd:
-    """Recording that contradicts the others, with its torque scales; and the recording with the largest `excess`."""
+    """Recording that contradicts the others, with its torque scales, and the recording with the largest `excess`."""
 
     agreement: Agreement
     scales: TorqueScales
@@ -103,7 +105,7 @@ def disagreement_findings(
 
 
 def _names(choices: Sequence[RecordingChoice]) -> list[str]:
-    """Names of recordings, with their part where several are parts of one file."""
+    """Names of recordings; if several recordings are parts of one file, the name contains the part."""
     names = labels(choices)
     return [
         name if names.count(name) == 1 else f"{name} from {choice.part[0]:.0%} to {choice.part[1]:.0%}"
@@ -112,7 +114,7 @@ def _names(choices: Sequence[RecordingChoice]) -> list[str]:
 
 
 def _odd_recording(compared: Sequence[Agreement]) -> _Odd | None:
-    """Recording whose torques agree least with the others; `None` if all agree."""
+    """Recording whose torques agree least with the other recordings; `None` if all recordings agree."""
     if not any(each.cost - each.separate > each.expected for each in compared):
         return None
     most = max(each.cost - each.separate for each in compared)
@@ -125,7 +127,7 @@ def _odd_recording(compared: Sequence[Agreement]) -> _Odd | None:
 
 
 def _finding(model: DynamicsModel, odd: _Odd, deviation: Array, name: str, against: str) -> Finding | None:
-    """Finding about a recording, or `None` if its disagreement is small or not significant."""
+    """Finding about a recording that contradicts others; `None` if the difference is small or not significant."""
     agreement, scales = odd.agreement, odd.scales
     best = min(agreement.separate, scales.cost)
     explained = (agreement.cost - scales.cost) / max(agreement.cost - best, np.finfo(float).tiny)
@@ -153,7 +155,7 @@ def scaled_joints(scale: Array, deviation: Array) -> NDArray[np.bool_]:
 
 
 def _factor(scale: Array) -> Array:
-    """Larger one of a scale and its inverse; infinite for a negative scale."""
+    """Larger one of a torque scale and its inverse, shape (n,); very large for a negative scale."""
     positive = np.where(scale > 0.0, scale, np.finfo(float).tiny)
     return np.maximum(positive, 1.0 / positive)
 
@@ -161,7 +163,7 @@ def _factor(scale: Array) -> Array:
 def _scale_finding(
     model: DynamicsModel, scale: Array, deviation: Array, other: NDArray[np.bool_], name: str, against: str
 ) -> Finding:
-    """Finding about joints whose torque has another scale."""
+    """Finding about joints whose torque has another scale in one recording than in others."""
     listed = ", ".join(
         f"{model.robot.joint_names[j]} {scale[j]:.3g} ± {2.0 * deviation[j]:.1g}" for j in np.flatnonzero(other)
     )
@@ -171,6 +173,6 @@ def _scale_finding(
         "",
         f"The torques of {name} have another scale than those of {against}. The ratios of the scales are: {listed} "
         "(95 % intervals). Parameters that are estimated from both are a compromise between the scales.",
-        f"find out which of them is right. If it is not {name}, divide its drive_gain by these factors, or correct "
-        "its unit or torque_sign; or leave out the recording that is wrong.",
+        f"find out which recording is right. If {name} is wrong, divide its key drive_gain by these ratios, or "
+        "correct its unit or its key torque_sign; or leave out the recording that is wrong.",
     )

@@ -1,4 +1,4 @@
-"""Parts of recordings, and the check that no sample is used twice."""
+"""Selection of parts of recordings, and the check that no sample is used twice in a study."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ ROWS = ("time", "q", "dq", "ddq", "effort", "valid", "number")
 """Fields of a recording with one entry for each sample."""
 
 FEWEST_ROWS = 10
-"""Smallest number of rows of a part; fewer are not enough for derivatives and residuals."""
+"""Smallest number of rows of a part of a recording; fewer rows are not sufficient for derivatives and residuals."""
 
 
 def cut_recording(recording: Recording, part: tuple[float, float]) -> Recording:
@@ -41,7 +41,7 @@ def cut_recording(recording: Recording, part: tuple[float, float]) -> Recording:
 
 
 def refuse_shared(recordings: Sequence[tuple[RecordingChoice, Recording]]) -> None:
-    """Refuses samples that are used twice: to train and to validate, or to train twice.
+    """Raises an error if samples are used twice: for training and for validation, or twice for training.
 
     Raises:
         StudyError: A file is listed twice, and its parts overlap.

@@ -13,7 +13,7 @@ from armid.study.config import RecordingChoice
 def labels(choices: Sequence[RecordingChoice]) -> list[str]:
     """Short name of each recording: the shortest unique end of its path; empty for a single recording.
 
-    A file that is listed twice gets its role as a suffix.
+    If a file is listed twice, its role is appended to the name.
     """
     if len(choices) < 2:
         return [""] * len(choices)
@@ -28,7 +28,7 @@ def labels(choices: Sequence[RecordingChoice]) -> list[str]:
 
 
 def labelled(findings: Iterable[Finding], label: str) -> list[Finding]:
-    """Findings whose evidence begins with the name of their recording."""
+    """Findings on one recording, with the name of the recording before the evidence of each finding."""
     return [replace(f, evidence=f"{label}: {f.evidence}") if label else f for f in findings]
 
 

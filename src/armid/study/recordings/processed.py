@@ -24,7 +24,7 @@ class ProcessedRecording:
     Attributes:
         choice: Path, role, log format and part.
         recording: The recording in the robot's convention.
-        observations: Runs of the recording, and the band.
+        observations: Observations of the recording: contiguous runs of motion and torque, and the band.
         findings: Findings of the processing.
     """
 
@@ -37,7 +37,7 @@ class ProcessedRecording:
 def process_each(
     recordings: Sequence[tuple[RecordingChoice, Recording]], processing: ProcessingOptions, robot: Robot
 ) -> tuple[ProcessedRecording, ...]:
-    """Processes recordings one by one; runs store the number of their recording, training recordings first.
+    """Processes recordings one by one; the recordings are numbered, training recordings first.
 
     Raises:
         RecordingError: A recording cannot be processed with these options.
@@ -69,5 +69,5 @@ def joined_observations(processed: Sequence[ProcessedRecording]) -> Observations
 
 
 def of_role(processed: Iterable[ProcessedRecording], role: str) -> tuple[ProcessedRecording, ...]:
-    """Recordings of one role, `train` or `validate`."""
+    """Selects the processed recordings with a role, `train` or `validate`."""
     return tuple(each for each in processed if each.choice.role == role)

@@ -1,4 +1,4 @@
-"""Reading of the recordings of a study."""
+"""Reading of the recordings that a study names."""
 
 from __future__ import annotations
 
@@ -51,10 +51,10 @@ def read_all(
         study: The study.
         robot: The arm.
         given: Recordings that are in memory already, by path.
-        progress: Called before each recording.
+        progress: Function that is called before each recording with the share of the recordings that are read.
 
     Returns:
-        Recordings with their choices, and the findings on each.
+        Recordings with their options in the study, and the findings on each recording.
 
     Raises:
         RecordingError: A recording cannot be read or does not fit the robot.
@@ -72,14 +72,14 @@ def read_all(
 
 
 def scale_deviation(choices: Sequence[RecordingChoice], robot: Robot) -> Array:
-    """Relative standard deviation of the torque scale of each joint: the largest value of the recordings.
+    """Relative standard deviation of the torque scale of each joint: the largest value that a recording states.
 
     Args:
         choices: Recordings with their log formats.
         robot: The arm.
 
     Returns:
-        One deviation for each joint, shape (n,); 0 if none is given.
+        Relative standard deviations, shape (n,); 0 if no recording states a value.
     """
     given = [choice.reading.drive_gain_deviation for choice in choices]
     deviations = [np.broadcast_to(np.asarray(each, dtype=np.float64), robot.n) for each in given if each is not None]

@@ -1,1 +1,1 @@
-"""Stored form of studies and results: JSON records, provenance, folders written at once."""
+"""Stored form of studies and results: JSON records, provenance, and folders that are written whole or not at all."""
