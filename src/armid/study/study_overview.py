@@ -11,7 +11,7 @@ from armid.notebook_display import Summary
 
 
 def study_summary(study: Any) -> Summary:
-    """Summary with the arm, terms, method, recordings, and changed options of a `Study`, one row each."""
+    """Summary of a `Study`: rows for arm, terms, method, processing and each recording, with changed options."""
     model = study.model
     terms = "friction selected joint by joint" if model.automatic else ", ".join(model.terms) or "default"
     rows = [

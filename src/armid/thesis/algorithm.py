@@ -23,18 +23,19 @@ from armid.study.recordings.processed import joined_observations, process_each
 from armid.thesis.setting import PERIOD, ReferenceModel, Setting
 
 REPETITIONS = 5
-"""Number of repetitions, for which section 3.2.2 of the thesis has the symbol K but gives no value."""
+"""Number of repetitions of the motion in a recording; section 3.2.2 of the thesis calls it K and gives no value."""
 
 TEST_RATE = 100.0
 """Sample rate of the motion on which estimates are validated [Hz]."""
 
 NOISE = Sensors()
-"""Noise of recordings at 8 kHz; at other sample rates the noise is scaled so that its density is the same."""
+"""Noise of recordings at 8 kHz; at other sample rates the noise is scaled so that its spectral density is the
+same."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Fitted:
-    """Estimate together with its model, observations and estimation problem.
+    """Estimate, together with the model, the observations and the estimation problem from which it was computed.
 
     Attributes:
         model: Dynamics model of the fit.
@@ -56,12 +57,12 @@ class Fitted:
 
 @dataclass(frozen=True, slots=True)
 class Errors:
-    """Errors of an estimate, compared with the true parameters.
+    """Errors of an estimate for the virtual arm, whose true parameters are known.
 
     Attributes:
         relative: Norm of the error of all base parameters divided by the norm of the true base parameters.
-        inertial: The same ratio for base parameters without friction.
-        friction: The same ratio for friction parameters.
+        inertial: Ratio of norms as in `relative`, only for base parameters without friction.
+        friction: Ratio of norms as in `relative`, only for friction parameters.
         unseen: Root mean square, over all joints, of predicted minus true torque along Table A.2 of the thesis [N·m].
         residual: Root mean square of the filtered residuals, over all joints [N·m].
     """
@@ -83,7 +84,7 @@ def recorded(setting: Setting, seed: int, *, noise: bool = True) -> Recording:
 
 
 def mean_of(recording: Recording, period: float = PERIOD) -> Recording:
-    """Mean of the repetitions of a recording, as a recording of one repetition."""
+    """Recording of one repetition, which is the mean over the repetitions of a recording with a given period [s]."""
     assert recording.time is not None and recording.effort is not None  # a virtual arm logs both
     samples = round(period / (recording.time[1] - recording.time[0]))
     q, effort = (x[: len(x) // samples * samples] for x in (recording.q, recording.effort))
@@ -102,7 +103,7 @@ def mean_of(recording: Recording, period: float = PERIOD) -> Recording:
 def observed(
     setting: Setting, recording: Recording, processing: ProcessingOptions, period: float | None = PERIOD
 ) -> Observations:
-    """Steps 1 and 2 of Algorithm 3: processes a recording. If `period` is `None`, the motion is not repeated."""
+    """Steps 1 and 2 of Algorithm 3 of the thesis: processes a recording; `period` [s] or `None` if not repeated."""
     reading = LogFormat() if period is None else LogFormat(period=period, start=0.0)
     choice = RecordingChoice("virtual", reading=reading)
     return joined_observations(process_each([(choice, recording)], processing, setting.hanging.dynamics.robot))
@@ -111,23 +112,23 @@ def observed(
 def estimate(
     model: ReferenceModel, observations: Observations, method: str = "ols", options: Mapping[str, Any] | None = None
 ) -> Fitted:
-    """Steps 3 and 4 of Algorithm 3: estimates the parameters by a given method."""
+    """Steps 3 and 4 of Algorithm 3 of the thesis: estimates the base parameters with a given method."""
     problem = build_problem(model.dynamics, observations, base=model.base)
     return Fitted(model, observations, problem, _solved(problem, method, options))
 
 
 def by_method(fitted: Fitted, method: str, options: Mapping[str, Any] | None = None) -> Fitted:
-    """Estimates the parameters by another method from the same estimation problem."""
+    """Estimates the base parameters with another method from the estimation problem of an earlier estimate."""
     return replace(fitted, fit=_solved(fitted.problem, method, options))
 
 
 def _solved(problem: EstimationProblem, method: str, options: Mapping[str, Any] | None) -> Fit:
-    """Fit with standard deviations by equations (2.44) to (2.46) of the thesis."""
+    """Solves an estimation problem with the estimator of a given name and its options."""
     return build_estimator(EstimationChoice(method, options={method: options or {}})).solve(problem)
 
 
 def errors_of(setting: Setting, fitted: Fitted) -> Errors:
-    """Errors of the estimated parameters, and of the torque along Table A.2 that is predicted with them."""
+    """Errors of the estimated parameters, and of the torque that they predict along Table A.2 of the thesis."""
     truth, values = setting.truth, fitted.fit.values
     friction = np.array([name.symbol not in RIGID_BODY_SYMBOLS for name in setting.hanging.base.names])
     motion = setting.unseen.sample(TEST_RATE)

@@ -1,4 +1,4 @@
-"""Section 3.2 of the thesis step by step: Algorithm 3 as printed, then with one correction after the other."""
+"""Section 3.2 of the thesis step by step: Algorithm 3 as printed, then with one correction after another."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ class Step:
 
     Attributes:
         group: Title of the group to which the row belongs.
-        key: Unique name.
-        title: Description of the method.
-        errors: Errors compared with the true parameters.
+        key: Unique name of the variant.
+        title: Description of the variant.
+        errors: Errors of the estimate, compared with the true parameters.
     """
 
     group: str
@@ -45,10 +45,10 @@ class Spread:
     Attributes:
         seeds: Number of seeds.
         printed: Relative error, and torque error on Table A.2 [N·m], of Algorithm 3 as printed, shape (seeds, 2).
-        corrected: The same errors with filtered columns, shape (seeds, 2).
+        corrected: Errors as in `printed`, but with filtered columns, shape (seeds, 2).
         printed_ratio: Residual with the wrong sign of gravity divided by that with the right sign, for Algorithm 3 as
             printed, shape (seeds,).
-        corrected_ratio: The same ratio with filtered columns, shape (seeds,).
+        corrected_ratio: Ratio as in `printed_ratio`, but with filtered columns, shape (seeds,).
     """
 
     seeds: int
@@ -60,14 +60,14 @@ class Spread:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Estimates:
-    """Estimates that are used in later chapters.
+    """Estimates of section 3.2 of the thesis that later chapters use.
 
     Attributes:
         printed: Estimate by Algorithm 3 as printed: ordinary least squares, periodic edges.
-        corrected: The same estimate with filtered columns.
+        corrected: Estimate as in `printed`, but with filtered columns.
         wrong: Estimate with filtered columns and the printed sign of gravity.
         printed_physical: Estimate under the constraints (3.52) and (3.53) of the thesis; only the torque is filtered.
-        corrected_physical: Estimate under the same constraints; the columns are filtered, too.
+        corrected_physical: Estimate under the constraints (3.52) and (3.53); the columns are filtered, too.
         consistent: Physically consistent estimate with filtered columns.
     """
 
@@ -93,7 +93,7 @@ class Steps:
 
 
 def steps(setting: Setting, tell: Callable[[float], None]) -> tuple[Steps, Estimates]:
-    """Runs all steps, and the main steps for several seeds of the noise."""
+    """Runs all identification steps of section 3.2, and the main steps for several seeds of the noise."""
     tell(0.0)
     recording = recorded(setting, seed=1)
     rows = _Rows(setting)
@@ -112,14 +112,14 @@ def steps(setting: Setting, tell: Callable[[float], None]) -> tuple[Steps, Estim
 
 
 class _Rows:
-    """Builder of the table of results."""
+    """Builder of the table of results, to which each estimate adds a row."""
 
     def __init__(self, setting: Setting) -> None:
         self.setting = setting
         self.found: list[Step] = []
 
     def take(self, group: str, key: str, title: str, fitted: Fitted) -> Fitted:
-        """Adds a row for an estimate, and returns the estimate."""
+        """Adds a row with the errors of an estimate to the table of results, and returns the estimate."""
         self.found.append(Step(group, key, title, errors_of(self.setting, fitted)))
         return fitted
 
@@ -132,7 +132,7 @@ class _Rows:
         processing: ProcessingOptions,
         method: str = "ols",
     ) -> Fitted:
-        """Processes a recording, estimates the parameters, and adds a row for the estimate."""
+        """Processes a recording, estimates the parameters, and adds a row with the errors to the table of results."""
         period = None if processing.edges == "pad" else PERIOD
         observations = observed(self.setting, recording, processing, period)
         return self.take(group, key, title, estimate(self.setting.hanging, observations, method))
@@ -143,7 +143,7 @@ def _periodic(setting: Setting, recording: Recording) -> Fitted:
 
 
 def _edges(rows: _Rows, recording: Recording) -> None:
-    """Adds rows for several treatments of the ends of the mean period; the thesis does not state its treatment."""
+    """Adds rows for several treatments of the ends of the recording, since the thesis does not state its own."""
     mean, group = mean_of(recording), "one-sided filter"
     rows.run(group, "printed-padded", "as printed, ends padded, 100 rows per second", mean, PADDED)
     every = replace(PADDED, decimate=0.0)
@@ -173,7 +173,7 @@ def _both_sides(rows: _Rows, recording: Recording, printed: Fitted) -> Fitted:
 
 
 def _others(rows: _Rows, recording: Recording, printed: Fitted, corrected: Fitted) -> Estimates:
-    """Adds rows for left-out rows, weights, the sign of gravity, and physically consistent links."""
+    """Adds results for slow rows left out, weights, the sign of gravity, and physically consistent links."""
     setting, group = rows.setting, "one-sided filter, other remedies"
     rows.run(group, "printed-fast", "rows below 0.1 rad/s left out", recording, replace(THESIS, slow=0.1))
     rows.take(group, "printed-weighted", "each joint weighted", by_method(printed, "wls"))
@@ -196,7 +196,7 @@ def _others(rows: _Rows, recording: Recording, printed: Fitted, corrected: Fitte
 
 
 def _spread(setting: Setting, tell: Callable[[float], None]) -> Spread:
-    """Runs the main steps with both signs of gravity, seed by seed."""
+    """Runs the main steps with both signs of gravity, for one seed of the noise after another."""
     seeds = setting.extent.seeds
     errors, ratios = np.zeros((2, seeds, 2)), np.zeros((2, seeds))
     for k in range(seeds):

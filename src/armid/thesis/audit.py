@@ -1,6 +1,6 @@
 """Audit of the published results of the thesis.
 
-It checks the sign of gravity, physical consistency, constraints, standard deviations and condition numbers.
+The audit checks the sign of gravity, physical consistency, constraints, standard deviations and condition numbers.
 """
 
 from __future__ import annotations
@@ -36,9 +36,9 @@ class Conditions:
     """Condition numbers of the stacked base regressor Y_b along Table A.1 of the thesis, sampled at 100 Hz.
 
     Attributes:
-        period: Duration of the motion [s], shape (k,).
+        period: Duration of one period to which the motion is slowed down [s], shape (k,).
         hanging: Condition number for the hanging arm, shape (k,).
-        literal: Condition number for the printed sign of gravity, shape (k,).
+        literal: Condition number for the sign of gravity that the thesis prints, shape (k,).
         scaled: Condition number for the hanging arm with columns scaled to unit length, shape (k,).
         without_friction: Condition number for the hanging arm without friction columns, shape (k,).
         every_column: Condition number with all 84 columns of Y, which equation (3.54) of the thesis names, in 20 s.
@@ -57,16 +57,16 @@ class Deviations:
     """Printed standard deviations, compared with those that follow from Table A.1 of the thesis.
 
     Attributes:
-        period: Duration to which the motion is stretched [s], shape (k,).
-        hanging: Scatter of the ratio of printed and computed deviation: standard deviation of its logarithm among
-            the parameters, for the hanging arm, shape (k,).
-        literal: The same scatter for the printed sign of gravity, shape (k,).
+        period: Duration of one period to which the motion is slowed down [s], shape (k,).
+        hanging: Scatter over the parameters of the ratio printed deviation / computed deviation: standard deviation
+            of the logarithm of this ratio, for the hanging arm, shape (k,).
+        literal: Scatter, as in `hanging`, for the sign of gravity that the thesis prints, shape (k,).
         shape: Computed relative deviations [%] for 27 s and the printed sign of gravity, multiplied by one factor
             that makes them agree best with the printed ones, shape (57,).
         outlier: Parameter that is not used for `hanging`, `literal` and the factor in `shape`.
         error_median: Median ratio of true error and estimated deviation, for Algorithm 3 as printed on the virtual
             arm.
-        error_largest: Largest of these ratios.
+        error_largest: Largest ratio of true error and estimated deviation, as in `error_median`.
         below_ten: Number of parameters whose printed relative deviation is below 10 %.
     """
 
@@ -102,9 +102,10 @@ class Carried:
     """Table 4.2 of the thesis converted to base parameters.
 
     Attributes:
-        values: Base parameters, shape (57,).
-        mismatch: Norm of the difference from Table 4.1 divided by the norm of Table 4.1, without friction.
-        printed_mismatch: The same ratio if YY_i is computed as equation (3.7) of the thesis prints it.
+        values: Base parameters that follow from Table 4.2, shape (57,).
+        mismatch: Norm of the difference between `values` and Table 4.1, divided by the norm of Table 4.1, without
+            friction.
+        printed_mismatch: Value of `mismatch` if YY_i is computed as equation (3.7) of the thesis prints it.
     """
 
     values: Array
@@ -114,16 +115,16 @@ class Carried:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class PrintedCoefficients:
-    """Table of Fourier coefficients, checked against the conditions (3.55) of the thesis.
+    """Check of a published table of Fourier coefficients a_il, b_il against the conditions (3.55) of the thesis.
 
     Attributes:
         sums: Largest absolute values over the joints of Σ b_l / l, Σ a_l and Σ l b_l, which (3.55c) sets to zero,
             shape (3,).
-        without_last: The same values without the last row of b, shape (3,).
-        position_share: Largest value over the joints of the left side of (3.55d), divided by its limit.
-        velocity_share: Largest value over the joints of the left side of (3.55e), divided by its limit.
+        without_last: Values of `sums` if the last row of b is left out of the sums, shape (3,).
+        position_share: Largest value over the joints of the left side of (3.55d), divided by the limit of the joint.
+        velocity_share: Largest value over the joints of the left side of (3.55e), divided by the limit of the joint.
         above_literal: Number of pairs (a_il, b_il) that exceed the bound (3.55f) as printed.
-        above: Number of pairs that exceed this bound without its factor 1/L.
+        above: Number of pairs (a_il, b_il) that exceed the bound (3.55f) without its factor 1/L.
     """
 
     sums: Array
@@ -136,14 +137,14 @@ class PrintedCoefficients:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Audit:
-    """Audit of the published results.
+    """Audit of the published results of the thesis.
 
     Attributes:
         base: Certificate of Table 4.1, with the mass matrix along Table A.2 and at the worst pose.
         physical: Certificate of Table 4.2.
         broken: Constraints that Table 4.2 violates.
         eigenvalues: Smallest eigenvalue of the pseudo-inertia of each link in Table 4.2, shape (7,).
-        rounding: Part of the distance of Table 4.1 from a real body that rounding to three decimals explains.
+        rounding: Distance of Table 4.1 from a real body that rounding to three decimals can explain.
         carried: Table 4.2 converted to base parameters.
         gravity: Evidence in Table 4.1 that the sign of gravity is wrong; empty if there is none.
         deviations: Standard deviations of Table 4.1, compared with those that follow from Table A.1.
@@ -199,7 +200,7 @@ def audit(setting: Setting, estimates: Estimates) -> Audit:
 
 
 def _named(rows: Array) -> dict[str, float]:
-    """Parameters of Table 4.2 of the thesis by name."""
+    """Physical parameters by name, from the rows (7, 12) of Table 4.2 of the thesis."""
     names = (*PHYSICAL, "Fv", "Fs")
     return {f"{name}_{k + 1}": float(x) for k, row in enumerate(rows) for name, x in zip(names, row, strict=True)}
 

@@ -1,4 +1,4 @@
-"""Chapter 4 of the thesis: tables of parameters, and measured and predicted torque with their difference."""
+"""Chapter 4 of the thesis: tables of parameters, and measured torque compared with predicted torque."""
 
 from __future__ import annotations
 
@@ -15,7 +15,8 @@ from armid.thesis.setting import Setting
 from armid.validation.smallest_mass_matrix import worst_along
 
 BAND = 0.1
-"""Share of the range of a joint's torque at which Figure 4.3 of the thesis has horizontal lines."""
+"""Distance from zero of the horizontal lines in Figure 4.3 of the thesis, divided by the range of the joint's
+torque."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -44,10 +45,11 @@ class Pictures:
         measured: Processed torque, shape (N, 7) [N·m].
         base: Torque predicted with the base parameters, shape (N, 7) [N·m].
         physical: Torque predicted with the physical parameters, shape (N, 7) [N·m].
-        band: A tenth of the range of each joint's torque, shape (7,) [N·m].
+        band: A tenth of the range of each joint's measured torque, shape (7,) [N·m].
         rms: RMS of measured minus predicted torque, first with the base and then with the physical parameters, shape
             (2, 7) [N·m].
-        beyond: Share of samples whose difference, with the base parameters, is outside ± `band`, shape (7,).
+        beyond: Share of samples in which measured minus predicted torque, with the base parameters, is outside ±
+            `band`, shape (7,).
     """
 
     time: Array
@@ -124,7 +126,7 @@ def _physical(setting: Setting, fitted: Fitted) -> Array:
 
 
 def _pictures(base: Fitted, physical: Fitted) -> Pictures:
-    """Torques on the output grid; predictions are filtered if the columns are filtered."""
+    """Data of Figures 4.2 and 4.3 for two estimates; predictions are filtered if the columns are filtered."""
     (run,) = base.observations.runs
     band, rows = base.observations.band, run.rows
     measured = filtered_torque(run, band)[rows]

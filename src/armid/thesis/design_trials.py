@@ -1,4 +1,4 @@
-"""Section 3.3 and Algorithm 2 of the thesis: trajectories from random starts, tested in closed loop and evaluated."""
+"""Section 3.3 and Algorithm 2 of the thesis: trajectories from random starts, and their test in closed loop."""
 
 from __future__ import annotations
 
@@ -31,22 +31,23 @@ from armid.thesis.setting import DESIGNED, PERIOD, Setting
 HARMONICS = 10
 
 CHECKED = 50.0
-"""Rate of the poses in which collisions are checked [Hz]: the fastest joint turns by 3° from one pose to the next."""
+"""Rate of the poses in which collisions are checked [Hz]; the fastest joint turns by 3° between two such poses."""
 
 MOVING = replace(CORRECTED, slow=0.05)
-"""Processing that leaves out rows below 0.05 rad/s, at which a joint may stick with an unknown static friction."""
+"""Processing that leaves out rows in which the velocity of a joint is below 0.05 rad/s, because the joint may stick
+with an unknown static friction."""
 
 NEAR = 2
-"""Largest number of joints between links that may overlap by construction, as the capsules of a bent wrist do."""
+"""Largest number of joints between two links whose capsules may overlap by construction, as in a bent wrist."""
 
 CONTROLLER = Controller(model_scale=1.05, friction=0.9)
-"""Controller with inverse dynamics of a model that is 5 % too heavy and feed-forward of 90 % of the friction: a good
-model before an identification."""
+"""Controller with inverse dynamics of a model that is 5 % too heavy, and feed-forward of 90 % of the friction. This
+is the accuracy of a good model before an identification."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class DesignTrial:
-    """Designed trajectory with the results of its test in closed loop.
+    """Trajectory with the results of its test in closed loop.
 
     Attributes:
         name: `Table A.1` with its period, or the number of the random start.
@@ -56,10 +57,11 @@ class DesignTrial:
             (3,).
         tracking: Root mean square of the position error in closed loop, over all joints [rad].
         clearance: Smallest distance between bodies of links that are more than two joints apart [m].
-        doubts: Codes of the findings because of which the real arm should not run the trajectory; empty if none.
+        doubts: Codes of the findings because of which the real arm should not run the trajectory; empty without
+            findings.
         printed: Errors of Algorithm 3 as printed, on the recording in closed loop.
-        corrected: Errors of Algorithm 3 with filtered columns.
-        moving: Errors of Algorithm 3 with filtered columns, without the rows in which the joint is slow or at rest.
+        corrected: Errors of Algorithm 3 with filtered columns, on the recording in closed loop.
+        moving: Errors as in `corrected`, but without the rows in which a joint is slow or at rest.
     """
 
     name: str
@@ -75,7 +77,7 @@ class DesignTrial:
 
     @property
     def feasible(self) -> bool:
-        """Tests whether the trajectory keeps all limits."""
+        """Tests whether the trajectory has no doubts: it keeps all limits and bodies do not collide."""
         return not self.doubts
 
 
@@ -86,7 +88,7 @@ class Designs:
     Attributes:
         unknowns: Number of coefficients of the series (3.55) of the thesis: 2 · 7 · L.
         free: Number of coefficients that the condition (3.55c) leaves free.
-        published: Table A.1 in 20 s and in 27 s, tested in the same way as the designs.
+        published: Motion of Table A.1 with periods of 20 s and 27 s, tested in the same way as the designs.
         trials: Designed trajectories, in the order of their random starts.
         starts: Condition number of each random start, scaled to keep the limits, shape (starts,).
         kept: Index of the best feasible trajectory in `trials`; -1 if none is feasible.
@@ -101,12 +103,12 @@ class Designs:
 
     @property
     def best(self) -> DesignTrial:
-        """Best feasible trajectory; if there is none, Table A.1 in 27 s."""
+        """Best feasible trajectory; if no trajectory is feasible, the motion of Table A.1 with a period of 27 s."""
         return self.trials[self.kept] if self.kept >= 0 else self.published[-1]
 
 
 def designs(setting: Setting, tell: Callable[[float], None]) -> Designs:
-    """Runs Algorithm 2: each start is optimised, run in closed loop and evaluated by Algorithm 3; the best is kept.
+    """Runs Algorithm 2 of the thesis: optimises each random start, and tests the trajectories in closed loop.
 
     The best trajectory is the feasible one whose estimate by Algorithm 3 as printed has the smallest torque error
     along Table A.2.
@@ -138,9 +140,9 @@ def designs(setting: Setting, tell: Callable[[float], None]) -> Designs:
 
 
 def _problem(setting: Setting) -> DescentProblem:
-    """Problem (3.55) of the thesis: smallest condition number at 100 Hz, with its constraints (3.55c) to (3.55f).
+    """Optimisation problem (3.55) of the thesis: smallest condition number under the constraints (3.55c) to (3.55f).
 
-    The factor 1/L of (3.55f) is left out.
+    The regressor is sampled at 100 Hz. The factor 1/L of (3.55f) is left out.
     """
     model = setting.hanging
     robot = model.dynamics.robot
@@ -156,7 +158,7 @@ def _condition(setting: Setting, plan: Excitation) -> float:
 
 
 def _trial(setting: Setting, name: str, plan: Excitation, seed: int) -> DesignTrial:
-    """Simulates a trajectory in closed loop and applies Algorithm 3 to its recording."""
+    """Simulates a trajectory in closed loop, and applies Algorithm 3 of the thesis to the recording."""
     extent = setting.extent
     truth = truth_of(setting.hanging.dynamics.robot)
     options = LabOptions(
@@ -189,7 +191,7 @@ def _trial(setting: Setting, name: str, plan: Excitation, seed: int) -> DesignTr
 
 
 def _shares(setting: Setting, done: Simulated) -> Array:
-    """Largest shares of the limits of position, velocity and torque that are used, shape (3,)."""
+    """Largest ratio of value and limit in a simulated motion: for position, velocity and torque, shape (3,)."""
     joints = setting.hanging.dynamics.robot.joints
     limits = limits_of(setting.hanging.dynamics.robot)
     trace = done.trace.from_time(0.0)

@@ -15,17 +15,18 @@ from armid.thesis.published import published
 from armid.thesis.setting import DESIGNED, HANGING, LITERAL, Setting, random_states
 
 POSE = np.array([[0.1, -0.2, 0.3, -0.4, 0.5, -0.6, 0.7]])
-"""Pose without symmetry at which results are printed [rad]."""
+"""Pose without symmetry in which results are shown on the page [rad]."""
 
 STATE = (
     POSE,
     np.array([[0.3, -0.2, 0.1, 0.4, -0.5, 0.6, -0.7]]),
     np.array([[1.0, -1.0, 2.0, -2.0, 3.0, -3.0, 4.0]]),
 )
-"""Pose, velocity and acceleration of the state at which results are printed [rad, rad/s, rad/s²]."""
+"""Pose, velocity and acceleration of the state at which results are shown on the page [rad, rad/s, rad/s²]."""
 
 BALANCE_RATE, BALANCE_STEP = 100.0, 1e-4
-"""Sample rate of the energy balance [Hz], and half the step of its difference quotient [s]; the error is 1e-6 W."""
+"""Sample rate at which the energy balance is checked [Hz], and half the step of the difference quotient of the energy
+[s]; with this step the error is 1e-6 W."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -34,8 +35,9 @@ class Kinematics:
 
     Attributes:
         poses: Number of random poses at which equation (3.1) was compared with the description of the arm.
-        rotation_error: Largest difference of an element of a rotation.
-        position_error: Largest difference of a coordinate of an origin [m].
+        rotation_error: Largest difference of an element of a rotation between equation (3.1) and the description.
+        position_error: Largest difference of a coordinate of an origin between equation (3.1) and the description
+            [m].
         heights: Heights of the origins of the frames and of the flange at q = 0, shape (8,) [m].
         pose: Pose to which `origins` and `rotation` belong, shape (7,) [rad].
         origins: Origins of the frames and of the flange in this pose, shape (8, 3) [m].
@@ -57,17 +59,21 @@ class Dynamics:
 
     Attributes:
         states: Number of random states at which the forms of the dynamics were compared.
-        regressor_error: Largest difference of the Lagrangian and the Newton-Euler regressor, divided by the largest
-            element.
-        printed_derivative_error: The same ratio if the Lagrangian regressor uses equation (3.42) as printed.
-        mass_error: Largest difference of ∂²L/∂q̇∂q̇ and M(q), divided by the largest element.
-        torque_error: Largest difference of M q̈ + C q̇ + g + friction and Y π, divided by the largest torque.
+        regressor_error: Largest difference between elements of the Lagrangian and the Newton-Euler regressor, divided
+            by the largest element.
+        printed_derivative_error: Value of `regressor_error` if the Lagrangian regressor uses equation (3.42) as
+            printed.
+        mass_error: Largest difference between ∂²L/∂q̇∂q̇, with the Lagrangian L, and the mass matrix M(q), divided by
+            the largest element.
+        torque_error: Largest difference between M q̈ + C q̇ + g + friction and Y π, with mass matrix M, Coriolis
+            matrix C, gravity torque g, regressor Y and standard parameters π, divided by the largest torque.
         triangle: Largest element of the blocks y_ij of link i and joint j, divided by the largest element of Y: first
             for the blocks with j > i, which equation (3.43) prints as nonzero, then for those with i > j.
         torque: Torque of the bodies of the description at a state without symmetry, shape (7,) [N·m].
-        literal_torque: The same torque with the potential energy of equation (2.21) as printed, shape (7,) [N·m].
-        imbalance: Largest absolute value of d/dt (T + U) - τᵀ q̇ along Table A.1 in 20 s [W].
-        literal_imbalance: The same value with U of equation (2.21) as printed [W].
+        literal_torque: Value of `torque` with the potential energy of equation (2.21) as printed, shape (7,) [N·m].
+        imbalance: Largest absolute value of d/dt (T + U) - τᵀ q̇, with kinetic energy T, potential energy U and
+            torque τ, along Table A.1 in 20 s [W].
+        literal_imbalance: Value of `imbalance` with U of equation (2.21) as printed [W].
     """
 
     states: int
@@ -83,7 +89,7 @@ class Dynamics:
 
 
 def kinematics(setting: Setting) -> Kinematics:
-    """Compares Table 3.1 of the thesis with the description of the arm."""
+    """Compares the forward kinematics of Table 3.1 of the thesis with those of the description of the arm."""
     robot, frames = setting.hanging.dynamics.robot, make_frames(published())
     q = random_states(setting, seed=1).q
     R, p = frames.forward(q)
@@ -110,7 +116,7 @@ def beta_columns(model: DynamicsModel) -> list[int]:
 
 
 def dynamics(setting: Setting) -> Dynamics:
-    """Compares the Lagrangian regressor with the kernel and with M, C and g, and computes the effect of the sign."""
+    """Compares the Lagrangian regressor with armid's dynamics, and computes the effect of the sign of gravity."""
     model, theta = setting.hanging.dynamics, setting.theta
     frames, states = make_frames(published()), random_states(setting, seed=2)
     gravity, order = np.array(HANGING), beta_columns(model)
@@ -146,14 +152,14 @@ def _torque_of_matrices(model: DynamicsModel, states: Motion, theta: Array) -> A
 
 
 def _friction(model: DynamicsModel, states: Motion, theta: Array) -> Array:
-    """Friction torque F_v q̇ + F_s sgn(q̇), shape (N, 7)."""
+    """Friction torque F_v q̇ + F_s sgn(q̇) with the coefficients FV and FS in theta, shape (N, 7) [N·m]."""
     of: dict[str, float] = {p.name: value for p, value in zip(model.parameters, theta, strict=True)}
     viscous, coulomb = (np.array([of[f"{symbol}_{j + 1}"] for j in range(model.n)]) for symbol in ("FV", "FS"))
     return viscous * states.dq + coulomb * np.sign(states.dq)
 
 
 def _triangle(Y: Array) -> tuple[float, float]:
-    """Largest element of Y for links before the joint and for links after it, divided by the largest of all."""
+    """Largest elements of Y (N, 7, 70) for links before and after the joint, divided by the largest element of Y."""
     blocks = np.abs(Y.reshape(len(Y), 7, 7, 10)).max(axis=(0, 3))  # joint j, link i
     return float(np.tril(blocks, -1).max() / blocks.max()), float(np.triu(blocks, 1).max() / blocks.max())
 

@@ -1,4 +1,4 @@
-"""Errata of the thesis: for each the printed form, the correct form, and a number as evidence."""
+"""Errata of the thesis: printed form, correct form, and a number as evidence for each erratum."""
 
 from __future__ import annotations
 
@@ -22,13 +22,14 @@ class Erratum:
     """Erratum: an error in the thesis and its correction.
 
     Attributes:
-        item: Place in the thesis.
-        printed: Printed form.
-        right: Correct form.
-        shown: Meaning of the two numbers; if there are none, the reason why the printed form is wrong.
-        printed_value: Number that follows from the printed form; NaN if there is none.
-        right_value: Number that follows from the correct form; NaN if there is none.
-        typesetting: True if this may be an error of typesetting, or of the copy of the thesis that was used.
+        item: Place in the thesis: number of the equation, section or table.
+        printed: Text or equation as the thesis prints it.
+        right: Correct text or equation.
+        shown: Meaning of `printed_value` and `right_value`; without these values, the reason why the printed form is
+            wrong.
+        printed_value: Number that follows from the printed form; NaN if the erratum has no such number.
+        right_value: Number that follows from the correct form; NaN if the erratum has no such number.
+        typesetting: True if the error may be one of typesetting, or of the copy of the thesis that was used.
     """
 
     item: str
@@ -49,7 +50,7 @@ def errata(
     audit: Audit,
     estimates: Estimates,
 ) -> tuple[Erratum, ...]:
-    """All errata, in the order of the thesis."""
+    """All errata of the thesis, in the order of its pages, with numbers from the results of the study."""
     return (
         *_of_theory(dynamics, estimates),
         *_of_model(dynamics, reduction, audit),
@@ -59,7 +60,7 @@ def errata(
 
 
 def _of_theory(dynamics: Dynamics, estimates: Estimates) -> tuple[Erratum, ...]:
-    """Errata of chapter 2."""
+    """Errata of chapter 2 of the thesis."""
     fit = estimates.printed.fit
     squares = float(np.sum(fit.rows * fit.residual_rms**2))
     rows, b = int(fit.rows.sum()), len(fit.names)
@@ -101,7 +102,7 @@ def _of_theory(dynamics: Dynamics, estimates: Estimates) -> tuple[Erratum, ...]:
 
 
 def _of_model(dynamics: Dynamics, reduction: Reduction, audit: Audit) -> tuple[Erratum, ...]:
-    """Errata of section 3.1 and the appendix."""
+    """Errata of section 3.1 of the thesis and of its appendix."""
     identity = next(each for each in reduction.identities if each.right)
     lines = {line.column: line for line in reduction.dependences}
     wrong_labels = sum(line.label != line.column for line in reduction.dependences)
@@ -153,7 +154,7 @@ def _of_model(dynamics: Dynamics, reduction: Reduction, audit: Audit) -> tuple[E
 
 
 def _of_method(setting: Setting, designs: Designs, steps: Steps, audit: Audit) -> tuple[Erratum, ...]:
-    """Errata of sections 3.2 and 3.3."""
+    """Errata of sections 3.2 and 3.3 of the thesis."""
     by_key = {step.key: step.errors for step in steps.rows}
     sound = [
         value
@@ -188,7 +189,7 @@ def _of_method(setting: Setting, designs: Designs, steps: Steps, audit: Audit) -
 
 
 def _of_results(setting: Setting, audit: Audit) -> tuple[Erratum, ...]:
-    """Errata of chapter 4 and the tables of the appendix."""
+    """Errata of chapter 4 of the thesis and of the tables of its appendix."""
     names = setting.hanging.base.names
     outlier = audit.deviations.outlier
     return (

@@ -2,9 +2,9 @@
 
     x = x0 + x1 ε1 + x2 ε2 + x12 ε1 ε2,    ε1² = ε2² = 0
 
-If a function is evaluated for such numbers, the factor of ε1 in the result is its derivative along the first
-direction, and the factor of ε1 ε2 is its second derivative along both directions [Fike2011]. There is no truncation
-error, and no step size has to be chosen.
+If a function is evaluated for such numbers, the factor of ε1 in the result is the derivative of the function along
+the first direction, and the factor of ε1 ε2 is the second derivative along both directions [Fike2011]. There is no
+truncation error, and no step size has to be chosen.
 """
 
 from __future__ import annotations
@@ -38,27 +38,27 @@ class HyperDual:
         return bilinear(np.multiply, self, other)
 
     def times(self, factor: ArrayLike) -> HyperDual:
-        """Product with real numbers."""
+        """Product of the hyper-dual numbers with real numbers; shapes are broadcast."""
         return HyperDual(self.parts * np.asarray(factor))
 
     def at(self, *index: int) -> HyperDual:
-        """Elements selected by their last indices."""
+        """Elements with given indices of the last axes; all elements of the other axes are kept."""
         return HyperDual(self.parts[(..., *index)])
 
 
 def hyper_dual(value: ArrayLike, first: ArrayLike, second: ArrayLike) -> HyperDual:
-    """Hyper-dual numbers with given first derivatives along two directions; shapes are broadcast."""
+    """Hyper-dual numbers with given values and first derivatives along two directions; shapes are broadcast."""
     parts = np.broadcast_arrays(value, first, second, 0.0)
     return HyperDual(np.stack(parts).astype(np.float64))
 
 
 def constant(value: ArrayLike) -> HyperDual:
-    """Constants, whose derivatives are zero."""
+    """Hyper-dual numbers with given values and with derivatives of zero."""
     return hyper_dual(value, 0.0, 0.0)
 
 
 def bilinear(product: Callable[[Array, Array], Array], a: HyperDual, b: HyperDual) -> HyperDual:
-    """Bilinear product of two arrays, which `product` defines for real arrays."""
+    """Bilinear product of two arrays of hyper-dual numbers; `product` is the same product of two real arrays."""
     x, y = a.parts, b.parts
     return HyperDual(
         np.stack(
@@ -73,23 +73,23 @@ def bilinear(product: Callable[[Array, Array], Array], a: HyperDual, b: HyperDua
 
 
 def sine(x: HyperDual) -> HyperDual:
-    """Sine of each number."""
+    """Sine of each hyper-dual number [rad]."""
     s, c = np.sin(x.parts[0]), np.cos(x.parts[0])
     return _function(x, s, c, -s)
 
 
 def cosine(x: HyperDual) -> HyperDual:
-    """Cosine of each number."""
+    """Cosine of each hyper-dual number [rad]."""
     s, c = np.sin(x.parts[0]), np.cos(x.parts[0])
     return _function(x, c, -s, -c)
 
 
 def stacked(numbers: list[HyperDual]) -> HyperDual:
-    """Stacks numbers of the same shape along a new last axis."""
+    """Stacks arrays of hyper-dual numbers of the same shape along a new last axis."""
     return HyperDual(np.stack([x.parts for x in numbers], axis=-1))
 
 
 def _function(x: HyperDual, value: Array, slope: Array, bend: Array) -> HyperDual:
-    """Applies a function, given by its value and first and second derivatives."""
+    """Applies a function to hyper-dual numbers, given its value and its first and second derivative at them."""
     _, a, b, ab = x.parts
     return HyperDual(np.stack([value, slope * a, slope * b, slope * ab + bend * a * b]))

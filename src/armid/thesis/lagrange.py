@@ -5,8 +5,8 @@ The vectors β of equation (2.33) of the thesis are computed link by link from t
 
     y_ij = d/dt (∂β_i / ∂q̇_j)ᵀ - (∂β_i / ∂q_j)ᵀ
 
-with the time derivative along (q̇, q̈). This is equation (2.37) and (3.6a), and the corrected form of (3.42). The
-kernel is not used, only Table 3.1 and the lengths of the arm.
+for link i and joint j, with the time derivative along (q̇, q̈). This is equation (2.37) and (3.6a) of the thesis, and
+the corrected form of equation (3.42). The compiled kernel is not used, only Table 3.1 and the lengths of the arm.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class Frames:
     translation: Array
 
     def forward(self, q: Array) -> tuple[Array, Array]:
-        """Rotations (N, 7, 3, 3) and origins (N, 7, 3) [m] in the base frame for positions (N, 7): equation (3.1)."""
+        """Rotations (N, 7, 3, 3) and origins (N, 7, 3) [m] of the frames for positions (N, 7), by equation (3.1)."""
         R, p = np.broadcast_to(np.eye(3), (len(q), 3, 3)), np.zeros((len(q), 3))
         rotations, origins = [], []
         for k in range(len(self.rotation)):
@@ -69,7 +69,7 @@ def make_frames(thesis: Published) -> Frames:
 
 
 def lagrangian_terms(frames: Frames, q: HyperDual, dq: HyperDual, gravity: Array) -> HyperDual:
-    """Vectors β of equation (2.33) for every link: the Lagrangian is L_i = β_iᵀ π'_i, and U_i = -m_i gravityᵀ p.
+    """Vectors β of equation (2.33) of the thesis for every link i, with which the Lagrangian is L_i = β_iᵀ π'_i.
 
     Args:
         frames: Transforms between the link frames, from Table 3.1 of the thesis.
@@ -98,7 +98,7 @@ def lagrangian_terms(frames: Frames, q: HyperDual, dq: HyperDual, gravity: Array
 
 
 def _beta(velocity: HyperDual, turning: HyperDual, origin: HyperDual, R: HyperDual, gravity: Array) -> HyperDual:
-    """Vector β of one link, shape (..., 10)."""
+    """Vector β of one link, shape (..., 10), from linear and angular velocity, origin and rotation of its frame."""
     g = constant(gravity)
     mass = _dot(velocity, velocity).times(0.5) + _dot(origin, g)
     first = _cross(velocity, turning) + _apply(_transposed(R), g)  # (v · (ω × r)) = (v × ω) · r
@@ -108,7 +108,7 @@ def _beta(velocity: HyperDual, turning: HyperDual, origin: HyperDual, R: HyperDu
 
 
 def lagrangian_regressor(frames: Frames, motion: Motion, gravity: Array, *, printed: bool = False) -> Array:
-    """Rigid-body regressor (N, 7, 70) from the Lagrangian, with columns link by link in the order of equation (3.8).
+    """Rigid-body regressor (N, 7, 70) from the Lagrangian, with columns link by link in the order `BETA_ORDER`.
 
     Args:
         frames: Transforms between the link frames, from Table 3.1 of the thesis.
@@ -129,7 +129,7 @@ def lagrangian_regressor(frames: Frames, motion: Motion, gravity: Array, *, prin
 
 
 def lagrangian_mass(frames: Frames, q: Array, parameters: Array) -> Array:
-    """Mass matrix M = ∂²L / ∂q̇ ∂q̇, shape (N, 7, 7), for inertial parameters (7, 10) in the order of (3.8)."""
+    """Mass matrix M = ∂²L / ∂q̇ ∂q̇, shape (N, 7, 7), for inertial parameters (7, 10) in the order `BETA_ORDER`."""
     n = q.shape[1]
     one, other = np.eye(n)[:, None, None, :], np.eye(n)[None, :, None, :]
     dq = hyper_dual(np.zeros_like(q), one, other)
@@ -148,7 +148,7 @@ def _alike(a: HyperDual, b: HyperDual) -> tuple[HyperDual, HyperDual]:
 
 
 def _turned(rotation: HyperDual, angle: HyperDual) -> HyperDual:
-    """Product of a rotation and R_z(angle)."""
+    """Product of a rotation (3, 3) and the rotation by an angle [rad] about z."""
     c, s = cosine(angle), sine(angle)
     zero, one = angle.times(0.0), constant(np.ones(angle.parts.shape[1:]))
     rows = [stacked([c, zero - s, zero]), stacked([s, c, zero]), stacked([zero, zero, one])]

@@ -1,4 +1,4 @@
-"""Published data of the thesis: tables, condition number, and formulas as sums of parameters or columns."""
+"""Published data of the thesis: tables, a condition number, and formulas as sums of parameters or columns."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from armid.checked_array import Array
 
 @dataclass(frozen=True, slots=True)
 class Summand:
-    """Summand with a parameter or a column, for instance 2 (d_3 + d_4)² M_4.
+    """Summand of a formula of the thesis, for instance 2 (d_3 + d_4)² M_4.
 
     Attributes:
-        name: Name of the parameter or column.
+        name: Name of the parameter, or of the regressor column, that is multiplied.
         factor: Numerical factor.
         lengths: Numbers i of the lengths d_i in the sum of lengths.
         power: Exponent of the sum of lengths; 0 if the summand contains no lengths.
@@ -41,7 +41,7 @@ class Published:
     Attributes:
         condition: Condition number in section 4.1.
         lengths: Lengths d_1 to d_7 of the arm [m]; the thesis gives only the symbols.
-        frames: Rows of Table 3.1: d_y, d_z, φ, θ, ψ.
+        frames: Rows of Table 3.1: d_y, d_z, φ, θ and ψ of the frame of each joint, as text.
         base: Table 4.1: value and relative standard deviation [%] of each base parameter.
         physical: Table 4.2: one row for each link, in the order of equation (3.40), shape (7, 12).
         columns: Lines of equation (A.1): removed column, its printed label, its correct sum and its printed sum. The
@@ -64,7 +64,7 @@ def weight(summand: Summand, lengths: Array) -> float:
 
 
 def formula(terms: Sum) -> str:
-    """Sum as text; `0` if it is empty."""
+    """Text of a sum of summands; `0` for an empty sum."""
     if not terms:
         return "0"
     text = " ".join(_written(each, first=k == 0) for k, each in enumerate(terms))

@@ -15,8 +15,8 @@ from armid.thesis.published import Sum, formula, published, weight
 from armid.thesis.setting import HANGING, Setting, random_states
 
 GAP = 1e-10
-"""Ratio of a singular value and the largest one, below which columns are dependent. Rounding gives about 1e-15,
-independent columns give more than 1e-2."""
+"""Ratio of the smallest and the largest singular value of the regressor below which columns count as dependent.
+Rounding gives about 1e-15, independent columns give more than 1e-2."""
 
 ALIKE = 1e-12
 """Largest relative difference that counts as a rounding error."""
@@ -28,12 +28,12 @@ class Dependence:
 
     Attributes:
         column: Name of the removed column.
-        label: Printed label.
-        printed: Printed sum; empty if the print cannot be read as a sum.
+        label: Name of the column that the thesis prints for this line.
+        printed: Sum that the thesis prints; empty if the print cannot be read as a sum.
         right: Correct sum.
         printed_error: Largest difference of the sides of the printed line, divided by the largest element of both
             sides; NaN if the print cannot be read.
-        right_error: The same ratio for the correct line.
+        right_error: Value of `printed_error` for the correct sum.
     """
 
     column: str
@@ -51,7 +51,8 @@ class Grouping:
     Attributes:
         name: Name of the base parameter.
         printed: Printed sum.
-        error: Largest difference between a printed coefficient and the one that is computed from the geometry.
+        error: Largest difference between a printed coefficient and the coefficient that is computed from the
+            geometry.
     """
 
     name: str
@@ -70,7 +71,7 @@ class Identity:
         error: Largest difference between the two sides at random states, divided by the largest absolute value of the
             left side.
         right: Correct identity, if the printed one is wrong; otherwise empty.
-        right_error: The same ratio as `error` for the correct identity.
+        right_error: Value of `error` for the correct identity.
     """
 
     number: str
@@ -88,8 +89,8 @@ class Reduction:
         columns: Number of columns of the regressor Y.
         zero: Names of the zero columns.
         rank: Number of independent columns.
-        singular: Smallest singular value that is not zero, and largest one that is zero within rounding, both divided
-            by the largest singular value.
+        singular: Smallest singular value of Y that is not zero, and largest singular value that is zero within
+            rounding, both divided by the largest singular value.
         removed: Removed parameters, π_r of equation (3.33).
         names: Base parameters, π_b of equation (3.38).
         dependences: Lines of equation (A.1).
@@ -111,7 +112,7 @@ class Reduction:
 
 
 def reduction(setting: Setting) -> Reduction:
-    """Checks each printed line of the reduction to base parameters against the regressor."""
+    """Checks every line that the thesis prints on the reduction to base parameters, with the regressor Y."""
     model, base = setting.hanging.dynamics, setting.hanging.base
     states = random_states(setting, seed=3)
     Y = model.regressor(states)
@@ -158,7 +159,7 @@ def standard_of_physical(model: DynamicsModel, physical: Array, *, printed: bool
 
 
 def physical_of_standard(model: DynamicsModel, theta: Array) -> Array:
-    """Physical parameters μ(π), one row for each link in the order of equation (3.40), shape (7, 12)."""
+    """Physical parameters (7, 12) for standard parameters (p,): one row a link, in the order of equation (3.40)."""
     names: list[str] = [parameter.name for parameter in model.parameters]
     rows: list[list[float]] = []
     for k, own in enumerate(model.inertial_columns.reshape(-1, 10)):
@@ -181,7 +182,7 @@ def _dependence(columns: dict[str, Array], name: str, label: str, right: Sum, pr
 
 
 def _column_error(columns: dict[str, Array], name: str, terms: Sum) -> float:
-    """Largest difference between a column and a sum of columns, divided by the largest element of both."""
+    """Largest difference between a column of Y and a sum of columns, divided by the largest element of both."""
     zero = np.zeros_like(columns[name])
     total = sum((weight(each, published().lengths) * columns[each.name] for each in terms), zero)
     difference = float(np.abs(columns[name] - total).max())

@@ -1,4 +1,4 @@
-"""Run of the whole study of the thesis, and the record of its numbers."""
+"""Run of the whole study of the thesis, and conversion of the results to `thesis.json`."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ from armid.thesis.reduction import Reduction, reduction
 from armid.thesis.setting import Extent, Setting, Tell, make_setting
 
 NEEDED = {"mujoco": "lab", "casadi": "nlp"}
-"""Required packages and the extras that install them; they are checked before the study begins."""
+"""Required packages, with the extra of armid that installs each package. The study checks them before it begins."""
 
 SHARES = {"model": (0.0, 0.03), "Algorithm 3": (0.03, 0.45), "Algorithm 2": (0.45, 0.96), "audit": (0.96, 1.0)}
-"""Begin and end of each part of the study, as shares of the whole time."""
+"""Beginning and end of each part of the study in the report of progress, as shares of the whole time."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)

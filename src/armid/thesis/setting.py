@@ -1,4 +1,4 @@
-"""Setting that all chapters share: the hanging arm, its models with both signs of gravity, the true parameters."""
+"""Inputs of all chapters of the study: models of the hanging arm with both signs of gravity, and true parameters."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from armid.model.terms import Coulomb, RigidBody, Viscous
 from armid.robot import load_robot
 
 HANGING, LITERAL = (0.0, 0.0, 9.81), (0.0, 0.0, -9.81)
-"""Acceleration of gravity in the base frame of the hanging arm [m/s²], and the same with the sign of the thesis."""
+"""Acceleration of gravity in the base frame of the hanging arm [m/s²], and its opposite, which the thesis prints."""
 
 PERIOD, DESIGNED = 27.0, 20.0
 """Period of the motion of Table A.1 on the arm, and period for which it was designed [s]."""
 
 Tell = Callable[[str, float], None]
-"""Callback with the name of the part and the share of the study that is done."""
+"""Callback with the name of a part of the study and the share of the whole study that is done, from 0 to 1."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +32,7 @@ class Extent:
     """Extent of a run of the study.
 
     Attributes:
-        seeds: Number of seeds of the noise; medians are taken over them.
+        seeds: Number of seeds of the noise, over which medians are taken.
         starts: Number of random starts of Algorithm 2.
         stages: Number of stages of each descent, from a smoothed to the exact criterion.
         rate: Sample rate of recordings along the exact motion [Hz]; the noise density does not depend on it.
@@ -61,7 +61,7 @@ QUICK = Extent(
 
 
 def extent_of(*, quick: bool = False, seeds: int | None = None, starts: int | None = None) -> Extent:
-    """Whole or quick extent, with other numbers of seeds and starts if they are given."""
+    """Extent of the whole or of a quick study; given numbers of seeds and of random starts replace the usual ones."""
     extent = QUICK if quick else Extent()
     return replace(extent, seeds=seeds or extent.seeds, starts=starts or extent.starts)
 
@@ -79,19 +79,19 @@ class ReferenceModel:
     base: BaseParameters
 
     def theta(self, values: Array) -> Array:
-        """Standard parameters (p,) with the torque of base parameters (b,); parameters that are not kept are zero."""
+        """Standard parameters (p,) that give the same torque as base parameters (b,); only kept ones are not zero."""
         theta = np.zeros(len(self.dynamics.parameters))
         theta[self.base.kept] = values
         return theta
 
     def columns(self, motion: Motion) -> Array:
-        """Base regressor Y_b, shape (N, 7, 57)."""
+        """Regressor Y_b of the base parameters along a motion, shape (N, 7, 57)."""
         return self.dynamics.regressor(motion)[:, :, self.base.kept]
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Setting:
-    """Setting that all chapters share.
+    """Inputs that all chapters of the study share.
 
     Attributes:
         hanging: Model of the hanging arm.
@@ -99,8 +99,8 @@ class Setting:
         theta: True standard parameters of the virtual arm, shape (p,): bodies of the description, friction of Table
             4.1.
         truth: True base parameters of the virtual arm, shape (57,).
-        train: Motion of Table A.1 of the thesis, stretched to 27 s.
-        unseen: Motion of Table A.2 of the thesis, stretched to 27 s.
+        train: Motion of Table A.1 of the thesis, slowed down to a period of 27 s.
+        unseen: Motion of Table A.2 of the thesis, slowed down to a period of 27 s.
         extent: Extent of the run.
     """
 
@@ -120,7 +120,7 @@ def _model(gravity: tuple[float, float, float]) -> ReferenceModel:
 
 
 def make_setting(extent: Extent) -> Setting:
-    """Makes the models of the arm, its true parameters and its motions."""
+    """Makes the inputs of the study: models, true parameters and motions of the arm."""
     hanging, literal = _model(HANGING), _model(LITERAL)
     theta = thesis_truth(hanging.dynamics)
     return Setting(

@@ -1,4 +1,4 @@
-"""Atomic writing of folders: written under a temporary name and renamed when complete."""
+"""Atomic writing of folders: a folder is written under a temporary name and renamed when it is complete."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from armid.errors import OutputError
 
 @contextmanager
 def whole_folder(folder: Path | str, marker: str, kind: str) -> Generator[Path]:
-    """Context manager with a draft folder, which replaces the target folder if the block ends without error.
+    """Context manager with a draft folder, which replaces the target folder if the block ends without an error.
 
     Args:
         folder: Target folder. An existing folder of the same kind is replaced; any other folder is refused.
@@ -46,7 +46,7 @@ def whole_folder(folder: Path | str, marker: str, kind: str) -> Generator[Path]:
 
 
 def refuse(folder: Path | str, marker: str, kind: str) -> None:
-    """Refuses a folder that cannot or must not be replaced, before any work is done.
+    """Raises an error, before any work is done, if a folder cannot or must not be replaced.
 
     Args:
         folder: The folder.
@@ -87,7 +87,7 @@ def refuse(folder: Path | str, marker: str, kind: str) -> None:
 
 
 def _put_in_place(draft: Path, folder: Path) -> None:
-    """Renames a complete draft to its target; an old folder is deleted only after that."""
+    """Renames a complete draft folder to its target; an old folder at the target is deleted only afterwards."""
     if not folder.exists():
         draft.rename(folder)
         return

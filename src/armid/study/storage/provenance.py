@@ -1,4 +1,4 @@
-"""Time, place and version of a run."""
+"""Origin of a run: time, machine, and version of armid."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from typing import Any
 
 @dataclass(frozen=True, slots=True)
 class RunOrigin:
-    """Origin of a run; fields that its record does not have are empty.
+    """Origin of a run; fields that are missing in the record of the run are empty.
 
     Attributes:
         at: Date and time with the offset from UTC, ISO 8601, to the second.
@@ -31,7 +31,7 @@ def origin_now() -> RunOrigin:
 
 
 def origin_record(origin: RunOrigin) -> dict[str, str]:
-    """Origin as a JSON object."""
+    """Origin of a run as a dictionary for a JSON file."""
     return asdict(origin)
 
 

@@ -33,13 +33,13 @@ ESTIMATE_KEYS = {
     "robot": "Name of the arm.",
     "method": "Name of the estimator.",
     "terms": "Torque terms of the model: `name`, `joints`, `shapes`.",
-    "base_parameters": "Estimated base parameters; their keys are below.",
+    "base_parameters": "Estimated base parameters; the keys of an entry are listed below.",
     "parameters": "Standard parameters of all links and terms, each with its status.",
     "residual": "`rms`: RMS residual of each joint on the training recordings [N·m or N].",
     "condition": "Condition number of the weighted base regressor.",
-    "scaled_condition": "Condition number of the same matrix with columns scaled to unit length.",
-    "samples": "Largest number of rows of a joint.",
-    "rows": "Number of rows of each joint.",
+    "scaled_condition": "Condition number of the weighted base regressor with columns scaled to unit length.",
+    "samples": "Number of rows of the joint with the most rows.",
+    "rows": "Number of rows of the estimate, for each joint.",
     "covariance": "Covariance of the base parameters: `matrix`, `kind`, the reason `why`, and data on the noise.",
     "certificate": "Proof that an estimate with `--method physical` is consistent, and its prior; otherwise null.",
     "seconds": "Computing time from recordings to result [s].",
@@ -51,22 +51,22 @@ ESTIMATE_KEYS = {
 """Meaning of each key of `estimate.json`."""
 
 BASE_PARAMETER_KEYS = {
-    "name": "Name. With `[k]` at its end, the value is of recording k only.",
+    "name": "Name of the parameter. If it ends in `[k]`, the value is valid for recording k only.",
     "value": "Estimated value.",
     "unit": "Unit of the value.",
-    "deviation": "Standard deviation, in the same unit.",
+    "deviation": "Standard deviation, in the unit of the value.",
     "relative_deviation_percent": "Standard deviation divided by the absolute value [%].",
     "poorly_identified": "True if the relative deviation is so large that the value is hardly known.",
     "dropped": "True if the method set the parameter to zero.",
     "interval95": "Both ends of the 95 % interval.",
     "formula": "The parameter as a sum of standard parameters, as text.",
-    "grouping": "The same sum as numbers: coefficient of each standard parameter (of a link or term) by its name.",
+    "grouping": "Sum of `formula` as numbers: coefficient of each standard parameter (of a link or term) by name.",
 }
 """Meaning of each key of an entry of `base_parameters` in `estimate.json`."""
 
 
 def estimate_record(estimate: Estimate) -> dict[str, Any]:
-    """The contents of `estimate.json`."""
+    """Content of the file `estimate.json` of a run."""
     fit, ends = estimate.fit, estimate.intervals
     units = dict(zip(estimate.base.names, estimate.base.units, strict=True))
     formulas = dict(zip(estimate.base.names, base_formulas(estimate.base, "text"), strict=True))
@@ -117,7 +117,7 @@ def estimate_record(estimate: Estimate) -> dict[str, Any]:
 
 
 def certificate_record(fit: StandardFit | None) -> dict[str, Any] | None:
-    """Certificate of a consistent estimate, with its prior; null for other estimates."""
+    """Certificate of a physically consistent estimate, with its prior; `None` for other estimates."""
     if fit is None:
         return None
     return {
@@ -130,14 +130,14 @@ def certificate_record(fit: StandardFit | None) -> dict[str, Any] | None:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class SelectionSummary:
-    """Friction selection without its models.
+    """Result of a friction selection, without the models that were tried.
 
     Attributes:
-        evidence: Every candidate of every joint that was tried.
+        evidence: Result of every friction law that was tried on a joint (candidate).
         ratio: RMS error on held-out motion with the selected terms, divided by the RMS error without them, shape
             (n,).
         deviation: Standard error of the ratio, shape (n,).
-        prior_weight: Weight of the prior in independent samples, if it was determined.
+        prior_weight: Weight of the prior in independent samples; `None` if it was not determined.
         why: Reason why no candidate was tried, or why the prior has no weight; otherwise empty.
     """
 
@@ -148,24 +148,24 @@ class SelectionSummary:
     why: str
 
     def chosen(self, joint: str) -> list[str]:
-        """Candidates selected for a joint, by its name."""
+        """Names of the friction laws that were selected for the joint with a given name."""
         return [each.candidate for each in self.evidence if each.chosen and each.joint == joint]
 
 
 def selection_summary(selection: FrictionSelection) -> SelectionSummary:
-    """Summary of a friction selection."""
+    """Result of a friction selection without its models."""
     return SelectionSummary(
         selection.evidence, selection.ratio, selection.deviation, selection.prior_weight, selection.why
     )
 
 
 def log_format_record(reading: LogFormat) -> dict[str, Any]:
-    """Fields of a log format that have a value."""
+    """Fields of a log format that have a value, as a dictionary for a JSON file."""
     return {key: value for key, value in dataclasses.asdict(reading).items() if value is not None}
 
 
 def study_record(study: Study) -> dict[str, Any]:
-    """The contents of `study.json`: the resolved study, without default values of log formats."""
+    """Content of the file `study.json` of a run: the study with automatic choices replaced by their results."""
     record: dict[str, Any] = dataclasses.asdict(study)
     record["folder"] = str(Path(study.folder).resolve())  # independent of the working folder
     for recording, choice in zip(record["recordings"], study.recordings, strict=True):
@@ -174,7 +174,7 @@ def study_record(study: Study) -> dict[str, Any]:
 
 
 def friction_selection_record(selection: FrictionSelection, joints: Sequence[str]) -> dict[str, Any]:
-    """The contents of `friction.json`: selected friction of each joint and its evidence."""
+    """Content of the file `friction.json` of a run: selected friction of each joint, and all laws that were tried."""
     return {
         "why": selection.why,
         "prior_weight": selection.prior_weight,
@@ -202,7 +202,7 @@ def friction_selection_record(selection: FrictionSelection, joints: Sequence[str
 
 
 def finding_record(finding: Finding) -> dict[str, Any]:
-    """Finding as a JSON object, with evidence and remedy as one message."""
+    """Finding as a dictionary for a JSON file; the key `message` contains evidence and remedy as one text."""
     where = f"{finding.channel}: " if finding.channel else ""
     message = f"{where}{finding.evidence}" + (f" {finding.remedy}" if finding.remedy else "")
     return {
@@ -216,13 +216,13 @@ def finding_record(finding: Finding) -> dict[str, Any]:
 
 
 def judgement_record(findings: Sequence[Finding]) -> dict[str, Any]:
-    """Record of findings on recordings without validation: `fail` if a finding is an error, else `not judged`."""
+    """Findings for a run without validation recordings, with the verdict `fail` (with errors) or `not judged`."""
     verdict = "fail" if contradictions(findings) else "not judged"
     return {"verdict": verdict, "warnings": [finding_record(finding) for finding in findings]}
 
 
 def validation_record(validation: Validation) -> dict[str, Any]:
-    """The contents of `validation.json`."""
+    """Content of the file `validation.json` of a run."""
     return {
         "joints": validation.joints,
         "recordings": [

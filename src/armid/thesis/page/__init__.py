@@ -1,4 +1,4 @@
-"""Page of the study of the thesis: its chapters in order, and the folder into which they are written."""
+"""HTML page on the study of the thesis: chapters in order, and writer of the folder with the page and its tables."""
 
 from __future__ import annotations
 
@@ -32,16 +32,16 @@ CHAPTERS: Mapping[str, Callable[[Thesis], Section]] = {
     "errata": show_errata,
     "provenance": show_provenance,
 }
-"""Chapters of the page, in order."""
+"""Functions that make the chapters of the page, by name, in the order of the page."""
 
 
 def thesis_sections(thesis: Thesis) -> dict[str, Section]:
-    """Chapters of the page, by name."""
+    """Chapters of the page for given results of the study, by name."""
     return {name: show(thesis) for name, show in CHAPTERS.items()}
 
 
 def render_thesis(sections: Mapping[str, Section]) -> str:
-    """HTML of the page."""
+    """HTML text of the page with given chapters."""
     subtitle = "Identification of the dynamic parameters of the KUKA LBR iiwa R820: reproduced, corrected, assessed"
     return assemble("The thesis retold", subtitle, sections, with_plots=True)
 

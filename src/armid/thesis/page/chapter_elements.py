@@ -1,4 +1,4 @@
-"""Chapters of the page of the thesis: paragraphs, tables and figures in reading order."""
+"""Elements of a chapter of the page on the thesis: paragraphs, lists, key numbers, tables and figures."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from armid.report.tables import Table, TableCell
 
 @dataclass(frozen=True, slots=True)
 class Text:
-    """Paragraph of HTML that comes only from the program.
+    """Paragraph of HTML; it contains no text from users or files.
 
     Attributes:
-        html: The paragraph.
+        html: Text of the paragraph.
     """
 
     html: str
@@ -27,11 +27,7 @@ class Text:
 
 @dataclass(frozen=True, slots=True)
 class List:
-    """List of points in HTML.
-
-    Attributes:
-        items: The points.
-    """
+    """Bulleted list in HTML. Attributes: items: The points."""
 
     items: Sequence[str]
     kind: ClassVar[str] = "list"
@@ -71,7 +67,7 @@ Block = Text | List | Numbers | Figures | Table
 
 
 def chapter(title: str, *blocks: Block) -> Section:
-    """Section of the page with the template `chapter`."""
+    """Section of the page with a title and elements in reading order."""
     tables = tuple(block for block in blocks if isinstance(block, Table))
     figures = tuple((block.heading, tuple(block.plots)) for block in blocks if isinstance(block, Figures))
     shown = [("table", block) if isinstance(block, Table) else (block.kind, block) for block in blocks]
@@ -79,18 +75,18 @@ def chapter(title: str, *blocks: Block) -> Section:
 
 
 SMALL = str.maketrans("0123456789ijlnx−", "₀₁₂₃₄₅₆₇₈₉ᵢⱼₗₙₓ₋")
-"""Characters that have a subscript form; before other characters the underscore is kept."""
+"""Characters that have a subscript form, with this form; before all other characters the underscore is kept."""
 
 
 def subscripts(text: str) -> str:
-    """Text with subscripts: `MY_2` as MY₂, `d_3` as d₃, `β_i` as βᵢ, `M_{n−2}` as Mₙ₋₂."""
+    """Replaces underscores by subscripts: `MY_2` by MY₂, `d_3` by d₃, `β_i` by βᵢ, `M_{n−2}` by Mₙ₋₂."""
     return re.sub(
         r"_(?:(\d+|[ijlnx](?![A-Za-z]))|\{([\dn−]+)\})", lambda found: (found[1] or found[2]).translate(SMALL), text
     )
 
 
 def counted(number: int, what: str) -> str:
-    """Number with a noun in singular or plural: `1 seed`, `2 seeds`."""
+    """Text of a number with a noun in singular or plural, for instance `1 seed` or `2 seeds`."""
     return f"{number} {what}" + ("" if number == 1 else "s")
 
 
@@ -102,5 +98,5 @@ def named(name: str) -> TableCell:
 
 
 def number(value: float, text: str, kind: str = "") -> TableCell:
-    """Table cell with a number and its text; the CSV file contains the number in full precision."""
+    """Table cell with a number; the page shows `text`, and the CSV file has the number in full precision."""
     return TableCell(text, float(value), kind=kind)

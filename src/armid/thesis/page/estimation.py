@@ -20,10 +20,12 @@ GROUPS = 3
 """Number of groups of columns that are side by side in Table 4.1."""
 
 LARGEST = 9999.0
-"""Relative deviation [%] above which only this bound is shown, because the parameter cannot be determined."""
+"""Relative standard deviation [%] above which only this bound is shown, because the parameter cannot be
+determined."""
 
 SMALLEST = 0.01
-"""Relative deviation [%] below which one digit is shown, because two decimals would show 0.00."""
+"""Relative standard deviation [%] below which one significant digit is shown, because two decimals would show
+0.00."""
 
 PHYSICAL = (
     ("m", "m"), ("r_x", "r_{x}"), ("r_y", "r_{y}"), ("r_z", "r_{z}"), ("I_xx", "I_{xx}"), ("I_xy", "I_{xy}"),
@@ -33,14 +35,14 @@ PHYSICAL = (
 
 
 def _noise_of(rate: float) -> str:
-    """Text about the noise, if the rate is not 8 kHz."""
+    """Text about the noise at a sample rate [Hz]; empty for 8 kHz."""
     if rate == NOISE.rate:
         return ""
     return f" at 8&nbsp;kHz, times {short(np.sqrt(rate / NOISE.rate), 2)} at this rate, for the same noise density"
 
 
 def show_steps(thesis: Thesis) -> Section:
-    """Chapter on Algorithm 3, as it is printed and with corrections."""
+    """Chapter on Algorithm 3 of the thesis, as it is printed and with corrections."""
     spread, setting = thesis.steps.spread, thesis.setting
     printed, corrected = np.median(spread.printed, axis=0), np.median(spread.corrected, axis=0)
     return chapter(
@@ -59,7 +61,7 @@ def show_steps(thesis: Thesis) -> Section:
             f"{fixed(spread.printed[:, 0].max(), 4)}) and the torque error on Table A.2 is {fixed(printed[1], 3)}"
             f"&nbsp;N·m ({fixed(spread.printed[:, 1].max(), 3)}); with filtered columns {short(corrected[0], 2)} "
             f"({short(spread.corrected[:, 0].max(), 2)}) and {short(corrected[1], 2)}&nbsp;N·m "
-            f"({short(spread.corrected[:, 1].max(), 2)}). The bias as printed is not noise: friction jumps at "
+            f"({short(spread.corrected[:, 1].max(), 2)}). The bias as printed is not due to noise: friction jumps at "
             "reversals, the low-pass smooths the jump in the torque but not in the columns, and the estimate shifts "
             "from Coulomb to viscous friction."
         ),
@@ -98,7 +100,7 @@ def _steps(rows: tuple[Step, ...]) -> Table:
 
 
 def show_parameters(thesis: Thesis) -> Section:
-    """Chapter with Tables 4.1 and 4.2, as printed and as computed for the virtual arm."""
+    """Chapter with Tables 4.1 and 4.2 of the thesis, as printed and as computed for the virtual arm."""
     found, thesis_table = thesis.results, published()
     values = np.array([value for value, _ in thesis_table.base.values()])
     relative = np.array([deviation for _, deviation in thesis_table.base.values()])
@@ -162,12 +164,12 @@ def _base_table(
             cells.append(number(percent, _percent(percent)))
             cells += [] if truth is None else [number(truth[k], fixed(truth[k], 3))]
         rows.append(cells)
-    note = "σ: relative standard deviation under white residuals, (2.47)."
+    note = "σ: relative standard deviation for white residuals, equation (2.47)."
     return Table(key, caption, columns, rows, note)
 
 
 def _percent(value: float) -> str:
-    """Relative deviation as text, with two decimals as in the thesis, or with one digit if these would be zero."""
+    """Text of a relative deviation [%]: two decimals as in the thesis, or one digit if the decimals would be zero."""
     if value > LARGEST:
         return f"> {LARGEST:g}"
     return fixed(value, 2) if value >= SMALLEST else short(value, 1)

@@ -21,7 +21,7 @@ ROUNDING = 1e-12
 
 
 def show_kinematics(thesis: Thesis) -> Section:
-    """Chapter on Table 3.1 and forward kinematics."""
+    """Chapter on Table 3.1 of the thesis and the forward kinematics of the arm."""
     found = thesis.kinematics
     pose = ", ".join(fixed(q, 1) for q in found.pose)
     return chapter(
@@ -43,7 +43,7 @@ def show_kinematics(thesis: Thesis) -> Section:
 
 
 def _size(error: float) -> str:
-    """Difference as text; a difference that is only rounding is marked."""
+    """Text of a relative difference; the text says if the difference is only rounding."""
     return short(error, 2) if error > ROUNDING else f"{short(error, 1)}, which is rounding,"
 
 
@@ -80,7 +80,7 @@ def _origins(thesis: Thesis, pose: str) -> Table:
 
 
 def show_dynamics(thesis: Thesis) -> Section:
-    """Chapter on the dynamics by Lagrange and Newton-Euler, M, C and g, the sign of gravity, and Figure 3.2."""
+    """Chapter on the dynamics of the arm, the sign of gravity, and Figure 3.2 of the thesis."""
     found = thesis.dynamics
     return chapter(
         "Lagrange, Newton and Euler",
@@ -175,7 +175,7 @@ def _listed(names: tuple[str, ...] | list[str]) -> str:
 
 
 def _verdict(error: float) -> TableCell:
-    """Table cell with an error, marked if it is more than rounding."""
+    """Table cell with a relative error; the cell is marked if the error is larger than rounding errors."""
     if not np.isfinite(error):
         return TableCell("unreadable", kind="poor")
     good = error < ROUNDING

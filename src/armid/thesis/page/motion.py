@@ -15,16 +15,16 @@ from armid.thesis.published import published
 from armid.thesis.reproduction import Thesis
 
 SYMBOLS = 9
-"""Number of symbols along the line of a joint."""
+"""Number of symbols that mark the line of a joint in the plot of positions."""
 
 DRAWN_RATE = 25.0
-"""Rate of the points of the line of a joint [Hz]."""
+"""Rate at which the line of a joint is sampled in the plot of positions [Hz]."""
 
 JOINTS = tuple(f"joint-{j}" for j in range(1, 8))
 
 
 def show_excitation(thesis: Thesis) -> Section:
-    """Chapter with condition numbers, Algorithm 2, and the tables of coefficients."""
+    """Chapter on the excitation of the thesis: condition numbers, Algorithm 2, and tables of Fourier coefficients."""
     setting, found = thesis.setting, thesis.designs
     best = found.best
     blocks: list[Block] = [
@@ -87,7 +87,7 @@ def _kept(thesis: Thesis) -> str:
 
 
 def _otherwise(thesis: Thesis) -> str:
-    """Text that names the best trajectory for filtered columns, if it is not the one that is kept."""
+    """Text that names the best trajectory for filtered columns; empty if it is the trajectory that is kept."""
     better = min((each for each in thesis.designs.trials if each.feasible), key=lambda each: each.corrected.unseen)
     if better is thesis.designs.best:
         return ""
@@ -95,7 +95,7 @@ def _otherwise(thesis: Thesis) -> str:
 
 
 def joint_legend() -> tuple[tuple[str, str], ...]:
-    """Legend of the lines of the joints."""
+    """Legend of the plot of positions: role and symbol of the line of each joint."""
     return tuple((role, f"q{subscripts(f'_{j}')}") for j, role in enumerate(JOINTS, 1))
 
 

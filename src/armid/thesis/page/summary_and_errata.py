@@ -14,11 +14,11 @@ from armid.thesis.reproduction import Thesis
 from armid.thesis.setting import Extent
 
 TELLING = ("MYR_2", "MYR_4", "MYR_5", "MYR_6", "XXR_2", "ZZR_2", "ZZR_1")
-"""Parameters whose estimates show the sign of gravity."""
+"""Base parameters whose estimates show which sign of gravity was used."""
 
 
 def _extent(thesis: Thesis) -> str:
-    """Note that the study is shortened; empty if it is not."""
+    """Note on the page that the study is shortened; empty for the whole study."""
     had, whole = thesis.setting.extent, Extent()
     if had == whole:
         return ""
@@ -30,7 +30,7 @@ def _extent(thesis: Thesis) -> str:
 
 
 def show_summary(thesis: Thesis) -> Section:
-    """Chapter with the summary of the study."""
+    """Chapter with the main results of the study of the thesis."""
     steps = {step.key: step.errors for step in thesis.steps.rows}
     spread, audit, designs = thesis.steps.spread, thesis.audit, thesis.designs
     printed, columns = steps["printed"], steps["columns"]
@@ -71,7 +71,7 @@ def show_summary(thesis: Thesis) -> Section:
 
 
 def _evidence(gravity: str) -> str:
-    """Result of armid's test of the sign of gravity, as a sentence."""
+    """Sentence with the result of armid's test of the sign of gravity on Table 4.1 of the thesis."""
     return subscripts(gravity).replace("-", "−") if gravity else "armid's test finds nothing."
 
 
@@ -80,7 +80,7 @@ def _suspicion(gravity: str) -> str:
 
 
 def show_audit(thesis: Thesis) -> Section:
-    """Chapter on the audit of the published results."""
+    """Chapter on the audit of the published results of the thesis."""
     found = thesis.audit
     base, physical, deviations = found.base, found.physical, found.deviations
     along, physical_along = base.along, physical.along
@@ -117,7 +117,7 @@ def show_audit(thesis: Thesis) -> Section:
         Text(
             f"<b>Standard deviations.</b> {deviations.below_ten} of 57 are below 10&nbsp;%, as the thesis states. "
             "The ratio of printed to computed deviations scatters least for Table A.1 in 27&nbsp;s. So Table 4.1 "
-            "itself confirms the trajectory, its stretching, the order of the columns and ordinary least squares. "
+            "itself confirms the trajectory, its period, the order of the columns and ordinary least squares. "
             "But these deviations are too small: residuals filtered to 3.5&nbsp;Hz are not white, and deviations do "
             "not contain the bias. On the virtual arm, with Algorithm 3 as printed, the true error is "
             f"{fixed(deviations.error_median, 1)} times the deviation in the median and "
@@ -209,7 +209,7 @@ def _tables(thesis: Thesis) -> Table:
 
 
 def show_errata(thesis: Thesis) -> Section:
-    """Chapter with the table of errata."""
+    """Chapter with the table of the errata of the thesis."""
     columns = [
         Column("where", words=True), Column("in print", words=True), Column("right", words=True),
         Column("what shows it", words=True), Column("in print "), Column("right "),
