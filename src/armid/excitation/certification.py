@@ -83,7 +83,7 @@ def _peaks(problem: DescentProblem, grid: tuple[Objective, ...], x: Array) -> Pe
     """For each channel: maximum utilisation, certified utilisation and time of the maximum [s], shape (m,) each.
 
     The bound of the rise between points is computed for each chunk separately, and only roughly if the chunk is far
-    from the limit. It is therefore added to the maximum of each chunk before the chunks are compared.
+    from the limit. The bound is therefore added to the maximum of each chunk before the chunks are compared.
     """
     step = problem.basis.period / sum(len(chunk.times) for chunk in grid)
     by_channel: list[list[tuple[Array, Array, Array]]] = [[] for _ in problem.channels]

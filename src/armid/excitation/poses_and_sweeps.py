@@ -31,14 +31,14 @@ EXCHANGES = 6
 determinant of the information matrix hardly changes."""
 
 RIDGE = 1e-6
-"""Initial information, divided by the information of all random poses. It is needed because the information matrix of
-few poses is singular."""
+"""Initial information, divided by the information of all random poses. This initial information is needed because the
+information matrix of few poses is singular."""
 
 SHARE = 0.5
 """Share of the limits of velocity and acceleration that is used by moves between poses."""
 
 USUAL_ACCELERATION = 2.0
-"""Acceleration that is used if no limit is known [rad/s² or m/s²]."""
+"""Acceleration limit of moves and sweeps if no acceleration limit is known [rad/s² or m/s²]."""
 
 LOOKS = 60
 """Number of poses on a straight move that are checked for collisions."""

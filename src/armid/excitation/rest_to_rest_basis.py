@@ -117,7 +117,7 @@ class SeriesBasis:
         return (c @ self.null_space).ravel()
 
     def unknowns_of(self, excitation: Excitation) -> Array:
-        """Unknowns (n k,) of an excitation with the same number of joints and harmonics."""
+        """Unknowns (n k,) of an excitation that has the number of joints and of harmonics of the basis."""
         return self.project(np.hstack([excitation.a, excitation.b, excitation.offset[:, None]]))
 
     def matrices(self, time: ArrayLike) -> tuple[Array, ...]:

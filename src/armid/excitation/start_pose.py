@@ -74,7 +74,8 @@ class TorqueHolds:
 
     Attributes:
         joints: Names of the k joints whose torque is limited.
-        shares: Function that gives the torque of each joint in poses (N, n), divided by its limit, shape (N, k).
+        shares: Function that gives the torque of each joint in poses (N, n), divided by the torque limit, shape (N,
+            k).
         highest: Largest allowed share of the torque limit.
     """
 
@@ -181,7 +182,7 @@ def _apart(cell: CollisionModel, poses: Array, order: NDArray[np.intp]) -> NDArr
 
 
 def _no_start(cell: CollisionModel, poses: Array, holds: Holds) -> ArmidError:
-    """Error that no pose was found: it states why random poses (N, n) are excluded, and what to change."""
+    """Error that no pose was found; its text states why random poses (N, n) are excluded, and what to change."""
     poses = poses[:COUNTED]
     excluded, remedies = [], ["give a pose with --start"]
     held = holds(poses)

@@ -91,7 +91,7 @@ class Drive:
             )
 
     def limits(self, truth: KnownArm) -> Array:
-        """Largest torque of each joint, shape (n,) [N·m or N]."""
+        """Largest torque that the drive of each joint gives, shape (n,) [N·m or N]; infinite without saturation."""
         return (self.saturation or np.inf) * np.array([joint.effort_limit for joint in truth.robot.joints])
 
 

@@ -71,7 +71,7 @@ def _column(recording: Recording, quantity: str, joint: int) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class Delayed:
-    """Delay of one quantity relative to the others.
+    """Delay of one quantity relative to all other quantities of the log.
 
     Attributes:
         seconds: Delay [s].

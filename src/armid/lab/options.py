@@ -48,7 +48,7 @@ class Arm:
     spring_damping: Array | None = None
 
     def of(self, truth: KnownArm) -> KnownArm:
-        """Applies these properties to a simulated arm; most effects are proportional to the friction given here."""
+        """Applies the properties to a simulated arm; most effects are proportional to `friction`, if it is given."""
         if self.friction is not None:
             truth = replace(truth, friction=self.friction)
         truth = with_effects(truth, self.effects)
@@ -150,7 +150,7 @@ def _made(kind: type[T], table: object, where: str) -> T:
     except ArmidError as error:
         raise LabError(f"{where}: {error.problem}", possible=error.possible, remedy=error.remedy) from error
     except (TypeError, ValueError) as error:
-        raise LabError(f"{where} has a value of the wrong type: {error}.", remedy="correct its type.") from error
+        raise LabError(f"{where} has a value of the wrong type: {error}.", remedy="correct the value.") from error
 
 
 def _value(hint: Any, value: Any, where: str) -> Any:

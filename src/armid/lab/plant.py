@@ -5,11 +5,11 @@ MuJoCo's own friction is a soft constraint, whose sign also depends on the accel
 
     v(k+1/2) = v(k-1/2) + h a(k),    q(k+1) = q(k) + h v(k+1/2)
 
-which is of second order, conserves energy and calls MuJoCo once in each step. It gives position, acceleration and
-torque of a sample at the same instant; with a torque that is constant over a step, the torque would be half a step
-earlier than the motion. Viscous friction acts on the mean velocity of the step: h/2 FV is added to the diagonal of
-the mass matrix, which makes the integration of viscous friction stable for any step. Dry friction and the velocity at
-the end of the step depend on each other; they are solved together (`armid.maths.stiction`).
+which is of second order, conserves energy and calls MuJoCo once in each step. Leapfrog gives position, acceleration
+and torque of a sample at the same instant. With a torque that is constant over a step, the torque would be half a
+step earlier than the motion. Viscous friction acts on the mean velocity of the step: h/2 FV is added to the diagonal
+of the mass matrix, which makes the integration of viscous friction stable for any step. Dry friction and the velocity
+at the end of the step depend on each other; they are solved together (`armid.maths.stiction`).
 
 An elastic drive is a separate rotor on a hinge that is fixed to the world; a MuJoCo spring connects the rotor to its
 joint. Rotations of the rotor about other axes are neglected [Spong1987].

@@ -87,7 +87,7 @@ def simulate(
     if required_series(plan).n != truth.robot.n:
         raise LabError(
             f"The plan moves {plan.n} joints; {truth.robot.name} has {truth.robot.n}.",
-            remedy="give a plan for this arm, or lock the joints that it does not move.",
+            remedy="give a plan for this arm, or lock the joints that the plan does not move with --lock.",
         )
     rate = options.sensing.rate
     gain = None

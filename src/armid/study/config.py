@@ -169,7 +169,7 @@ class Study(Displayed):
     def __post_init__(self) -> None:
         object.__setattr__(self, "recordings", tuple(self.recordings))
         if not any(recording.role == "train" for recording in self.recordings):
-            raise StudyError('There is no recording with the role "train".', remedy='set role = "train" for one.')
+            raise StudyError('No recording has the role "train".', remedy='write role = "train" in a [[recording]].')
 
     @property
     def is_motor_side(self) -> bool:
@@ -368,7 +368,7 @@ def _make(kind: type[T], table: Mapping[str, Any], where: str) -> T:
     except ArmidError as error:
         raise StudyError(f"{where} {error.problem}", possible=error.possible, remedy=error.remedy) from error
     except (TypeError, ValueError) as error:
-        raise StudyError(f"{where} has a value of the wrong type: {error}.", remedy="correct its type.") from error
+        raise StudyError(f"{where} has a value of the wrong type: {error}.", remedy="correct the value.") from error
 
 
 def _known(table: object, known: Iterable[str], where: str) -> None:
@@ -386,7 +386,7 @@ def _known(table: object, known: Iterable[str], where: str) -> None:
 def _require(good: bool, key: str, wanted: str, found: object, table: str = "") -> None:
     """Raises an error if the value of a key is not of the wanted kind."""
     if not good:
-        raise StudyError(f"{table}`{key}` must be {wanted}; found {found!r}.")
+        raise StudyError(f"{table}`{key}` must be {wanted}; found {found!r}.", remedy="correct the value of the key.")
 
 
 def _are_texts(values: object) -> bool:

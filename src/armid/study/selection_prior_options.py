@@ -65,7 +65,11 @@ def chosen_finding(selection: FrictionSelection, method: str) -> Finding:
     """Finding about the friction selection and the method with which the selected friction was estimated."""
     if selection.prior_weight is None:
         return Finding(
-            "friction-not-chosen", "warning", "", selection.why, "record longer, or give the torque terms by name."
+            "friction-not-chosen",
+            "warning",
+            "",
+            selection.why,
+            "record longer, or give the torque terms by name with the key `terms` of [model].",
         )
     evidence = (
         "While friction was selected, a prior was used for the inertial parameters. The weight of the prior with the "

@@ -53,8 +53,7 @@ class DesignTrial:
         name: `Table A.1` with its period, or the number of the random start.
         plan: The trajectory.
         condition: Condition number of the stacked base regressor Y_b along the trajectory, sampled at 100 Hz.
-        limits: Largest shares of the limits of position, velocity and torque that are used in closed loop, shape
-            (3,).
+        limits: Largest ratio of value and limit in closed loop, for position, velocity and torque, shape (3,).
         tracking: Root mean square of the position error in closed loop, over all joints [rad].
         clearance: Smallest distance between bodies of links that are more than two joints apart [m].
         doubts: Codes of the findings because of which the real arm should not run the trajectory; empty without
@@ -77,7 +76,7 @@ class DesignTrial:
 
     @property
     def feasible(self) -> bool:
-        """Tests whether the trajectory has no doubts: it keeps all limits and bodies do not collide."""
+        """Tests whether `doubts` is empty: the trajectory keeps all limits and bodies do not collide."""
         return not self.doubts
 
 

@@ -252,7 +252,7 @@ def test_values_of_the_wrong_kind_are_refused(tables: dict, message: str):
 
 @pytest.mark.parametrize("recordings", [[], [{"path": "a", "role": "validate"}]])
 def test_nothing_to_train_on_is_refused(recordings: list):
-    with pytest.raises(StudyError, match="no recording with the role"):
+    with pytest.raises(StudyError, match="No recording has the role"):
         plain(recording=recordings)
 
 

@@ -1,4 +1,4 @@
-"""Bodies of adjacent links: their distance depends on the position of one joint alone.
+"""Collision check of bodies of adjacent links, whose distance depends on the position of one joint alone.
 
 Adjacent links are connected by a joint, so most of their bodies touch in all poses, or rotate against each other with
 a gap of constant width. Other bodies of adjacent links can collide, such as the jaws of a gripper or a forearm that

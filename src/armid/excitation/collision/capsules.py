@@ -41,8 +41,8 @@ class Points:
 
     Attributes:
         at: Positions, shape (v, 3) [m].
-        count: Number of triangles that use each point, shape (v,). It is the weight of the point in the computation
-            of the principal axes.
+        count: Number of triangles that use each point, shape (v,). This number is the weight of the point in the
+            computation of the principal axes.
     """
 
     at: Array

@@ -32,7 +32,7 @@ EVERY = 5
 pairs that are measured by their triangles, all poses in which the required distance is not kept are added."""
 
 FIRST = 8
-"""Number of poses, those with the closest capsules, in which distances are computed before the others."""
+"""Number of poses with the closest capsules, in which distances are computed before all other poses."""
 
 NEAR = 0.05
 """A pair is tested for a constant distance if the lower bound of its distance is below this value [m]. Pairs that are

@@ -133,8 +133,8 @@ class CollisionModel:
         pairs: Indices into `shapes` of the pairs of `bodies`, shape (m, 2).
         required: Required distance of each pair, and the way in which the pair is checked.
         nearest: Smallest distance of each pair in many random poses, shape (m,) [m].
-        touching: Share of these poses in which each pair is closer than the required distance, shape (m,).
-        tried: Some of these random poses, shape (k, n) [rad or m].
+        touching: Share of the random poses in which each pair is closer than the required distance, shape (m,).
+        tried: Some of the random poses, shape (k, n) [rad or m].
         ignored: Option or file with which the user excludes a pair, by the index of the pair.
         adjacent: Pairs of adjacent links, which are not among `pairs`.
     """

@@ -175,7 +175,7 @@ class CollisionBodies:
     def axes(self, poses: tuple[Array, Array]) -> tuple[Array, Array]:
         """Start points of the axes of the capsules and vectors from start to end points, (N, c, 3) each [m].
 
-        Both are in the base frame, for N poses and c capsules.
+        Points and vectors are in the base frame, for N poses and c capsules.
         """
         R, p = poses
         begin, along = (np.empty((len(p), len(self.capsules), 3)) for _ in range(2))

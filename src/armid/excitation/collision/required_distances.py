@@ -36,15 +36,15 @@ CONSTRUCTION = 0.5
 
 MOSTLY, ALWAYS, FAR = 2.0 / 3.0, 0.95, 0.99
 """Shares of random poses in which bodies overlap. Above the first share, a pair of neighbours may be excluded. Above
-the second share, which is that of MoveIt's setup assistant, neighbours count as always touching. From the third share
+the second share, which MoveIt's setup assistant uses, too, neighbours count as always touching. From the third share
 on, links further apart are excluded: this happens if a description has, for instance, an elbow of two pieces."""
 
 LEAST = 1e-3
 """Usual distance [m] up to which two bodies count as touching."""
 
 HALF, QUARTER = 0.5, 0.25
-"""Shares of the usual distance of a close pair: the required distance, and the additional distance that a search
-keeps."""
+"""Required distance of a close pair, and additional distance that a search keeps, both divided by the usual distance
+of the pair."""
 
 OFTEN = 0.25
 """Share of poses that the hulls of neighbours may exclude. If they exclude more, and the triangles exclude less than
@@ -64,10 +64,10 @@ FEW = 100
 """Number of poses in which distances are computed with the triangles of bodies."""
 
 USUAL, RARE = 0.9, 0.05
-"""Quantiles of the distance of bodies whose hulls overlap in most poses. The first gives the usual distance. If this
-is not above the margin, the second is used, over the poses in which the bodies do not touch. Such bodies turn against
-each other across a narrow gap, which a search cannot represent. The required distance must therefore exclude few
-poses in addition to those in which the bodies touch."""
+"""Quantiles of the distance of bodies whose hulls overlap in most poses. The first quantile gives the usual distance.
+If this distance is at most the first of `LEVELS`, the second quantile is used, over the poses in which the bodies do
+not touch. Such bodies turn against each other across a narrow gap, which a search cannot represent. The required
+distance must therefore exclude few poses in addition to those in which the bodies touch."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -130,7 +130,7 @@ def adjusted_distances(
         shapes: The bodies, the surroundings last.
         pairs: Indices of the two bodies of each pair, shape (m, 2).
         tried: Random poses, shape (k, n) [rad or m].
-        around: Distances of the bounding volumes in these poses, shape (k, m) [m].
+        around: Distances of the bounding volumes in the poses `tried`, shape (k, m) [m].
         touching: Share of random poses in which the distance of the bounding volumes is below the margin, shape (m,);
             NaN for pairs that the user has excluded.
     """
@@ -167,7 +167,8 @@ def often_near(
 ) -> NDArray[np.bool_]:
     """Mask of the pairs whose required distance must be found from tight bounding volumes, shape (m,).
 
-    These are the pairs that are closer than the margin in most poses, and the neighbours that cannot keep the margin.
+    The mask selects the pairs that are closer than the margin in most poses, and the pairs of neighbours (links with
+    at most two joints between them) that cannot keep the margin.
 
     Args:
         margin: The margin [m].
@@ -189,7 +190,8 @@ def often_near(
 def largest_required(usual: float, often: float) -> float:
     """Largest distance [m] that is required of a pair that is close by construction, for any margin.
 
-    It depends on the bodies alone, so the required distance never decreases when the user asks for a larger margin.
+    The result depends on the bodies alone, so the required distance never decreases when the user asks for a larger
+    margin.
 
     Args:
         usual: Usual distance of the bodies [m].

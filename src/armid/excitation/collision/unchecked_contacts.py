@@ -56,7 +56,7 @@ def left_out_contacts(
     """First contacts of pairs that are not checked and touch during a motion, in the order of time.
 
     Args:
-        collision: Pairs of bodies, with those that are left out.
+        collision: Pairs of bodies, including the pairs that are not checked.
         robot: The arm.
         times: Times of the poses, shape (N,) [s].
         q: Positions of the joints at these times, shape (N, n) [rad or m].

@@ -92,7 +92,7 @@ class MeasuredPairs:
         return tuple(each.pair for each in self.maps)
 
     def values(self, states: States) -> Array:
-        """Utilisations (N, m): 1 - d / `SCALE`, d being the distance from the positions with too close bodies."""
+        """Utilisations (N, m): one minus the distance from positions with too close bodies, divided by `SCALE`."""
         q = states.derivatives[0]
         return np.column_stack([1.0 - (each.at(q)[0] - each.spare) / SCALE for each in self.maps])
 

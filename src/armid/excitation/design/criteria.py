@@ -5,7 +5,7 @@ returned with its symmetric derivative with respect to G. An extreme eigenvalue 
 coincide, and at an optimum they often do. A search therefore replaces the largest and smallest eigenvalue by p-norms
 and increases their exponent p (the sharpness) step by step; reported values are exact.
 
-D-optimality does not depend on the units of the parameters; the other criteria do [Swevers1997].
+D-optimality does not depend on the units of the parameters; all other criteria do [Swevers1997].
 """
 
 from __future__ import annotations

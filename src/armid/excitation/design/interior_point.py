@@ -6,7 +6,7 @@ that steps into a body may therefore not leave it again. The first stage of a sh
     f(x) - μ Σ log(1 - u_k(x)),
 
 where f is the criterion, u_k are the soft maxima of the utilisations of all limits, and μ is a decreasing weight. The
-quasi-Newton method shortens every step that would leave the limits [Nocedal2006, chapters 7 and 19]. Its result is
+quasi-Newton method shortens every step that would leave the limits [Nocedal2006, chapters 7 and 19]. The result is
 close to the limits and has nearly the final shape of the motion, so it is a good start for the stages of
 `armid.excitation.design.sqp`.
 """
@@ -52,13 +52,13 @@ Function = Callable[[Array], tuple[float, Array]]
 
 
 def descend_inside(problem: DescentProblem, x: Array, stage: Stage, deadline: float = np.inf) -> Array:
-    """Minimises the criterion with a logarithmic barrier, inside the limits on the grid of a stage.
+    """Minimises the criterion with a logarithmic barrier, inside the limits on the grid of a stage of the descent.
 
     Args:
         problem: Criterion, unknowns and limits.
         x: Starting point, shape (n k,), with k unknowns of each joint. Its amplitudes are reduced until it keeps the
             limits.
-        stage: Smoothing of criterion and limits.
+        stage: Stage of the descent, with the smoothing of criterion and limits.
         deadline: Time on the clock of `time.time` [s] at which the descent ends; the point reached by then is
             returned.
 

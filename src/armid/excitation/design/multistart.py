@@ -44,11 +44,11 @@ from armid.excitation.limits.workspace import Workspace
 from armid.threads import ONE_THREAD
 
 SCOUTS, REFINED = 6, 2
-"""Number of starting points of a round, and number of results that are refined in the sharp stages. The value after
-the smooth stages predicts the final value well."""
+"""Number of starting points of a round, and number of results that are refined in the sharp stages of the descent.
+The criterion after the smooth stages predicts the final criterion well."""
 
 SMOOTH = 2
-"""Number of stages of the short descents."""
+"""Number of stages (the first of `STAGES`) of the short descents."""
 
 AMPLITUDE = 1.5
 """Bound of the uniform random coefficients, as in the thesis. The series is then scaled to keep the limits."""
@@ -140,7 +140,7 @@ class _Outcome:
 
 @lru_cache(maxsize=4)
 def _problem(pickled: bytes) -> tuple[DescentProblem, Objective]:
-    """Unpickled problem and the grid on which candidates are compared."""
+    """Unpickled optimisation problem, and the grid on which plans are compared."""
     problem: DescentProblem = pickle.loads(pickled)
     return problem, problem.fine
 

@@ -93,8 +93,8 @@ class Objective:
     Args:
         goal: Criterion, model and noise.
         basis: Basis of the series; its coordinates are the unknowns.
-        samples: Number of points of the grid. The information of these points is scaled to the number of samples at
-            the rate of the goal.
+        samples: Number of points of the grid. The information of the grid points is scaled to the number of samples
+            at the rate of the goal.
         width: Width of the tanh that replaces signs [rad/s or m/s]; if 0, the laws are not smoothed.
         sharpness: Exponent p of the norms that replace extreme eigenvalues.
         times: Points of the grid if it is not uniform over a period, shape (samples,) [s].
@@ -128,7 +128,7 @@ class Objective:
         return Columns(self.goal.source, len(self.times), self._width)
 
     def columns_of(self, source: ColumnSource) -> Columns:
-        """Columns of another model on this grid, smoothed like those of the goal; allocated at first use."""
+        """Columns of another model on the grid, smoothed like the columns of the goal; allocated at first use."""
         if source not in self._of_others:
             self._of_others[source] = Columns(source, len(self.times), self._width)
         return self._of_others[source]

@@ -24,14 +24,15 @@ from armid.excitation.limits.constraint_channels import ConstraintChannel, State
 from armid.excitation.rest_to_rest_basis import SeriesBasis
 
 CHECKED = 80.0
-"""Points per period of the highest harmonic, for the grid on which candidates are compared. The maximum of a quantity
-on this grid is smaller than its true maximum by less than a thousandth."""
+"""Points per period of the highest harmonic, for the grid on which plans are compared. The maximum of a quantity on
+this grid is smaller than its true maximum by less than a thousandth."""
 
 FEASIBLE = 1.0 + 1e-9
 """Utilisation up to which a limit counts as kept; the excess over 1 allows for rounding errors."""
 
 DIVERGED = 2.0
-"""Utilisation from which a stage counts as diverged. If bodies overlap deeply, further steps increase the overlap."""
+"""Utilisation of a limit from which a stage of the descent counts as diverged. If bodies overlap deeply, further
+steps increase the overlap."""
 
 HALVINGS, FURTHER = 14, 11
 """Number of bisections that determine the factor of the amplitudes to 6e-5; and number of additional bisections on
@@ -43,7 +44,7 @@ SPARSE = 8
 
 @dataclass(frozen=True, slots=True)
 class Stage:
-    """Smoothing and number of iterations of one stage.
+    """Stage of a descent: its smoothing and its number of iterations.
 
     Attributes:
         density: Points of the grid per period of the highest harmonic.
@@ -89,7 +90,7 @@ class DescentProblem:
     scale: float = 1.0
 
     def objective(self, stage: Stage) -> Objective:
-        """Criterion with the smoothing of a stage."""
+        """Criterion of the problem with the smoothing of a stage of the descent."""
         samples = max(64, round(stage.density * self.basis.harmonics))
         return Objective(self.goal, self.basis, samples, width=stage.width * self.scale, sharpness=stage.sharpness)
 
@@ -129,7 +130,7 @@ class _Point:
 
 
 class _Evaluation:
-    """Criterion, limits and their gradients in one stage, computed once for each point that SLSQP evaluates."""
+    """Criterion, limits and their gradients in one stage of a descent, computed once for each point of SLSQP."""
 
     def __init__(self, problem: DescentProblem, stage: Stage, x: Array, deadline: float) -> None:
         self._objective = problem.objective(stage)
@@ -174,7 +175,7 @@ class _Evaluation:
 
 
 def descend(problem: DescentProblem, x: Array, stages: tuple[Stage, ...], deadline: float = np.inf) -> Array:
-    """Runs stages in order; each begins with the result of the stage before.
+    """Runs the stages of a descent in order; each stage begins with the result of the stage before.
 
     Args:
         problem: Criterion, unknowns and limits.
@@ -213,7 +214,7 @@ def descend(problem: DescentProblem, x: Array, stages: tuple[Stage, ...], deadli
 
 
 def _safeguarded(problem: DescentProblem, reached: Array, before: Array) -> Array:
-    """Result of a stage; if the stage has diverged, the result scaled to keep the limits, or the starting point."""
+    """Result of a stage of the descent; if the stage has diverged, the scaled result or the starting point."""
     if not np.isfinite(reached).all():
         return before
     if max_utilisation(problem, problem.fine, reached) < DIVERGED:

@@ -17,7 +17,7 @@ from armid.excitation.formats.sampled_motion import (
 
 SUFFIX = ".script"
 RATE = 125.0
-"""Default rate [Hz]: that of older controllers, and a fourth of the 500 Hz of newer ones."""
+"""Default rate [Hz]: the rate of older controllers, and a fourth of the 500 Hz of newer controllers."""
 
 JOINTS = 6
 LOOKAHEAD, GAIN = 0.1, 300

@@ -148,8 +148,8 @@ class RangeLimit:
         order: Order of the derivative: 0 position, 1 velocity, 2 acceleration, 3 jerk.
         joints: Indices of the joints with a limit.
         labels: Names of these joints.
-        middle: Middle of the range, shape (m,).
-        half: Half the width of the range, shape (m,); it must be positive.
+        middle: Middle of the range, shape (m,), in the unit of the quantity.
+        half: Half the width of the range, positive, shape (m,), in the unit of the quantity.
     """
 
     name: str
@@ -215,7 +215,7 @@ class AmplitudeLimit:
         return (amplitude @ factors / self.limit)[None]
 
     def pullback(self, states: States, weights: Array) -> Array:
-        """Gradient (m, n k)."""
+        """Gradients (m, n k) by the unknowns, of the values times weights (1, m)."""
         c, amplitude, factors = self._parts(states)
         L = states.basis.harmonics
         slopes = np.zeros_like(c)
@@ -256,7 +256,7 @@ class CoefficientLimit:
         return np.abs(self._relative(states))[None]
 
     def pullback(self, states: States, weights: Array) -> Array:
-        """Gradient (m, n k)."""
+        """Gradients (m, n k) by the unknowns, of the values times weights (1, m)."""
         L = states.basis.harmonics
         slopes = weights[0] * np.sign(self._relative(states)) / np.tile(self.limit, 2).ravel()
         gradient = np.zeros((len(self.labels), states.basis.n, states.basis.size))

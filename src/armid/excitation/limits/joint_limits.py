@@ -212,7 +212,7 @@ def _given(
     acceleration: float | None = None,
     jerk: float | None = None,
 ) -> dict[str, Array]:
-    """Limits by kind, each (n,): those of the description, replaced by the given ones."""
+    """Limits by kind, each (n,): limits of the description, in which the given limits are replaced."""
     values = {
         "lower": described.lower.copy(),
         "upper": described.upper.copy(),
@@ -241,7 +241,7 @@ def _given(
 
 
 def with_limits(robot: Robot, given: Mapping[tuple[str, str], float | tuple[float, float]]) -> Robot:
-    """Robot whose limits are replaced by given ones; the arguments are those of `limits_of`.
+    """Robot in which given limits replace those of the description; arguments as of `limits_of`.
 
     Raises:
         ArmidError: A joint or kind does not exist.

@@ -63,7 +63,7 @@ def torque_curvature(tree: Tree, inertial: Array, derivatives: Array) -> Array:
 
 
 def _chain(tree: Tree, derivatives: Array) -> tuple[list[Jet], list[Jet], list[Jet]]:
-    """Jets of the angular velocities, of unit vectors fixed in the links, and of origins relative to parent links."""
+    """Bounds (jets) of the angular velocities, of unit vectors fixed in links, and of origins relative to parents."""
     turning: list[Jet] = []
     fixed: list[Jet] = []
     levers: list[Jet] = []
@@ -83,7 +83,7 @@ def _chain(tree: Tree, derivatives: Array) -> tuple[list[Jet], list[Jet], list[J
 
 
 def _rest() -> Jet:
-    """Jet of a constant unit vector."""
+    """Bounds of the norms of a constant unit vector and of its first `ORDERS` time derivatives (jet)."""
     return (1.0, *(0.0,) * ORDERS)
 
 
@@ -92,12 +92,12 @@ def _sum(a: Jet, b: Jet) -> Jet:
 
 
 def _product(a: Jet, b: Jet) -> Jet:
-    """Jet of a product of two quantities, by Leibniz's rule."""
+    """Bounds (jet) of a product and its time derivatives, from the jets of both factors, by Leibniz's rule."""
     return [sum(comb(k, i) * a[i] * b[k - i] for i in range(k + 1)) for k in range(len(a))]
 
 
 def _turned(turning: Jet, factor: float) -> Jet:
-    """Jet of a quantity x with norm one that is fixed in a link, where |x'| is at most factor · |ω| · |x|."""
+    """Bounds (jet) of a quantity x of norm one, fixed in a link, and its derivatives; |x'| ≤ factor · |ω| · |x|."""
     result = [1.0]
     for k in range(len(turning)):
         result.append(factor * sum(comb(k, i) * turning[i] * result[k - i] for i in range(k + 1)))
@@ -105,7 +105,7 @@ def _turned(turning: Jet, factor: float) -> Jet:
 
 
 def _tensor(turning: Jet) -> Jet:
-    """Jet of a tensor of norm one that is fixed in a link, T' = ω x T - T x ω."""
+    """Bounds (jet) of a tensor T of norm one, fixed in a link, and its derivatives; T' = ω x T - T x ω."""
     return _turned(turning, 2.0)[: len(turning)]
 
 

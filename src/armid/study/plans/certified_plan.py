@@ -18,8 +18,9 @@ Stage = Callable[[str], None]
 
 DRAWN, DRAWN_BY = 0.1, (0.97, 0.94, 0.88, 0.85)
 """If bodies are too close, the amplitudes of the joints between them are reduced step by step. The first number is
-the smallest total factor. The others are the factors of the first steps; the last factor is used for all further
-steps. For pairs that are checked with the bodies themselves, the search keeps the distances only approximately."""
+the smallest total factor. The other numbers are the factors of the first steps; the last factor is used for all
+further steps. For pairs that are checked with the bodies themselves, the search keeps the distances only
+approximately."""
 
 TRIED = 50.0
 """Rate at which pairs of bodies are tested first [Hz]; afterwards they are tested at `RATE`."""
@@ -38,7 +39,7 @@ def certified_plan(
         x: Unknowns of the plan that the search has found, shape (n k,), with k unknowns of each joint.
         collision: Pairs of bodies that must keep a distance; `None` for no collision check.
         unchecked: Reason why collisions are not checked; empty if they are checked.
-        stage: Called with the name of each stage.
+        stage: Function that is called with the name of each stage of the design.
 
     Returns:
         Unknowns (n k,) of the certified plan, and the preflight check of this plan.

@@ -57,9 +57,9 @@ def design_plan(
         goal: Model, criterion, length and poses of the motion.
         constraints: Limits that the motion must keep.
         budget: Time, workers and seed of the search.
-        progress: Called after every descent of the search.
+        progress: Function that is called after every descent of the search.
         executor: Pool of processes that runs the search; if not given, processes are started.
-        stage: Called with the name of each stage before and after the search.
+        stage: Function that is called with the name of each stage of the design, for instance `search`.
 
     Raises:
         ArmidError: Limits are missing, contradict each other, exclude the start pose, or cannot be kept.

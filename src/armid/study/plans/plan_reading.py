@@ -92,7 +92,9 @@ def read_whole_plan(name: str) -> tuple[Plan | Moves, tuple[Shape, ...]]:
     try:
         record: Any = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
-        raise ArmidError(f"{path} cannot be read as a plan: {error}.", remedy="give a plan.json.") from error
+        raise ArmidError(
+            f"{path} cannot be read as a plan: {error}.", remedy="give a plan.json that armid excite has written."
+        ) from error
     if isinstance(record, dict) and "stretches" in record:
         return _moves(record, path), ()
     series = load_plan(path)

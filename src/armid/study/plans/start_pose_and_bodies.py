@@ -195,7 +195,8 @@ def _without_shapes(robot: Robot) -> tuple[Finding, ...]:
     if not bare:
         return ()
     evidence = f"collisions are not checked for {plural(len(bare), 'link')} without shapes in the description"
-    return (Finding("links-without-bodies", "info", "", f"{evidence}: {', '.join(bare)}"),)
+    remedy = "add shapes of these links to the description, or watch these links in the preview."
+    return (Finding("links-without-bodies", "info", "", f"{evidence}: {', '.join(bare)}", remedy),)
 
 
 def _skipped_pairs(collision: CollisionOptions) -> tuple[Finding, ...]:
@@ -208,7 +209,7 @@ def _skipped_pairs(collision: CollisionOptions) -> tuple[Finding, ...]:
     findings: list[Finding] = []
     if asked:
         said = f"{_bodies(asked)} {_are(asked)} not checked, as requested: {'; '.join(_by_reason(asked))}"
-        findings.append(Finding("pairs-ignored", "info", "", said))
+        findings.append(Finding("pairs-ignored", "info", "", said, "watch these bodies in the preview."))
     if always:
         said = (
             f"{_bodies(always)} touch in nearly all poses and {_are(always)} therefore not checked: {_shares(always)}"

@@ -155,8 +155,8 @@ def show_base(thesis: Thesis) -> Section:
             f"Y has {found.columns} columns and rank {found.rank}: singular value {found.rank} is "
             f"{short(found.singular[0], 2)} of the largest, the next {short(found.singular[1], 2)}. "
             f"{len(found.zero)} columns are zero: {_listed(found.zero)}. {len(names)} more depend on others: "
-            f"{_listed(names)}. These {len(found.removed)} are π<sub>r</sub> of (3.33), which is right in print; "
-            f"what remains are the {len(found.names)} of (3.38)."
+            f"{_listed(names)}. These {len(found.removed)} columns belong to π<sub>r</sub> of (3.33), which the "
+            f"thesis prints correctly. The other columns belong to the {len(found.names)} parameters of (3.38)."
         ),
         _dependences(found.dependences),
         _identities(found.identities),
