@@ -135,7 +135,7 @@ def load_plan(path: Path | str) -> Excitation:
         return Excitation(plan["base_frequency"], plan["a"], plan["b"], plan["offset"], str(plan["robot"]))
     except (TypeError, ValueError) as error:
         raise ArmidError(
-            f"{path} is not a plan: a value of it has the wrong type ({error}).",
+            f"{path} is not a plan: a value in the file has the wrong type ({error}).",
             remedy="give a plan.json that armid excite has written.",
         ) from error
 

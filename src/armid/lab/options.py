@@ -25,7 +25,7 @@ from armid.lab.sensors import Sensing
 T = TypeVar("T")
 
 MODES = ("closed-loop", "inverse-dynamics")
-"""Modes of a simulation."""
+"""Modes of a simulation, the values of the key `mode` of a `lab.toml`."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -127,7 +127,7 @@ def parse_options(table: Mapping[str, Any]) -> LabOptions:
 def _made(kind: type[T], table: object, where: str) -> T:
     """Makes a dataclass from a TOML table, also from nested ones, whose keys are the fields of the class."""
     if not isinstance(table, Mapping):
-        raise LabError(f"{where} must be a table; found {table!r:.60}.", remedy="write it as a TOML table.")
+        raise LabError(f"{where} must be a table; found {table!r:.60}.", remedy="write this value as a TOML table.")
     fields = {f.name: f for f in dataclasses.fields(kind) if f.init}  # pyright: ignore[reportArgumentType]
     hints = typing.get_type_hints(kind)
     for key in table:

@@ -146,7 +146,7 @@ def _attribute(text: str) -> str:
 
 
 def stable_rate(truth: KnownArm, q: Array) -> float:
-    """Smallest stable number of steps per second [Hz] for the springs of gears and friction in poses q (N, n)."""
+    """Smallest stable step rate [Hz] for the springs of gears and friction in poses q (N, n); 0 without springs."""
     slip = truth.friction.slip
     dry = np.zeros(truth.robot.n) if slip is None else slip.stiffness
     mass = kernel.mass_matrix(truth.robot.tree, truth.inertial, q)
@@ -221,7 +221,7 @@ class _RigidBodies:
         self._model.dof_armature[self.drives] = self._armature + inertia
 
     def acceleration(self, q: Array, dq: Array, torque: Array) -> Array:
-        """Accelerations of all coordinates, shape (size,), for torques of the drives (n,)."""
+        """Accelerations (size,) of all coordinates at a state q, dq, each (size,), for torques (n,) of the drives."""
         data = self._data
         data.qpos[:], data.qvel[:], data.qfrc_applied[self.drives] = q, dq, torque
         self._mujoco.mj_forward(self._model, data)

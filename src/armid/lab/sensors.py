@@ -16,7 +16,7 @@ from armid.maths.signals.zero_phase_filters import butterworth
 from armid.measurement.recording import Recording
 
 NEIGHBOURS = 4
-"""Number of samples that the cubic interpolation uses."""
+"""Number of samples from which the cubic interpolation computes one logged value."""
 
 HIGHEST_RATE = 8000.0
 """Largest rate of a log [Hz]."""

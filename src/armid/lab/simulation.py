@@ -155,12 +155,12 @@ def _speed_doubts(joint: Joint, asked: float, reached: float) -> list[Finding]:
     """Findings about a joint that is faster than its limit, in the plan or only in the simulated motion."""
     limit, unit = joint.velocity_limit, f"{joint.unit}/s"
     if asked > KEPT * limit:
-        evidence = f"has a velocity of {asked:.3f} {unit} in the plan; its limit is {limit:.3f}."
+        evidence = f"has a velocity of {asked:.3f} {unit} in the plan; its limit is {limit:.3f} {unit}."
         return [_doubt("plan-too-fast", joint.name, evidence, "give the plan a longer period.")]
     if reached > KEPT * limit:
         evidence = (
-            f"reaches {reached:.3f} {unit}; its limit is {limit:.3f}. The plan has {asked:.3f}; the rest is "
-            "overshoot of the controller."
+            f"reaches {reached:.3f} {unit}; its limit is {limit:.3f} {unit}. The velocity in the plan is at most "
+            f"{asked:.3f} {unit}; the controller overshoots it."
         )
         remedy = f"design the plan with a margin: --limit {joint.name}.velocity={0.99 * limit**2 / reached:.3g}."
         return [_doubt("limit-overshot", joint.name, evidence, remedy)]

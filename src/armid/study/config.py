@@ -30,7 +30,8 @@ T = TypeVar("T")
 Shapes = Mapping[str, Any] | Sequence[Mapping[str, Any]]
 """Options of one torque term, or a list of the options of several terms with the same name."""
 
-PLAIN_METHOD, AUTOMATIC_METHOD = "wls", "ridge"
+PLAIN_METHOD = "wls"
+AUTOMATIC_METHOD = "ridge"
 """Default estimation methods: for given friction, and for friction that is selected automatically with a prior."""
 
 
@@ -43,8 +44,7 @@ class RobotChoice:
         gravity: Acceleration of gravity in the base frame [m/s²]; if not given, the gravity of the description.
         lock: Joints that are locked: names or patterns, `"name=position"`, or a table of positions. If no position is
             given, a joint is locked at the position within its limits that is closest to 0.
-        tip: Frame that is the tool flange. If `only` is not given, the joints between the base and this frame move,
-            and all other joints are locked.
+        tip: Frame of the tool flange. If `only` is not given, only the joints between the base and this frame move.
         only: Names or patterns of the joints that move; all other joints are locked.
     """
 
@@ -340,7 +340,7 @@ def _estimation_choice(table: Mapping[str, Any], method: str) -> EstimationChoic
 
 
 def _recording_choice(table: Mapping[str, Any]) -> RecordingChoice:
-    """Makes a recording with its log format from the keys of one table."""
+    """Makes a recording with its log format from the keys of one table [[recording]]."""
     own = [f.name for f in dataclasses.fields(RecordingChoice) if f.name != "reading"]
     _known(table, (*own, *(f.name for f in dataclasses.fields(LogFormat))), "[[recording]]")
     if "path" not in table:

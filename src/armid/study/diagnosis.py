@@ -139,7 +139,10 @@ def _no_effort(raw: Recording) -> Finding:
         "" if possible is None else f" {possible.evidence}"
     )
     remedy = "" if possible is None else possible.remedy
-    remedy = remedy or "log the torque or motor current of each joint; if the file has these columns, name them"
+    remedy = remedy or (
+        "log the torque or motor current of each joint; if the file has these columns, give their names with the key "
+        "`columns` of the recording"
+    )
     return Finding("effort-missing", "error", "effort", evidence, remedy)
 
 
@@ -325,7 +328,7 @@ def _worked_around(finding: Finding, log: Recording, reading: LogFormat) -> tupl
 
 
 def _implied_rate(log: Recording) -> float | None:
-    """Sample rate at which velocities agree with differences of positions [Hz]."""
+    """Sample rate [Hz] at which velocities agree with differences of positions; `None` without velocities."""
     if log.dq is None or not np.isfinite(log.dq).all() or not np.isfinite(log.q).all():
         return None
     step, mean = np.diff(log.q, axis=0), (log.dq[1:] + log.dq[:-1]) / 2

@@ -151,7 +151,7 @@ def _nearer(prior: str) -> Remedy | str:
 
 
 def far_masses(found: Array, described: Array) -> NDArray[np.bool_]:
-    """Mask of the masses (K,) [kg] that are far from the masses of the description (K,)."""
+    """Mask of the masses (K,) [kg] that differ from those of the description (K,) by more than the factor `FAR`."""
     return (described > 0.0) & ((found < described / FAR) | (found > described * FAR))
 
 

@@ -44,7 +44,8 @@ class Spread:
 
     Attributes:
         seeds: Number of seeds.
-        printed: Relative error, and torque error on Table A.2 [N·m], of Algorithm 3 as printed, shape (seeds, 2).
+        printed: Relative error, and torque error on Table A.2 of the thesis [N·m], of Algorithm 3 as printed, shape
+            (seeds, 2).
         corrected: Errors as in `printed`, but with filtered columns, shape (seeds, 2).
         printed_ratio: Residual with the wrong sign of gravity divided by that with the right sign, for Algorithm 3 as
             printed, shape (seeds,).
@@ -93,7 +94,7 @@ class Steps:
 
 
 def steps(setting: Setting, tell: Callable[[float], None]) -> tuple[Steps, Estimates]:
-    """Runs all identification steps of section 3.2, and the main steps for several seeds of the noise."""
+    """Runs all identification steps of section 3.2 of the thesis, and the main steps for several noise seeds."""
     tell(0.0)
     recording = recorded(setting, seed=1)
     rows = _Rows(setting)
@@ -143,7 +144,7 @@ def _periodic(setting: Setting, recording: Recording) -> Fitted:
 
 
 def _edges(rows: _Rows, recording: Recording) -> None:
-    """Adds rows for several treatments of the ends of the recording, since the thesis does not state its own."""
+    """Adds results for several treatments of the ends of the recording; the thesis does not state its treatment."""
     mean, group = mean_of(recording), "one-sided filter"
     rows.run(group, "printed-padded", "as printed, ends padded, 100 rows per second", mean, PADDED)
     every = replace(PADDED, decimate=0.0)

@@ -119,7 +119,7 @@ def _table(setting: Setting, fitted: Fitted) -> Table41:
 
 
 def _physical(setting: Setting, fitted: Fitted) -> Array:
-    """Physical parameters of an estimate, one row for each link in the order of equation (3.40), shape (7, 12)."""
+    """Physical parameters (7, 12) of an estimate: one row for each link, ordered as in (3.40) of the thesis."""
     standard = fitted.fit.standard
     assert standard is not None  # estimators of bodies have them
     return physical_of_standard(setting.hanging.dynamics, standard.values)

@@ -50,7 +50,7 @@ class DesignTrial:
     """Trajectory with the results of its test in closed loop.
 
     Attributes:
-        name: `Table A.1` with its period, or the number of the random start.
+        name: `Table A.1` (of the thesis) with its period, or the number of the random start.
         plan: The trajectory.
         condition: Condition number of the stacked base regressor Y_b along the trajectory, sampled at 100 Hz.
         limits: Largest ratio of value and limit in closed loop, for position, velocity and torque, shape (3,).
@@ -102,7 +102,7 @@ class Designs:
 
     @property
     def best(self) -> DesignTrial:
-        """Best feasible trajectory; if no trajectory is feasible, the motion of Table A.1 with a period of 27 s."""
+        """Best feasible trajectory; if none is feasible, Table A.1 of the thesis with a period of 27 s."""
         return self.trials[self.kept] if self.kept >= 0 else self.published[-1]
 
 

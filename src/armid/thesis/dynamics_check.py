@@ -165,9 +165,10 @@ def _triangle(Y: Array) -> tuple[float, float]:
 
 
 def _imbalance(setting: Setting, model: DynamicsModel, potential: DynamicsModel) -> float:
-    """Largest absolute value of d/dt (T + U) - τᵀ q̇ along Table A.1 in 20 s [W].
+    """Largest absolute value of d/dt (T + U) - τᵀ q̇ along Table A.1 of the thesis in 20 s [W].
 
-    U is the potential energy of the model `potential`; T and τ are those of the model `model`.
+    U is the potential energy of the model `potential`; the kinetic energy T and the torque τ are those of the model
+    `model`.
     """
     plan = setting.train.stretched(DESIGNED)
     motion = plan.sample(BALANCE_RATE)

@@ -39,7 +39,7 @@ class Frames:
     translation: Array
 
     def forward(self, q: Array) -> tuple[Array, Array]:
-        """Rotations (N, 7, 3, 3) and origins (N, 7, 3) [m] of the frames for positions (N, 7), by equation (3.1)."""
+        """Rotations (N, 7, 3, 3) and origins (N, 7, 3) [m] of the frames at positions (N, 7): (3.1) of the thesis."""
         R, p = np.broadcast_to(np.eye(3), (len(q), 3, 3)), np.zeros((len(q), 3))
         rotations, origins = [], []
         for k in range(len(self.rotation)):

@@ -15,8 +15,8 @@ from armid.thesis.published import Sum, formula, published, weight
 from armid.thesis.setting import HANGING, Setting, random_states
 
 GAP = 1e-10
-"""Ratio of the smallest and the largest singular value of the regressor below which columns count as dependent.
-Rounding gives about 1e-15, independent columns give more than 1e-2."""
+"""A singular value of the regressor counts as zero, so that a column depends on the others, if it is below this share
+of the largest one. Rounding gives about 1e-15, independent columns give more than 1e-2."""
 
 ALIKE = 1e-12
 """Largest relative difference that counts as a rounding error."""
@@ -159,7 +159,7 @@ def standard_of_physical(model: DynamicsModel, physical: Array, *, printed: bool
 
 
 def physical_of_standard(model: DynamicsModel, theta: Array) -> Array:
-    """Physical parameters (7, 12) for standard parameters (p,): one row a link, in the order of equation (3.40)."""
+    """Physical parameters (7, 12) for standard parameters (p,): one row a link, as in (3.40) of the thesis."""
     names: list[str] = [parameter.name for parameter in model.parameters]
     rows: list[list[float]] = []
     for k, own in enumerate(model.inertial_columns.reshape(-1, 10)):

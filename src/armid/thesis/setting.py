@@ -21,7 +21,8 @@ HANGING, LITERAL = (0.0, 0.0, 9.81), (0.0, 0.0, -9.81)
 """Acceleration of gravity in the base frame of the hanging arm [m/s²], and its opposite, which the thesis prints."""
 
 PERIOD, DESIGNED = 27.0, 20.0
-"""Period of the motion of Table A.1 on the arm, and period for which it was designed [s]."""
+"""Period with which the arm executed the motion of Table A.1 of the thesis, and period for which this motion was
+designed [s]."""
 
 Tell = Callable[[str, float], None]
 """Callback with the name of a part of the study and the share of the whole study that is done, from 0 to 1."""
@@ -72,7 +73,7 @@ class ReferenceModel:
 
     Attributes:
         dynamics: Model with rigid bodies, viscous friction, and Coulomb friction of width zero.
-        base: The 57 base parameters of equation (3.38).
+        base: The 57 base parameters of equation (3.38) of the thesis.
     """
 
     dynamics: DynamicsModel

@@ -224,7 +224,7 @@ def test_what_the_real_arm_could_not_do_is_said():
     assert not simulation_findings(simulate(at_limit, plan, lab(mode="inverse-dynamics")))
     loose = simulation_findings(simulate(at_limit, plan, lab(controller=Controller("pid"))))
     overshot = [f for f in loose if f.code == "limit-overshot"]
-    assert overshot and all("The plan has" in f.evidence and ".velocity=" in f.remedy for f in overshot)
+    assert overshot and all("in the plan is at most" in f.evidence and ".velocity=" in f.remedy for f in overshot)
     assert "plan-too-fast" not in {f.code for f in loose}
     assert "drive-saturated" in {f.code for f in simulation_findings(weak)}
     assert not simulation_findings(simulate(small_arm(), short_plan(), lab(mode="inverse-dynamics")))

@@ -35,7 +35,8 @@ STEP, FEWEST = 0.05, 60
 computed."""
 
 POSITIONS = 128
-"""Largest number of positions of a joint, over its range in a motion, in which adjacent links are examined."""
+"""Largest number of positions of a joint, over its range in a motion, in which the distance of adjacent links is
+computed."""
 
 ROUGH = 16
 """Number of positions of a joint in which the distance of every pair is computed with its triangles, to find the
@@ -132,7 +133,7 @@ class AdjacentLinks:
 
 
 NO_ADJACENT = AdjacentLinks((), (), np.zeros((0, 2)))
-"""Value for an arm without pairs of adjacent links that are checked."""
+"""`AdjacentLinks` of an arm for which no pairs of adjacent links are checked."""
 
 
 def adjacent_links(

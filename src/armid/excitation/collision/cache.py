@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 LARGEST = 200_000_000
-"""Largest size of all entries together [bytes]. The hulls of a humanoid robot take some megabytes."""
+"""Largest total size of all cache entries [bytes]. The hulls of a humanoid robot take some megabytes."""
 
 LEFT_BEHIND = 86_400.0
 """Age [s] from which a temporary file is removed: the process that wrote it was ended before it renamed the file."""
@@ -74,7 +74,7 @@ def write_entry(name: str, arrays: Arrays) -> None:
 
 
 def _prune(folder: Path, newest: str) -> None:
-    """Removes the least recently used entries until the total size is within the limit; the newest entry is kept."""
+    """Removes the least recently used cache entries until their total size is at most `LARGEST`; keeps the newest."""
     found: list[tuple[float, int, Path]] = []
     for path in folder.glob("*.npz"):
         with suppress(OSError):  # another process was faster

@@ -146,7 +146,7 @@ def _slabs(whole: Points, faces: NDArray[np.intp], direction: Array, slabs: int)
 
 
 def around(name: str, part: Points, outer: Array) -> Shape:
-    """Smallest capsule around points, of the capsules along the principal axes; in the frame of the points.
+    """Smallest of three capsules around points, one along each principal axis, in the frame of the points.
 
     Args:
         name: Name of the capsule.

@@ -25,7 +25,7 @@ from armid.robot.kinematics import forward_kinematics
 from armid.robot.robot import Robot
 
 RATE = 250.0
-"""Rate of the poses in which distances are computed [Hz]."""
+"""Rate of the poses of a motion in which distances of bodies are computed [Hz]."""
 
 EVERY = 5
 """Stride of the poses in which distances are computed first. Then the poses next to the closest one are added. For
@@ -55,7 +55,7 @@ CLOSER = 16
 of adjacent links is computed."""
 
 ROUNDING = 1e-6
-"""Tolerance [m] for the difference between the iterative distances of Coal and those of the certificate."""
+"""Tolerance [m] for the difference between the iterative distances of Coal and the distances that certify a plan."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,7 +81,7 @@ class ClosestApproach:
 
     @property
     def is_sufficient(self) -> bool:
-        """Tests whether the distance is at least the required one."""
+        """Tests whether the smallest distance is at least the required distance."""
         return self.distance >= self.required_distance - ROUNDING
 
 

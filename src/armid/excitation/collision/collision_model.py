@@ -54,7 +54,7 @@ SPARED = 0.9
 """Largest additional distance of the search, divided by the excess distance of the pair in the start pose."""
 
 FARTHEST, ALLOWED = 0.5, 0.05
-"""Largest required distance, divided by the reach of the arm; and a distance [m] that is always allowed."""
+"""Largest allowed `--clearance`, divided by the reach of the arm; and a `--clearance` [m] that is always allowed."""
 
 ROUNDING = 1e-9
 """Tolerance of comparisons of distances [m]."""

@@ -19,7 +19,7 @@ ENVIRONMENT = {
     "sphere": ("name", "link", "radius", "xyz"),
     "half-space": ("name", "normal", "offset"),
 }
-"""Tables of an environment file, and the keys of each."""
+"""Tables of an environment file, with the keys of each table."""
 
 
 def load_environment(path: Path | str, robot: Robot) -> tuple[Shape, ...]:

@@ -34,8 +34,8 @@ LIGHT = 5e-4
 """Largest distance by which a simplified hull may extend beyond the mesh [m]."""
 
 CLOSE = 0.8
-"""Share of `LIGHT` that is allowed for the distance of a corner from the plane of a face. Where faces meet, the
-distance of a corner from the hull is larger than from the planes."""
+"""A corner of the mesh may be outside the plane of a face of the simplified hull by at most this share of `LIGHT`.
+Where faces meet, the distance of a corner from the hull is larger than its distance from the planes."""
 
 FURTHEST = 0.6
 """A corner of the mesh is added to a simplified hull if its distance from the hull is at least this share of the

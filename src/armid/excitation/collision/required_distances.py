@@ -32,7 +32,7 @@ NEIGHBOURS = 2
 """Largest number of joints between two links that may be close by construction."""
 
 CONSTRUCTION = 0.5
-"""Share of random poses with a distance below the margin, above which a pair may be close by construction."""
+"""A pair may be close by construction if its distance is below the margin in more than this share of random poses."""
 
 MOSTLY, ALWAYS, FAR = 2.0 / 3.0, 0.95, 0.99
 """Shares of random poses in which bodies overlap. Above the first share, a pair of neighbours may be excluded. Above
@@ -40,15 +40,15 @@ the second share, which MoveIt's setup assistant uses, too, neighbours count as 
 on, links further apart are excluded: this happens if a description has, for instance, an elbow of two pieces."""
 
 LEAST = 1e-3
-"""Usual distance [m] up to which two bodies count as touching."""
+"""Two bodies count as touching if their usual distance is at most this value [m]."""
 
 HALF, QUARTER = 0.5, 0.25
 """Required distance of a close pair, and additional distance that a search keeps, both divided by the usual distance
 of the pair."""
 
 OFTEN = 0.25
-"""Share of poses that the hulls of neighbours may exclude. If they exclude more, and the triangles exclude less than
-half of that, the distance of the pair is computed with its triangles."""
+"""Share of poses that the hulls of neighbours may exclude. If the hulls exclude more, and the triangles exclude less
+than half of what the hulls exclude, the distance of the pair is computed with its triangles."""
 
 FREE = 0.75
 """Quantile of the distances: the distance that a pair exceeds in a quarter of random poses. For links with more than
@@ -212,7 +212,7 @@ def _lower(k: int, kept: tuple[Array, Array], usual: float, often: float) -> Non
 def _of_overlapping(
     shapes: tuple[Shape, ...], pair: NDArray[np.intp], poses: tuple[Array, Array], around: Array, neighbours: bool
 ) -> tuple[float, int, float]:
-    """Usual distance [m] of bodies whose volumes overlap in most poses, kind of check, share of overlaps.
+    """Usual distance [m] of bodies whose volumes overlap in most poses, way to check them, share of overlaps.
 
     Args:
         shapes: The bodies.

@@ -25,20 +25,22 @@ Criterion = Callable[[Array], tuple[float, Array]]
 """Function from G to the value of a criterion and its derivative with respect to G."""
 
 NEGLIGIBLE = 1e-13
-"""Relative derivative with respect to an eigenvalue below which its eigenvector is neglected. Gradients need six
-digits."""
+"""An eigenvector is neglected if the derivative of the criterion by its eigenvalue, divided by the largest such
+derivative, is below this value. Gradients need six digits."""
 
 FLOOR = 1e-15
-"""Smallest relative eigenvalue; smaller ones are rounding errors and have no useful derivative."""
+"""Smallest eigenvalue of G divided by the largest; smaller eigenvalues are rounding errors without useful
+derivative."""
 
 WELL_CONDITIONED = 1e-10
-"""Smallest squared relative pivot at which the inverse by Cholesky factorisation is accurate enough for gradients."""
+"""Smallest squared ratio of smallest and largest pivot at which the inverse by Cholesky factorisation is accurate
+enough for gradients."""
 
 SHARP = 30.0
 """Exponent p above which a norm usually depends on at most a third of the eigenvalues."""
 
 WORK = 64
-"""Numbers of workspace per column that LAPACK needs for products with Householder reflections."""
+"""Size of the workspace, in numbers per column, that LAPACK needs for products with Householder reflections."""
 
 
 def _dense(vectors: Array, slopes: Array) -> Array:

@@ -24,10 +24,11 @@ from armid.excitation.design.sqp import DescentProblem, Stage, about_start, max_
 from armid.excitation.limits.constraint_channels import ConstraintChannel, States, soft_maximum
 
 WEIGHTS = ((0.1, 60), (0.01, 60), (0.004, 50))
-"""Weights μ of the barrier and the number of iterations with each."""
+"""Weights μ of the barrier, each with its number of iterations."""
 
 ROOM = 0.9
-"""Utilisation of the limits at the start. At a limit (utilisation 1) the barrier would be infinite."""
+"""Utilisation of the limits to which the starting point is scaled. At a limit (utilisation 1) the barrier would be
+infinite."""
 
 REMEMBERED = 20
 """Number of steps from which the quasi-Newton method estimates the curvature."""
@@ -43,7 +44,7 @@ DECREASE = 1e-4
 """Required decrease of the value, divided by the decrease that the slope predicts (Armijo condition)."""
 
 SETTLED = 1e-6
-"""Relative decrease of the value in one step, below which the iteration ends."""
+"""Relative decrease of the function value in one step, below which the iteration ends."""
 
 FIRST = 0.1
 """Euclidean length of the first step in the unknowns [rad/s or m/s]."""

@@ -124,7 +124,7 @@ class Objective:
 
     @cached_property
     def columns(self) -> Columns:
-        """Columns of the base parameters, allocated at first use, because limits of the motion do not need them."""
+        """Regressor columns of the base parameters on the grid, allocated at first use; limits do not need them."""
         return Columns(self.goal.source, len(self.times), self._width)
 
     def columns_of(self, source: ColumnSource) -> Columns:

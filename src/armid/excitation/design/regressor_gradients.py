@@ -33,12 +33,12 @@ class Columns:
         self._states = (self._none, self._none, self._none)
 
     def fill(self, q: Array, dq: Array, ddq: Array) -> None:
-        """Evaluates the columns at states (N, n)."""
+        """Evaluates the regressor columns at states q, dq, ddq, each (N, n), for the other methods."""
         self._states = (q, dq, ddq)
         self._term_rows.fill(self._states, self._terms)
 
     def information(self, weights: Array) -> Array:
-        """Information matrix G = Σ_j weights_j Y_jᵀ Y_j, shape (b, b), for weights (n,)."""
+        """Information matrix G = Σ_j weights_j Y_jᵀ Y_j, shape (b, b), with the rows Y_j of joint j."""
         count = len(self.source.names)
         return kernel.information(self.source.tree, self._layout, *self._states, self._terms, weights, count)
 
@@ -51,7 +51,7 @@ class Columns:
         return gradient[0], gradient[1], gradient[2]
 
     def torque(self, values: Array) -> Array:
-        """Torque (N, n) for base parameters (b,)."""
+        """Torque (N, n) [N·m or N] for base parameters (b,), at the states of the last call of `fill`."""
         x = kernel.columns(self.source.tree, self._layout, *self._states, self._none, self._terms)
         offset = self._layout.offset
         return np.stack(

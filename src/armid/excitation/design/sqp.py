@@ -69,8 +69,8 @@ STAGES = (
     Stage(20.0, 0.02, 200.0, 3000.0, 60),
     Stage(20.0, 0.02, 200.0, 3000.0, 40),
 )
-"""Stages in order of decreasing smoothness. With two stages more or fewer, the criterion changes by a few percent of
-its spread over random starts."""
+"""Stages in order of decreasing smoothness. If two widths of the tanh are added or left out, the criterion changes by
+a few percent of its spread over random starts."""
 
 
 @dataclass(frozen=True, eq=False)

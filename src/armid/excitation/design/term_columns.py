@@ -134,7 +134,7 @@ class TermRows:
         self._load = LoadTorque(source.model) if loaded else None
 
     def fill(self, states: tuple[Array, Array, Array], rows: Array) -> None:
-        """Computes rows (e, N) at states (N, n)."""
+        """Computes the rows (e, N) of the torque terms at states q, dq, ddq, each (N, n), and their derivatives."""
         self._slopes = []
         values_of_all = states if self._load is None else (*states, self._load.fill(states))
         for group in self._groups:
@@ -147,7 +147,7 @@ class TermRows:
             self._slopes.append(slopes)
 
     def pullback(self, adjoint: Array, gradient: tuple[Array, ...]) -> None:
-        """Adds the gradient of Σ adjoint · rows to the gradients by q, dq, ddq, each (N, n)."""
+        """Adds the gradient of Σ adjoint · rows, both (e, N), to the gradients by q, dq, ddq, each (N, n)."""
         by_load = np.zeros_like(gradient[0])
         by_state = (*gradient, by_load)
         for group, slopes in zip(self._groups, self._slopes, strict=True):

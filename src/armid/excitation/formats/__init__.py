@@ -16,4 +16,4 @@ FORMATS: dict[str, Format] = {
     "urscript": cast("Format", urscript),
     "mat": cast("Format", mat),
 }
-"""Formats by name."""
+"""Modules of the motion formats, by the name of the format."""

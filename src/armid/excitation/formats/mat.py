@@ -19,7 +19,7 @@ COEFFICIENTS = ("base_frequency", "a", "b", "offset")
 
 
 def problem(track: SampledMotion) -> str:
-    """Reason why a motion cannot be written in this format; always empty."""
+    """Reason why a motion cannot be written in this format; always empty, because any motion can be written."""
     del track
     return ""
 

@@ -22,7 +22,7 @@ POINT = re.compile(
 
 
 def problem(track: SampledMotion) -> str:
-    """Reason why a motion cannot be written in this format; always empty."""
+    """Reason why a motion cannot be written in this format; always empty, because any motion can be written."""
     del track
     return ""
 

@@ -54,7 +54,7 @@ class States:
 
     @cached_property
     def derivatives(self) -> tuple[Array, Array, Array, Array]:
-        """Position, velocity, acceleration and jerk, each (N, n)."""
+        """Positions, velocities, accelerations and jerks of the joints along the motion, each (N, n)."""
         q, dq, ddq = self.objective.states(self.x)
         jerk = self.objective.matrices[3] @ self.x.reshape(self.basis.n, -1).T
         return q, dq, ddq, jerk
@@ -66,7 +66,7 @@ class States:
 
     @cached_property
     def poses(self) -> tuple[Array, Array]:
-        """Rotations (N, n, 3, 3) and origins (N, n, 3) of the links."""
+        """Rotations (N, n, 3, 3) and origins (N, n, 3) of the links along the motion."""
         return forward_kinematics(self.robot, self.derivatives[0])
 
     @cached_property
@@ -96,7 +96,7 @@ class States:
         return columns
 
     def torque(self, values: Array) -> Array:
-        """Torque (N, n) for base parameters (b,) of the goal."""
+        """Torque (N, n) [N·m or N] along the motion, for base parameters (b,) of the goal."""
         return self.columns().torque(values)
 
 
@@ -110,12 +110,12 @@ class ConstraintChannel(Protocol):
 
     @property
     def name(self) -> str:
-        """Name of the quantity."""
+        """Name of the limited quantity, for instance `velocity`."""
         ...
 
     @property
     def labels(self) -> tuple[str, ...]:
-        """Joint, pair of bodies or plane of each value."""
+        """Name of the joint, pair of bodies or plane to which each of the m limits belongs."""
         ...
 
     def values(self, states: States) -> Array:
@@ -175,7 +175,7 @@ class RangeLimit:
         return gradient.reshape(len(self.joints), -1)
 
     def between(self, states: States, step: float) -> Array:
-        """Upper bound (m,) of the rise between grid points: step²/8 times a bound of the second derivative."""
+        """Upper bound (m,) of the rise of each utilisation between grid points, from its second derivative."""
         rise = step**2 / 8.0 * states.basis.peaks_between(states.x, self.order + 2)
         return rise[list(self.joints)] / self.half
 

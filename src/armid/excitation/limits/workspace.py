@@ -32,7 +32,7 @@ def _axes(tree: Tree, poses: tuple[Array, Array]) -> tuple[Array, Array]:
 
 
 def point_gradient(tree: Tree, poses: tuple[Array, Array], mask: Array, points: Array, forces: Array) -> Array:
-    """Gradient by q of the scalar product of forces and points; it is equal to the joint torque of the forces.
+    """Gradient by q of the scalar product of forces and points, which equals the joint torque of the forces.
 
     Args:
         tree: The arm's geometry.

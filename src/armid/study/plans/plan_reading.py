@@ -145,7 +145,7 @@ def limits_of_plan(name: str, robot: Robot) -> Limits | None:
 LIMITS_LEFT_OUT = {"lower": -np.inf, "upper": np.inf} | dict.fromkeys(
     ("velocity", "acceleration", "jerk", "effort"), np.inf
 )
-"""Values of the limits that are null in a `plan.json`."""
+"""Values that limits have if they are null in a `plan.json`, by kind."""
 
 
 def limits_record(limits: Limits) -> dict[str, Any]:

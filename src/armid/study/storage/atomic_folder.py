@@ -17,9 +17,9 @@ def whole_folder(folder: Path | str, marker: str, kind: str) -> Generator[Path]:
     """Context manager with a draft folder, which replaces the target folder if the block ends without an error.
 
     Args:
-        folder: Target folder. An existing folder of the same kind is replaced; any other folder is refused.
-        marker: File that identifies a folder of this kind.
-        kind: Word for this kind in messages.
+        folder: Target folder. An existing folder with the file `marker` is replaced; any other folder is refused.
+        marker: Name of a file that identifies a folder that may be replaced, for instance `plan.json`.
+        kind: Name of such folders in messages, for instance `plan`.
 
     Raises:
         OutputError: The folder cannot be written, or has other contents.
@@ -50,8 +50,8 @@ def refuse(folder: Path | str, marker: str, kind: str) -> None:
 
     Args:
         folder: The folder.
-        marker: File that identifies a folder of this kind.
-        kind: Word for this kind in messages.
+        marker: Name of a file that identifies a folder that may be replaced, for instance `plan.json`.
+        kind: Name of such folders in messages, for instance `plan`.
 
     Raises:
         OutputError: The folder has other contents, is the current working folder, or is not writable.

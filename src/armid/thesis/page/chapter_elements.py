@@ -27,7 +27,11 @@ class Text:
 
 @dataclass(frozen=True, slots=True)
 class List:
-    """Bulleted list in HTML. Attributes: items: The points."""
+    """Bulleted list in HTML.
+
+    Attributes:
+        items: Texts of the points of the list.
+    """
 
     items: Sequence[str]
     kind: ClassVar[str] = "list"

@@ -17,7 +17,7 @@ from armid.thesis.published import published
 from armid.thesis.reproduction import Thesis
 
 GROUPS = 3
-"""Number of groups of columns that are side by side in Table 4.1."""
+"""Number of groups of columns that are side by side in Table 4.1 of the thesis."""
 
 LARGEST = 9999.0
 """Relative standard deviation [%] above which only this bound is shown, because the parameter cannot be

@@ -14,7 +14,7 @@ from armid.thesis.reduction import Dependence, Grouping, Identity
 from armid.thesis.reproduction import Thesis
 
 FASTEST = 1.5
-"""Largest velocity on the abscissa of Figure 3.2 [rad/s]."""
+"""Largest velocity on the abscissa of Figure 3.2 of the thesis [rad/s]."""
 
 ROUNDING = 1e-12
 """Largest relative difference that counts as a rounding error."""

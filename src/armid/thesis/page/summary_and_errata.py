@@ -251,11 +251,11 @@ def show_provenance(thesis: Thesis) -> Section:
             "<code>armid thesis</code>: "
             f"{counted(extent.seeds, 'seed')}, {counted(extent.starts, 'start')} of Algorithm 2 with "
             f"{extent.stages} stages each, recordings at {extent.rate:g}&nbsp;Hz along the exact motion and at "
-            f"{extent.lab_rate:g}&nbsp;Hz in closed loop, {counted(extent.repetitions, 'repetition')} there, "
-            f"(3.52) from {counted(extent.searches, 'place')}, {extent.poses} random states. The bounds of (3.52b) "
-            "are not published; those here are 0.05 to 15&nbsp;kg, ± 0.5&nbsp;m, 10⁻⁴ to 2&nbsp;kg·m². "
-            "<code>thesis.json</code> beside this page has every number in full, <code>tables</code> every table as "
-            "CSV and LaTeX."
+            f"{extent.lab_rate:g}&nbsp;Hz in closed loop, with {counted(extent.repetitions, 'repetition')}, "
+            f"(3.52) solved from {counted(extent.searches, 'starting point')}, {extent.poses} random states. The "
+            "bounds of (3.52b) are not published; the bounds of this study are 0.05 to 15&nbsp;kg, ± 0.5&nbsp;m, "
+            "10⁻⁴ to 2&nbsp;kg·m². <code>thesis.json</code> beside this page has every number in full precision, "
+            "<code>tables</code> has every table as CSV and LaTeX."
         ),
         Text(
             "Open questions: the thesis's recordings are not published, so the statement on their sign of gravity "
