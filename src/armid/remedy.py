@@ -100,7 +100,7 @@ class Remedy(str, TextValue):
 
     @property
     def keys(self) -> dict[str, Any]:
-        """Keys of the study with their values; empty if the remedy is a sentence."""
+        """Keys of a study that the remedy sets, with their values; empty if the remedy contains sentences."""
         keys: dict[str, Any] = {}
         for part in self.parts:
             if not isinstance(part, Assignment):

@@ -166,7 +166,7 @@ def _collect(
 
 
 def _of_run(source: ColumnSource, run: ObservedRun, index: int, factors: list[Array], method: str) -> Information:
-    """Information of one run from the factors of its joints; the list `factors` is emptied."""
+    """Information of one run from the factors of its joints, which are removed from the list `factors`."""
     borders = _borders(run)
     names, which = np.unique(run.block[borders[:-1]], return_inverse=True)
     rows = np.zeros((len(names), source.tree.n), dtype=np.int64)
@@ -184,14 +184,14 @@ def _of_run(source: ColumnSource, run: ObservedRun, index: int, factors: list[Ar
 
 
 def _borders(run: ObservedRun) -> NDArray[np.intp]:
-    """First row of each series of rows in one block, and the number of rows of the run; shape (k + 1,)."""
+    """First row of each of the k series of rows with the same block, and the number of rows, shape (k + 1,)."""
     changes = np.flatnonzero(run.block[1:] != run.block[:-1]) + 1
     return np.concatenate([[0], changes, [len(run.block)]])
 
 
 @dataclass(frozen=True, slots=True)
 class _RowRange:
-    """Range of rows of the output grid, `begin` to `end - 1`, which belong to one block."""
+    """Rows `begin` to `end - 1` of the output grid, all of which belong to the block `block`."""
 
     begin: int
     end: int
@@ -222,7 +222,7 @@ def _batches(ranges: list[_RowRange]) -> Iterator[list[_RowRange]]:
 def _raw_blocks(
     source: ColumnSource, run: ObservedRun, band: Band, threads: int, *, by_gram: bool
 ) -> Iterator[tuple[Array, NDArray[np.int64], int]]:
-    """Yields factors of ranges of rows of an unfiltered run, their blocks, and the number of samples so far."""
+    """Yields factors of ranges of rows of an unfiltered run, their blocks, and the number of processed samples."""
     one_sided = run.consecutive and not band.is_open and not band.columns
     torque = filtered_torque(run, band) if one_sided else run.torque
     masked = not run.mask.all()
@@ -250,7 +250,7 @@ def _raw_blocks(
 def _filtered_blocks(
     source: ColumnSource, run: ObservedRun, band: Band
 ) -> Iterator[tuple[Array, NDArray[np.int64], int]]:
-    """Yields factors of ranges of rows of a filtered run, their blocks, and the number of samples so far."""
+    """Yields factors of ranges of rows of a filtered run, their blocks, and the number of processed samples."""
     widths = source.layout.widths.astype(np.int64)
     for begin, x in filtered_columns(source, run, band):
         mask, block = run.mask[begin : begin + x.shape[1]], run.block[begin : begin + x.shape[1]]

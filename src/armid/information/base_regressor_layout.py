@@ -31,7 +31,7 @@ class ColumnSource:
     names: tuple[ParameterName, ...]
 
     def term_rows(self, motion: Motion) -> Array:
-        """Columns of the torque terms that are kept, one in each row, shape (e, N)."""
+        """Regressor columns of torque terms that the layout contains, along a motion, as rows, shape (e, N)."""
         return self.model.term_columns(motion, self.layout.kept).values
 
 

@@ -40,7 +40,7 @@ class FactorOrigin(TextValue):
 
     @classmethod
     def read(cls, text: str) -> FactorOrigin:
-        """Reads kernel and method from a text."""
+        """Restores the origin of factors from its text, for instance `native qr`."""
         kernel, _, method = text.partition(" ")
         return cls(kernel, method)
 
@@ -165,7 +165,7 @@ def merge(parts: Sequence[Information]) -> Information:
 
 
 def select(information: Information, blocks: NDArray[np.integer] | NDArray[np.bool_]) -> Information:
-    """Information with selected blocks, by index or mask; an index may occur twice, as in a bootstrap."""
+    """Information of selected blocks, given by indices or a mask; an index may occur twice, as in a bootstrap."""
     joints = tuple(JointFactors(joint.parameters, joint.R[blocks]) for joint in information.joints)
     return replace(
         information,

@@ -58,7 +58,7 @@ def make_layout(
     term_joint: NDArray[np.integer],
     term_parameter: NDArray[np.integer],
 ) -> ColumnLayout:
-    """Layout of the columns of chosen parameters.
+    """Layout of the regressor columns of chosen parameters, for instance of the base parameters of a model.
 
     Args:
         tree: The arm.

@@ -168,7 +168,7 @@ def _momentum_cross(f: Array) -> Array:
 
 
 def _apply(A: Array, x: Array) -> Array:
-    """Product A_k x_k for each sample k."""
+    """Product of the matrix A_k and the vector x_k for each sample k."""
     return (A @ x[..., None])[..., 0]
 
 

@@ -93,7 +93,7 @@ def information(
     weights: Array,
     count: int,
 ) -> Array:
-    """Information matrix Σ_j weights_j X_jᵀ X_j of the columns X_j of each joint j, shape (count, count)."""
+    """Information matrix: sum of weights[j] · X_jᵀ X_j with the columns X_j of each joint j, shape (count, count)."""
     x = columns(tree, layout, q, dq, ddq, np.zeros_like(q), terms)
     G = np.zeros((count, count))
     for weight, parameters, start in zip(weights, layout.parameters, layout.offset[:-1], strict=True):

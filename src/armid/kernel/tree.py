@@ -56,7 +56,8 @@ class Tree:
         if any(not -1 <= p < i for i, p in enumerate(parent)):
             raise RobotError(f"Parents must come before their children; found parents {parent.tolist()}.")
         if np.abs(np.linalg.norm(axis, axis=1) - 1.0).max() > UNIT_TOLERANCE:
-            raise RobotError("Every joint axis must be a vector of unit length.")
+            lengths = np.linalg.norm(axis, axis=1).tolist()
+            raise RobotError(f"Every joint axis must be a vector of unit length; found the lengths {lengths}.")
 
     @property
     def n(self) -> int:

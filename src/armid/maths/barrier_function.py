@@ -107,7 +107,7 @@ class _Group:
         return cls(np.take_along_axis(flat, columns[:, None], 2), columns, offsets, weights, variables)
 
     def matrices(self, x: Array) -> Array:
-        """Symmetric matrices (g, m, m) at x."""
+        """Symmetric matrices of the group (g, m, m) for the variables x."""
         return self.along(self.flat, x).reshape(self.offsets.shape) + self.offsets
 
     def along(self, entries: Array, d: Array) -> Array:
@@ -133,7 +133,7 @@ class _Group:
 
     @staticmethod
     def _summed(places: NDArray[np.intp], parts: Array, size: int) -> Array:
-        """Sum of parts by index, shape (size,)."""
+        """Adds each of the numbers `parts` to the entry of the result that `places` gives, shape (size,)."""
         return np.bincount(places.ravel(), parts.ravel(), size).astype(np.float64)
 
     def root(self, white: Array, weights: Array) -> Array:

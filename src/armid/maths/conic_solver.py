@@ -95,7 +95,7 @@ class SparseColumns:
 
     @property
     def nnz(self) -> int:
-        """Number of entries."""
+        """Number of stored (nonzero) entries."""
         return len(self.data)
 
     @classmethod
@@ -132,7 +132,7 @@ class ConeSolution:
 
 @cache
 def upper_triangle(size: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Row and column indices of an upper triangle, column by column."""
+    """Row and column indices of the upper triangle of a matrix (size, size), column by column."""
     j, i = np.tril_indices(size)
     return i, j
 
@@ -218,5 +218,5 @@ def _scale(cone: Cone) -> Array:
 
 
 def _order(entries: int) -> int:
-    """Order of a symmetric matrix from the number of entries in its upper triangle."""
+    """Order m of a symmetric matrix (m, m) whose upper triangle has `entries` entries."""
     return round((math.sqrt(8 * entries + 1) - 1) / 2)

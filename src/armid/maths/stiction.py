@@ -60,7 +60,7 @@ def solve_stiction(mobility: Array, free: Array, lower: Array, upper: Array) -> 
 
 
 def _swept(mobility: Array, free: Array, f: Array, lower: Array, upper: Array) -> Array:
-    """Friction torque by Gauss-Seidel sweeps, which always converge."""
+    """Friction torque (W, n) by Gauss-Seidel sweeps from an initial value f (W, n); they always converge."""
     f = f.copy()
     for _ in range(SWEEPS):
         for j in range(f.shape[1]):

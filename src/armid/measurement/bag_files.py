@@ -28,7 +28,7 @@ OURS = {
     ),
     "estimate.json": "the folder is a run of armid identify, not a recording; give a recording.",
 }
-"""Remedies for folders that armid writes and that are no recordings, by the name of a file in the folder."""
+"""Remedies for a folder that armid has written and that is no recording, by the name of a file in this folder."""
 
 
 def is_packed(path: Path) -> bool:
@@ -60,7 +60,7 @@ def opened(path: Path) -> Generator[list[Path]]:
 
 
 def _zstd() -> Any:
-    """Module that unpacks zstd: Python's own, or the one that comes with rosbags."""
+    """Python module that unpacks zstd: that of the standard library, or the one that rosbags installs."""
     name = "compression.zstd" if sys.version_info >= (3, 14) else "backports.zstd"
     try:
         return importlib.import_module(name)
@@ -93,7 +93,7 @@ def bag_paths(path: Path) -> list[Path]:
 
 
 def data_files(folder: Path) -> list[Path]:
-    """Files with messages in a folder, also compressed ones, sorted by name."""
+    """Files with messages in a folder, sorted by name; compressed files are included."""
     return sorted(
         file
         for file in folder.iterdir()

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 class RecordingReader(Protocol):
-    """Interface of a reader module."""
+    """Interface of a module that reads one format of recordings."""
 
     @staticmethod
     def read(path: Path, log_format: LogFormat, robot: Robot | None = None) -> Recording:
@@ -82,10 +82,10 @@ READERS: Catalogue[RecordingFormat] = Catalogue(
 
 
 def recording_suffixes() -> tuple[str, ...]:
-    """Suffixes of all formats, without those of compressed files."""
+    """Suffixes of all formats of recordings, without those of compressed files."""
     return tuple(suffix for each in READERS.values() for suffix in each.suffixes)
 
 
 def recording_endings() -> tuple[str, ...]:
-    """Endings of all readable files; the folder of a ROS bag is readable, too."""
+    """Endings of the names of all files that can be read as recordings; the folder of a ROS bag can be read, too."""
     return tuple(ending for each in READERS.values() for ending in each.endings)

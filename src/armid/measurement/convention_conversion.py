@@ -176,7 +176,7 @@ def _check_gains(recording: Recording, log_format: LogFormat) -> None:
 def _on_joint_side(
     recording: Recording, log_format: LogFormat, robot: Robot
 ) -> tuple[Recording, tuple[Finding, ...]]:
-    """Converts degrees to radians, motor side to joint side, current to torque, and signs; unwraps angles."""
+    """Converts degrees, motor side, currents and signs to the robot's convention, and makes angles continuous."""
     turns = np.array([not joint.is_prismatic for joint in robot.joints])
     sign = np.asarray(log_format.position_sign)
     unit = sign * np.where(turns & log_format.degrees(robot.n), np.pi / 180, 1.0)
@@ -214,7 +214,7 @@ def _on_joint_side(
 
 
 def _unwrapped(q: Array, turns: NDArray[np.bool_], robot: Robot) -> tuple[Array, tuple[Finding, ...]]:
-    """Makes wrapped angles continuous; findings name the joints."""
+    """Makes angles continuous that jump by whole turns; findings name the joints of these angles."""
     findings: list[Finding] = []
     q = q.copy()
     for i in np.flatnonzero(turns):

@@ -79,7 +79,7 @@ def collect(
 
 
 def names_of(publishers: Iterable[Publisher]) -> tuple[str, ...]:
-    """Names of all joints, without duplicates."""
+    """Names of the joints of all given publishers, without duplicates."""
     return tuple(dict.fromkeys(name for each in publishers for name in each.names))
 
 
@@ -155,7 +155,7 @@ def _chosen(filled: Sequence[Publisher], wanted: Sequence[str], path: Path, topi
 
 
 def _states(publisher: Publisher, path: Path, *, clocked: bool) -> JointStates:
-    """Messages of one publisher as arrays."""
+    """Converts the messages of one publisher to arrays."""
     time = np.array(publisher.stamps if clocked else publisher.received, dtype=np.int64)
     stacked = {name: _stack(publisher.values[name], publisher.names, name, path) for name in FIELDS}
     return JointStates(publisher.names, time, {name: each for name, each in stacked.items() if each is not None})
@@ -198,7 +198,7 @@ def _received(states: Sequence[JointStates]) -> Finding:
 
 
 def _merged(first: JointStates, others: Sequence[JointStates], wanted: Sequence[str]) -> tuple[JointStates, Finding]:
-    """Wanted joints of several publishers, at the times of the first, while all of them publish."""
+    """Wanted joints of several publishers, at those times of the first publisher at which all of them publish."""
     begin = max(each.time[0] for each in (first, *others))
     end = min(each.time[-1] for each in (first, *others))
     inside = (first.time >= begin) & (first.time <= end)
@@ -223,7 +223,7 @@ def _merged(first: JointStates, others: Sequence[JointStates], wanted: Sequence[
     how = (
         "at the same times"
         if not farthest
-        else f"interpolated to the times of the first over at most {farthest:.3g} ms"
+        else f"interpolated at the times of the first publisher, over at most {farthest:.3g} ms"
     )
     finding = Finding(
         "joints-merged",
@@ -236,7 +236,7 @@ def _merged(first: JointStates, others: Sequence[JointStates], wanted: Sequence[
 
 
 def _with_spare(first: JointStates, rest: Sequence[JointStates], spare: Sequence[str]) -> JointStates:
-    """States, extended by the positions of further joints if other publishers have them."""
+    """Adds the positions of the joints `spare` to the states `first`, if other publishers have them."""
     names, values = list(first.names), dict(first.values)
     for other in rest:
         take = [k for k, name in enumerate(other.names) if name in spare and name not in names]

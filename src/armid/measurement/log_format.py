@@ -232,7 +232,7 @@ def _wrong(name: str, value: object, possible: str) -> RecordingError:
 
 
 def _numbers(value: object, shape: tuple[int | None, ...] | None, name: str) -> Array:
-    """Array of finite numbers, of a given shape if any."""
+    """Converts a value to an array of finite numbers, after a check of its shape if a shape is given."""
     try:
         plain = np.asarray(value, dtype=np.float64)
         return array(plain, plain.shape if shape is None else shape, name)
@@ -297,7 +297,7 @@ def _delays(value: object) -> Array:
 
 
 def _units(value: Any) -> str | tuple[str, ...] | None:
-    """Units of angles: one for all joints, one for each joint, or `None` for the unit in the file."""
+    """Checks the key `units`: one unit for all joints, one for each joint, or `None` for the unit in the file."""
     if value is None:
         return None
     listed = tuple(value) if isinstance(value, list | tuple) else (value,)
@@ -307,7 +307,7 @@ def _units(value: Any) -> str | tuple[str, ...] | None:
 
 
 def _columns(value: Any) -> dict[str, tuple[str, ...]]:
-    """Column names, or one pattern, for each quantity; an empty name leaves the quantity out."""
+    """Checks the key `columns`: names or one pattern for each quantity; an empty name leaves a quantity out."""
     if not isinstance(value, Mapping):
         raise _wrong("columns", value, f"a table with names for {', '.join(QUANTITIES)}")
     columns: dict[str, tuple[str, ...]] = {}
@@ -331,7 +331,7 @@ def _columns(value: Any) -> dict[str, tuple[str, ...]]:
 
 
 def _joints(value: Any) -> dict[str, str]:
-    """Robot joint of each channel; unnamed channels have their numbers as names."""
+    """Checks the key `joints`, and returns the robot joint of each channel; unnamed channels are called 1, 2, …."""
     listed = {str(i + 1): name for i, name in enumerate(value)} if isinstance(value, list | tuple) else value
     pairs: dict[Any, Any] = dict(listed) if isinstance(listed, Mapping) else {"": None}
     if not all(isinstance(name, str) for pair in pairs.items() for name in pair):

@@ -98,5 +98,5 @@ class Observations:
 
     @property
     def samples(self) -> int:
-        """Number of rows in use for at least one joint."""
+        """Number of rows of all runs that are used for at least one joint."""
         return sum(int(run.mask.any(axis=1).sum()) for run in self.runs)

@@ -15,7 +15,7 @@ from armid.notebook_display import Displayed, Summary, spans
 
 
 def _all_valid() -> NDArray[np.bool_]:
-    """Mask that is true for any number of samples and channels."""
+    """Default mask: a single true value, which is valid for any number of samples and channels."""
     return np.ones((), dtype=np.bool_)
 
 
@@ -93,7 +93,7 @@ class Recording(Displayed):
         object.__setattr__(self, "valid", valid)
 
     def _fitting(self, values: Array, shape: tuple[int, ...], name: str) -> Array:
-        """Array of values, checked to have the shape that q requires."""
+        """Converts values to an array, after a check that they have the shape that the positions q require."""
         found = np.shape(values)
         if found != shape:
             raise RecordingError(

@@ -49,7 +49,7 @@ class TextTable:
     findings: tuple[Finding, ...] = ()
 
     def fields(self, k: int) -> list[str]:
-        """Fields of a row."""
+        """Fields of row `k`."""
         return split(self.rows[k], self.delimiter)
 
 
@@ -170,7 +170,7 @@ def _moment(cell: str) -> tuple[float, float]:
 
 
 def split(line: str, delimiter: str) -> list[str]:
-    """Fields of one line; a delimiter may occur inside quotes."""
+    """Splits one line into its fields; a delimiter inside quotes does not split."""
     if '"' in line:
         return next(csv.reader([line], delimiter=delimiter, skipinitialspace=True))
     return line.split() if delimiter == " " else line.split(delimiter)
@@ -205,7 +205,7 @@ def _header_index(lines: Sequence[str], path: Path) -> int:
 
 
 def _after_notes(lines: Sequence[str], plain: Sequence[int]) -> int:
-    """Index of the header after lines of notes: the first line with as many fields as the rows."""
+    """Index of the header if lines of notes precede it: the first line with as many fields as the rows."""
     below = next((k for k, i in enumerate(plain) if k and _begins_with_number(lines[i])), 0)
     row = lines[plain[below]]
     for k in range(below):
@@ -222,7 +222,7 @@ def _begins_with_number(line: str) -> bool:
 
 
 def _units(fields: Sequence[str], count: int) -> list[str]:
-    """Units in the second line of the header, if values must be converted; empty if this line is a row."""
+    """Units in the second line of a header; empty if this line is a row, or if no value must be converted."""
     units = [field.strip().strip("[]()") for field in fields]
     if (
         len(units) != count
@@ -237,7 +237,7 @@ def _units(fields: Sequence[str], count: int) -> list[str]:
 
 
 def _without_ends(names: list[str], rows: list[str], delimiter: str) -> tuple[list[str], list[str]]:
-    """Names and rows after trailing delimiters are removed."""
+    """Removes trailing delimiters from the names of the columns and from the rows."""
     if delimiter == " ":
         return names, rows
     more = len(split(rows[0], delimiter)) - len(names)

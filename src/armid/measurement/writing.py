@@ -53,7 +53,7 @@ def save_recording(recording: Recording, path: Path | str) -> Path:
 
 
 def _columns(recording: Recording) -> dict[str, Array]:
-    """Columns of a table, one per channel."""
+    """Columns of a recording by name, one for each channel of each quantity."""
     columns = {} if recording.time is None else {"t": recording.time}
     for name, pattern in PATTERNS:
         values = getattr(recording, name)
@@ -63,7 +63,7 @@ def _columns(recording: Recording) -> dict[str, Array]:
 
 
 def _matrices(recording: Recording) -> dict[str, Array]:
-    """Matrices by the usual name of each quantity in MATLAB."""
+    """Matrices of a recording, by the usual names of the quantities in MATLAB."""
     names = {"t": recording.time, "q": recording.q, "dq": recording.dq, "ddq": recording.ddq, "tau": recording.effort}
     return {name: values for name, values in names.items() if values is not None}
 
@@ -129,7 +129,7 @@ def _bag(recording: Recording, suffix: str) -> bytes:
 
 
 def _joint_states(recording: Recording, types: Mapping[str, Any], first: bool) -> Iterator[tuple[int, Any]]:
-    """Time of reception [ns] and message of each row; headers of ROS 1 number the messages."""
+    """Yields time of reception [ns] and message of each row; only messages of ROS 1 are numbered in their headers."""
     state, header, stamp = (
         types[name] for name in (JOINT_STATE, "std_msgs/msg/Header", "builtin_interfaces/msg/Time")
     )
@@ -155,4 +155,4 @@ WRITERS: Mapping[str, Callable[[Recording], bytes]] = {
     ".db3": partial(_bag, suffix=".db3"),
     ".mcap": partial(_bag, suffix=".mcap"),
 }
-"""Formats that can be written, by suffix."""
+"""Functions that make the content of a file in each format that can be written, by the suffix of the file."""

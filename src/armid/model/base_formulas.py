@@ -62,7 +62,7 @@ def column_formulas(base: BaseParameters, style: Style = "text") -> tuple[str, .
 
 
 def column_names(base: BaseParameters, style: Style = "text") -> list[str]:
-    """Name in formulas of the column of each standard parameter, for instance `Y_{YY_2}`."""
+    """Name that the column of each standard parameter has in formulas, for instance `Y_{YY_2}`."""
     return [f"Y_{{{_WRITERS[style](name)}}}" for name in base.standard_names]
 
 

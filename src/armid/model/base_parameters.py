@@ -131,7 +131,7 @@ class BaseParameters(Displayed):
 
 
 _recent: deque[tuple[Robot, tuple[Term, ...], BaseParameters]] = deque(maxlen=8)
-"""Arm, terms and base parameters of the last models."""
+"""Cache: arm, terms and base parameters of the models whose base parameters were found last."""
 
 
 def find_base_parameters(model: DynamicsModel) -> BaseParameters:

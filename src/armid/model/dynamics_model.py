@@ -96,7 +96,9 @@ class DynamicsModel(Displayed):
             given = array(self.load_parameters, (self.n, 10), "load_parameters")
             object.__setattr__(self, "load_parameters", given)
         if not self.terms:
-            raise ModelError("A model needs at least one torque term.", remedy="add RigidBody().")
+            raise ModelError(
+                "A model needs at least one torque term.", remedy="give at least one term, for instance RigidBody()."
+            )
         names = [p.name for p in self.parameters]
         twice = sorted({name for name in names if names.count(name) > 1})
         if twice:
@@ -106,7 +108,7 @@ class DynamicsModel(Displayed):
             )
 
     def summary(self) -> Summary:
-        """Table of the torque terms with their number of parameters and their law."""
+        """Table of the torque terms with their numbers of parameters and their laws."""
         counts = Counter(parameter.kind for parameter in self.parameters)
         laws = {name: f"{law.symbol} · {text(law.expression)}" for name, law in reversed(self.laws)}
         rows = tuple((name, str(count), laws.get(name, "links as rigid bodies")) for name, count in counts.items())
@@ -241,7 +243,7 @@ class DynamicsModel(Displayed):
         return kernel.inverse_dynamics(self.tree, self.load_parameters, motion.q, motion.dq, motion.ddq)
 
     def _states(self, motion: Motion) -> Array:
-        """Hysteresis states (N, m) of a motion."""
+        """Hysteresis states (N, m) of a motion, after a check that they exist."""
         if motion.memory is None or motion.memory.shape[1] != len(self.nodes):
             found = "none" if motion.memory is None else f"{motion.memory.shape[1]}"
             raise ModelError(

@@ -50,7 +50,7 @@ def slipping(model: DynamicsModel) -> DynamicsModel:
 
 
 def _slipping(law: Law) -> Law:
-    """Law in which the state of the play operator follows the coordinate at the distance of its half-width."""
+    """Law in which the state of the play operator is always one half-width behind the coordinate."""
     if law.memory is None:
         return law
     trailing = symbol("q") - law.memory.width * sign(symbol("dq"))

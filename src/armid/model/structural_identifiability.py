@@ -2,11 +2,12 @@
 
 The torque is zero for all motions if and only if, for all q and q̇, the kinetic energy is zero and the potential
 energy is constant. Both energies are linear in the parameters. In the frame of link i they are linear functionals of
-its ten parameters [Wensing2024]: ½ vᵀ I v for a velocity v that the link can have, and g·h for a direction of gravity
-g that is possible in the frame. For joint i, let V_p be the span of the velocities that the parent link can have, and
-W_p the span of the functionals of the parent link. S is the axis of the joint. X(q) transforms velocities from the
-parent link to link i. K(q) transforms parameters from link i to the parent link (π_parent = K π). With v_i = X v_p +
-S q̇_i, the torque of joint i depends on the parameters of link i through
+its ten parameters [Wensing2024]: ½ vᵀ I v with the spatial inertia I and a spatial velocity v that the link can have,
+and g·h with the first moment h and a direction of gravity g that is possible in the frame. For joint i, let V_p be
+the span of the velocities that the parent link can have, and W_p the span of the functionals of the parent link. S is
+the axis of the joint. X(q) transforms velocities from the parent link to link i. K(q) transforms the ten parameters π
+from link i to the parent link (π_parent = K π). With v_i = X v_p + S q̇_i, the torque of joint i depends on the
+parameters of link i through
 
     SᵀI S,   SᵀI X(q) v  for v in V_p,   and the part of w K(q) that depends on q, for w in W_p.
 
@@ -130,7 +131,7 @@ def clean(matrix: Array, floor: float = COEFFICIENT_FLOOR) -> Array:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Joint:
-    """Transforms of a joint: coefficients of polynomials in cos q and sin q, or in q, the constant one first."""
+    """Transforms of a joint, as coefficients of polynomials in cos q and sin q, or in q; the constant comes first."""
 
     subspace: Array  # (6,)
     velocities: Array  # X, (h, 6, 6), parent to link
@@ -162,13 +163,13 @@ def _conditions(tree: Tree, joints: list[_Joint]) -> list[Array]:
 
 
 def _span(rows: Array) -> Array:
-    """Orthonormal rows with the same span."""
+    """Orthonormal rows that span the same space as the given rows."""
     _, sizes, directions = np.linalg.svd(rows, full_matrices=False)
     return directions[sizes > SPAN_TOLERANCE]
 
 
 def _joint(tree: Tree, i: int, length: float) -> _Joint:
-    """Transforms of joint i, with lengths in units of the arm size."""
+    """Transforms of joint i; lengths are divided by the arm size `length`."""
     R, p, a = tree.rotation[i], tree.translation[i] / length, tree.axis[i]
     placed = homogeneous(R, p)
     if tree.prismatic[i]:
@@ -202,7 +203,7 @@ def _products(powers: list[Array]) -> list[Array]:
 
 
 def _velocity_map(rotation: Array, shifted: Array) -> Array:
-    """Transform [[Rᵀ, 0], [-RᵀS(p), Rᵀ]] of spatial velocity to a frame at (R, p), from R and RᵀS(p)."""
+    """Transform [[Rᵀ, 0], [-RᵀS(p), Rᵀ]] of spatial velocity to a frame with rotation R and origin p."""
     return np.block([[rotation.T, np.zeros((3, 3))], [-shifted, rotation.T]])
 
 

@@ -68,32 +68,32 @@ def symbol(name: str) -> Expression:
 
 
 def sign(x: Expression) -> Expression:
-    """Sign function: -1 below zero, 0 at zero, 1 above."""
+    """Sign of an expression: -1 below zero, 0 at zero, 1 above zero."""
     return Expression("sign", (x,))
 
 
 def tanh(x: Expression) -> Expression:
-    """Hyperbolic tangent."""
+    """Hyperbolic tangent of an expression."""
     return Expression("tanh", (x,))
 
 
 def magnitude(x: Expression) -> Expression:
-    """Absolute value."""
+    """Absolute value of an expression."""
     return Expression("abs", (x,))
 
 
 def exponential(x: Expression) -> Expression:
-    """Exponential function."""
+    """Exponential function of an expression."""
     return Expression("exp", (x,))
 
 
 def sine(x: Expression) -> Expression:
-    """Sine of an angle [rad]."""
+    """Sine of an expression whose values are angles [rad]."""
     return Expression("sin", (x,))
 
 
 def cosine(x: Expression) -> Expression:
-    """Cosine of an angle [rad]."""
+    """Cosine of an expression whose values are angles [rad]."""
     return Expression("cos", (x,))
 
 
@@ -124,7 +124,7 @@ def _sum(a: Expression, b: Expression) -> Expression:
 
 
 def _product(a: Expression, b: Expression) -> Expression:
-    """Product, in which a numerical factor, if there is one, comes first."""
+    """Product of two expressions; a number comes before other factors."""
     x, y = _constant(a), _constant(b)
     if x is None and y is not None:
         return _product(b, a)
@@ -170,7 +170,7 @@ class Function:
 
 
 def _step(x: Expression) -> Expression:
-    """Step function: 0 below zero, ½ at zero, 1 above."""
+    """Step function of an expression: 0 below zero, ½ at zero, 1 above zero."""
     return 0.5 * (1.0 + sign(x))
 
 

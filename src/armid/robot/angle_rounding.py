@@ -83,8 +83,8 @@ def rounded(robot: Robot, locked: Collection[str] = ()) -> tuple[Robot, Finding 
         "description-rounded",
         "info",
         "",
-        f"Orientations or axes that differed from multiples of 15° by rounding only were set to these multiples: "
-        f"{len(seen)}; the largest change is {largest:.2g} rad, at {name}",
+        f"Number of orientations and axes that differed from multiples of 15° only by rounding and were set to "
+        f"these multiples: {len(seen)}; the largest change is {largest:.2g} rad, at {name}",
     )
     return replace(robot, findings=(*robot.findings, finding)), finding
 
@@ -141,7 +141,7 @@ def _deviations(robot: Robot, joints: Sequence[Joint], joint: Joint) -> tuple[fl
 
 
 def _carriers(robot: Robot, locked: Collection[str]) -> set[str]:
-    """Names of the joints that move, and of those that carry them."""
+    """Names of the joints that are not locked, and of the joints that carry them."""
     carriers: set[str] = set()
     for index in (k for k, name in enumerate(robot.joint_names) if name not in locked):
         while index >= 0:

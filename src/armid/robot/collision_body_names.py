@@ -17,13 +17,13 @@ class BodyName(str):
     number: int
 
     def __new__(cls, link: str, number: int = 1) -> BodyName:
-        """Makes the name from link and number."""
+        """Makes the name of a body from the name of its link and the number of the body."""
         name = super().__new__(cls, link if number == 1 else f"{link} shape {number}")
         name.link, name.number = link, number
         return name
 
     def __getnewargs__(self) -> tuple[str, int]:  # pyright: ignore[reportIncompatibleMethodOverride]
-        """Link and number, as arguments for a copy."""
+        """Link and number: arguments with which `copy` and `pickle` make an equal name."""
         return self.link, self.number
 
 
@@ -41,13 +41,13 @@ class BodyPair(str):
     second: str
 
     def __new__(cls, first: str, second: str) -> BodyPair:
-        """Makes the pair from two names."""
+        """Makes the pair from the names of its two bodies."""
         pair = super().__new__(cls, f"{first} - {second}")
         pair.first, pair.second = first, second
         return pair
 
     def __getnewargs__(self) -> tuple[str, str]:  # pyright: ignore[reportIncompatibleMethodOverride]
-        """The two names, as arguments for a copy."""
+        """The two names: arguments with which `copy` and `pickle` make an equal pair."""
         return self.first, self.second
 
     @property

@@ -190,7 +190,7 @@ def _fitting(outline: JointOutline, pattern: str, source: str, purpose: str) -> 
 
 
 def _followers(outline: JointOutline, at: Mapping[str, float]) -> tuple[dict[str, float], tuple[Finding, ...]]:
-    """Positions of the mimic joints, which are locked, and the findings about them."""
+    """Positions at which the mimic joints are locked, by name [rad or m], and findings about these joints."""
     by_name = {joint.name: joint for joint in outline.joints}
 
     def position(name: str, seen: tuple[str, ...] = ()) -> float:
@@ -226,8 +226,8 @@ def _followers(outline: JointOutline, at: Mapping[str, float]) -> tuple[dict[str
 
 
 MANY = 5
-"""Largest number of locked joints that a finding lists. Of more joints it lists those first that are not locked at
-zero."""
+"""Largest number of locked joints that a finding lists. If more joints are locked, it lists first the joints that are
+not locked at zero."""
 
 
 def _said(

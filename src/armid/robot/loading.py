@@ -104,7 +104,7 @@ def _names(given: str | Iterable[str]) -> tuple[str, ...]:
 
 
 def _expanded(description: str | Path) -> tuple[str, str, DescriptionReader]:
-    """Text, source and reader of a description; xacro is expanded to URDF."""
+    """Text, source (path or name of a built-in arm) and reader of a description; xacro is expanded to URDF."""
     text, source, form = _find(description)
     if form is READERS["xacro"]:
         from armid.robot.readers.xacro import expand
@@ -114,7 +114,7 @@ def _expanded(description: str | Path) -> tuple[str, str, DescriptionReader]:
 
 
 def _find(description: str | Path) -> tuple[str, str, DescriptionFormat]:
-    """Text, source and format of a description."""
+    """Text, source (path or name of a built-in arm) and format of a description."""
     if str(description) in builtin_arms():
         path, source = ARMS / f"{description}.toml", str(description)
     else:

@@ -55,5 +55,5 @@ def joints_with_unknown_load(robot: Robot) -> tuple[str, ...]:
 
 
 def inertial_key(robot: Robot) -> str:
-    """Key for the inertia of a link in the format of the description."""
+    """Name of the element or key with which the format of the description states the inertia of a link."""
     return "<inertial>" if robot.source.endswith(("xml", "urdf", "xacro", "mjcf")) else "[joint.inertial]"

@@ -51,7 +51,7 @@ def forget(token: Token[Mapping[str, str]]) -> None:
 
 
 def given_packages() -> Mapping[str, str]:
-    """Packages whose folders were registered."""
+    """Folders that `give_packages` registered, by the name of the package."""
     return _given.get()
 
 
@@ -121,12 +121,12 @@ def split_reference(reference: str) -> tuple[str, Path] | None:
 
 
 def _tails(inside: Path) -> list[Path]:
-    """Ends of a path, the longest first, without the path itself."""
+    """Ends of a path (the path without its first folders), the longest first."""
     return [Path(*inside.parts[k:]) for k in range(1, len(inside.parts))]
 
 
 def _folders_in(folder: Path) -> list[Path]:
-    """Folders in a folder; none if there are too many for a search, or if it cannot be read."""
+    """Subfolders of a folder; none if there are too many for a search, or if the folder cannot be read."""
     try:
         found = sorted(path for path in folder.iterdir() if path.is_dir())
     except OSError:

@@ -241,7 +241,7 @@ def _last_joint(model: Any, locked: Collection[str]) -> int:
 
 
 def _attached(model: Any, locked: Collection[str]) -> tuple[dict[int, list[int]], dict[int, list[int]]]:
-    """Bodies attached to each frame by a fixed joint, and bodies attached to it by a locked joint."""
+    """Indices of the bodies that are attached to each frame by a fixed joint, and by a locked joint."""
     frames = list(model.frames)
     fixed: dict[int, list[int]] = {k: [] for k in range(len(frames))}
     over_locked: dict[int, list[int]] = {k: [] for k in range(len(frames))}
@@ -269,7 +269,7 @@ def _named_frame(model: Any, name: str, source: str) -> Any:
 
 
 def _joint(model: Any, i: int, limits: Mapping[str, DescribedLimits], source: str) -> Joint:
-    """Joint i of a Pinocchio model."""
+    """Converts joint i of a Pinocchio model to a `Joint` with its limits."""
     joint, name = model.joints[i], model.names[i]
     kind = joint.shortname().removeprefix("JointModel")
     if kind not in Rotating + Sliding:
@@ -299,7 +299,7 @@ def _joint(model: Any, i: int, limits: Mapping[str, DescribedLimits], source: st
 
 
 def _link(model: Any, i: int) -> Link:
-    """Link i of a Pinocchio model: it has the name of the body on the joint; its inertia is `None` if it is zero."""
+    """Converts link i of a Pinocchio model to a `Link` with the name of its body; a zero inertia becomes `None`."""
     vector = np.asarray(model.inertias[i].toDynamicParameters())
     bodies = [
         f.name

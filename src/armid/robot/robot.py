@@ -55,7 +55,7 @@ class InertialParameters:
 
     @classmethod
     def from_com(cls, mass: float, com: ArrayLike, inertia_about_com: ArrayLike) -> InertialParameters:
-        """Inertial parameters from mass [kg], centre of mass (3,) [m] and inertia tensor about it (3, 3) [kg·m²]."""
+        """Inertial parameters from mass [kg], centre of mass (3,) [m] and inertia (3, 3) about it [kg·m²]."""
         tensor = array(inertia_about_com, (3, 3), "inertia_about_com")
         return cls.from_vector(inertia_maths.com_inertia_to_vector(mass, array(com, (3,), "com"), tensor))
 
@@ -66,12 +66,12 @@ class InertialParameters:
 
     @property
     def vector(self) -> Array:
-        """Vector of the ten parameters, shape (10,)."""
+        """Vector m, mx, my, mz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz, shape (10,)."""
         return np.concatenate([[self.mass], self.first_moment, self.inertia])
 
     @property
     def pseudo_inertia(self) -> Array:
-        """Pseudo-inertia, shape (4, 4)."""
+        """Pseudo-inertia of the body, shape (4, 4)."""
         return inertia_maths.pseudo_inertia(self.vector)
 
     @property
@@ -85,7 +85,7 @@ class InertialParameters:
         return bool(eigenvalues[0] >= -tolerance * max(abs(eigenvalues[-1]), np.finfo(float).tiny))
 
     def seen_from(self, rotation: Array, translation: Array) -> InertialParameters:
-        """Same body in a frame A; R_AB (3, 3) and p_AB (3,) [m] are rotation and origin of this frame B in A."""
+        """Inertial parameters in a frame A that has this frame at the given rotation (3, 3) and origin (3,) [m]."""
         return self.from_vector(inertia_maths.transform(self.vector, rotation, translation))
 
     def __add__(self, other: InertialParameters) -> InertialParameters:
@@ -156,7 +156,7 @@ class Joint:
         return "N" if self.is_prismatic else "N·m"
 
     def motion(self, q: ArrayLike) -> tuple[Array, Array]:
-        """Rotation (..., 3, 3) and translation (..., 3) [m] of the link in the parent link's frame, at q."""
+        """Rotation (..., 3, 3) and origin (..., 3) [m] of the link frame in the parent's frame, at position q."""
         R0, p0 = self.placement[:3, :3], self.placement[:3, 3]
         q = np.asarray(q, dtype=np.float64)
         if self.is_prismatic:

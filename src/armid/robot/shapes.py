@@ -66,7 +66,7 @@ class Shape:
             )
 
     def on(self, link: int, placement: Array) -> Shape:
-        """Same shape in the frame of `link`; `placement` (4, 4) is the pose of the present frame in that frame."""
+        """Same shape in the frame of `link`, in which its present frame has the pose `placement` (4, 4)."""
         return replace(self, link=link, placement=placement @ self.placement)
 
 
@@ -115,7 +115,7 @@ def _nearby(option: str) -> str:
 
 
 def _naming(option: str) -> str:
-    """Remedy for missing meshes."""
+    """Remedy for missing meshes, with the option that finds them, if known."""
     if option:
         return f"give {option}"
     return "name the folder of the package with --package NAME=DIR, or put the meshes beside the description"

@@ -122,7 +122,7 @@ def _geometry(shape: ET.Element, source: str, where: str) -> tuple[Kind, Array, 
 
 
 def _mesh_path(filename: str, source: str) -> str:
-    """Path of a mesh; empty if the file is not found."""
+    """Path of the file of a mesh that a URDF names; empty if the file is not found."""
     folder = Path(source).resolve().parent
     if (reference := split_reference(filename)) is not None:
         return file_of(*reference, source)

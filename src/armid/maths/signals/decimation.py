@@ -59,7 +59,7 @@ def decimation_step(rate: float, cutoff: float, step: int) -> int:
 
 
 def coarsest_step(rate: float, cutoff: float) -> int:
-    """Largest decimation step that keeps all frequencies of a signal that is filtered with `cutoff` [Hz]."""
+    """Largest decimation step that keeps all frequencies of a signal that is low-pass filtered at `cutoff` [Hz]."""
     return max(1, int(rate / (OVERSAMPLING * cutoff)))
 
 

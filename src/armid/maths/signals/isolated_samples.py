@@ -55,7 +55,10 @@ is 6."""
 
 
 def heights(x: Array, length: int, *, ends: bool = False) -> tuple[Array, Array]:
-    """Heights of all runs of a given length, and the difference between the medians on the two sides of each run.
+    """Heights of all runs of `length` successive samples, and the difference of the medians beside each run.
+
+    The height of a run is the distance of its samples from the interval between two medians: that of the three
+    samples before the run, and that of the three samples after it.
 
     Args:
         x: Samples, shape (N,).

@@ -275,7 +275,7 @@ def _grid_gain(filter: Array, length: int) -> Array:
 
 @lru_cache(maxsize=16)
 def _gain_of(content: bytes, shape: tuple[int, ...], length: int) -> Array:
-    """Gain, as of `_grid_gain`, of a filter that is given by its bytes and shape."""
+    """Gain as `_grid_gain` returns it, for a filter that is given by its bytes and its shape."""
     filter = np.frombuffer(content).reshape(shape)
     if filter.ndim == 2:
         return gain(filter, frequencies(length))

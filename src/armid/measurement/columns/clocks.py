@@ -36,7 +36,7 @@ IN_STEP = 1e-3
 
 @dataclass(frozen=True, slots=True)
 class ClockRequest:
-    """Ambiguous guess of columns: several sets of columns are equally good.
+    """Ambiguous guess of the columns of a quantity: several sets of columns are equally good.
 
     Attributes:
         quantity: Quantity that the columns may hold.
@@ -50,7 +50,7 @@ class ClockRequest:
 
 
 def clock_columns(names: Sequence[str], values: Values | None = None) -> tuple[str, ...] | ClockRequest:
-    """Chooses the time column closest to the instant of measurement, and its column of nanoseconds if there is one.
+    """Chooses the column whose time is closest to the instant of measurement, and its column of nanoseconds, if any.
 
     Args:
         names: All columns.
@@ -59,7 +59,7 @@ def clock_columns(names: Sequence[str], values: Values | None = None) -> tuple[s
 
     Returns:
         Names of one column, of two columns (seconds and nanoseconds), or of no column; if several choices are equally
-        good, an object that describes them.
+        good, a `ClockRequest` that contains them.
     """
     clocks = [clock for name in dict.fromkeys(names) if (clock := clock_of(name)) is not None]
     fine = {_stem(clock): clock for clock in clocks if clock.unit == 1e-9 and _counts_rest(clock)}
@@ -102,14 +102,14 @@ def evenly_growing(names: Sequence[str], used: Collection[str], values: Values) 
 
 
 def unit_of_step(step: float) -> tuple[float, str] | None:
-    """Name and length [s] of a clock's unit of time, from its median step; `None` if it may be the second."""
+    """Length [s] and name of the unit that a clock probably counts, from its median step; `None` for seconds."""
     if step < LONGEST_STEP:
         return None
     return next((length, name) for most, length, name in UNITS if step < most)
 
 
 def _by_unit(names: Sequence[str], values: Values) -> tuple[str, ...] | ClockRequest:
-    """Increasing column with a unit of time; the first one if several columns contain the same time."""
+    """Increasing column whose name has a unit of time; the first column if several contain the same time."""
     spans: dict[str, float] = {}
     for name in dict.fromkeys(names):
         unit = time_unit(name)
@@ -125,7 +125,7 @@ def _by_unit(names: Sequence[str], values: Values) -> tuple[str, ...] | ClockReq
 
 
 def _numbers(name: str, values: Values) -> Array | None:
-    """Numbers of one column; `None` if it is not numeric or has several values per row."""
+    """Numbers of one column; `None` if the column is not numeric or has several values in each row."""
     try:
         found = values(name)
     except RecordingError:

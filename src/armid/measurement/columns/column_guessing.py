@@ -92,7 +92,8 @@ def guess_columns(
             is a clock.
 
     Returns:
-        Guess of as many quantities as possible; if several choices are equally good, an object that describes them.
+        Guess of as many quantities as possible; if several choices are equally good, a `ClockRequest` that contains
+        them.
     """
     labels = tuple(labels) or tuple(wanted)
     groups = _groups(names, sorted(labels, key=lambda label: -len(words(label))), matrices=matrices)
@@ -141,7 +142,7 @@ def _chosen(
 
 
 def _groups(names: Sequence[str], labels: Sequence[str], *, matrices: bool) -> list[_Group]:
-    """Columns grouped by quantity and form of the name; a second column of the same channel starts another group."""
+    """Groups of columns with the same quantity and form of the name, each with one column for each channel."""
     found: dict[_Form, dict[Channel, ColumnName]] = {}
     for column in dict.fromkeys(names):
         for each in named(column, labels):
@@ -208,7 +209,7 @@ def _goes_with(group: _Group, positions: _Group | None, channels: int) -> bool:
 
 
 def _best(groups: Sequence[_Group], joints: int, described: int) -> list[_Group]:
-    """Best group of columns, together with all groups that are equally good."""
+    """Group of columns that fits the joints of the arm best, and all groups that fit equally well."""
 
     def key(group: _Group) -> tuple[bool, bool, int, bool, int]:
         role, motor = group.first.rank
@@ -234,7 +235,7 @@ def _order(chosen: Mapping[str, _Group], labels: Sequence[str]) -> list[Channel]
 
 
 def _reason(quantity: str, group: _Group, columns: tuple[str, ...], usable: Sequence[_Group]) -> str:
-    """Sentence that names the chosen columns, the reason, and the columns that could have been chosen instead."""
+    """Sentence that names the chosen columns of a quantity, the reason, and other possible columns."""
     what = f"{quantity} is {shortened(columns)}"
     what += ", from the names of the joints" if group.by_name else ""
     what += ", commanded and not measured" if group.first.commanded else ""
@@ -244,5 +245,5 @@ def _reason(quantity: str, group: _Group, columns: tuple[str, ...], usable: Sequ
 
 
 def shortened(columns: Sequence[str]) -> str:
-    """First and last of several column names, as text."""
+    """Text with the first and the last of several column names."""
     return ", ".join(columns) if len(columns) < 4 else f"{columns[0]} … {columns[-1]}"

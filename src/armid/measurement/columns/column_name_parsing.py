@@ -103,13 +103,14 @@ OTHER = frozenset(
     "ff feedforward tcp ee tool cart cartesian pose wrench force std var cov voltage power brake mode status contact "
     "collision hat window dot nominal x y z roll pitch yaw".split()
 )
-"""Words that indicate another quantity or a derived quantity."""
+"""Words in a column's name that indicate a quantity that armid does not use, or a derived quantity."""
 
 MOTOR = frozenset("motor mot theta phi".split())
 """Words that may indicate the motor side of a gear; in libfranka theta is the motor angle and q the joint angle."""
 
 BESIDE_JOINT = frozenset({"*", "joint"}) | MEASURED | COMMANDED | MOTOR
-"""Words of a name whose unit shows the quantity: `turn_meas_rad` is a position."""
+"""Words that may stand beside the name of the joint if only the unit shows the quantity of a column: `turn_meas_rad`
+is a position."""
 
 CLOCKS: Mapping[str, int] = {
     **dict.fromkeys(("t", "time", "timestamp", "elapsed", "clock", "zeit", "zeitstempel", "tiempo", "tempo"), 1),
@@ -193,7 +194,7 @@ class Clock:
 
 
 def words(text: str) -> list[str]:
-    """Words and numbers of a name in lower case."""
+    """Splits a name into its words and numbers, in lower case."""
     for sign, word in GREEK.items():
         text = text.replace(sign, f" {word} ")
     found = [word.lower() for word in WORDS.findall(text)]
@@ -205,7 +206,7 @@ def words(text: str) -> list[str]:
 
 
 def split_unit(column: str) -> tuple[str, str]:
-    """Name of a column without its unit, and the unit in brackets or after the last separator."""
+    """Splits a column's name into the name without unit, and the unit in brackets or after the last separator."""
     text = INDEX.sub(r"_\1", column.strip())
     hit = BRACKET.fullmatch(text) or TAIL.fullmatch(text) or QUOTIENT.fullmatch(text)
     return (hit[1], hit[2]) if hit else (text, "")
@@ -261,7 +262,7 @@ def time_unit(column: str) -> float | None:
 
 
 def split_time(column: str) -> tuple[str, str]:
-    """Name without its unit of time, and the unit, which may be one letter after a separator."""
+    """Splits a column's name into the name without unit, and its unit of time, which may be one letter."""
     text, unit = split_unit(column)
     hit = None if unit else TIME_TAIL.fullmatch(text)
     return (hit[1], hit[2]) if hit else (text, unit)

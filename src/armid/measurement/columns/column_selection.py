@@ -112,7 +112,7 @@ def select(
     doubt = "" if robot is None or guess.joints else other_arm(guess.columns.get("q", ()), labels, robot.name)
     findings = _findings(guess, guessed, chosen, contradicted, doubt)
     if contradicted:
-        remedy = "correct the names of the columns, or remove the keys"
+        remedy = "correct the names of the columns, or remove these keys from the study"
         findings += (Finding("units-of-header", "warning", "", " ".join(contradicted.values()), remedy),)
     if values is not None and _lacks_clock(chosen, log_format):
         findings += _possible_clocks(present, chosen, values, log_format)
@@ -225,7 +225,7 @@ def _guess(
 
 
 def _labels(log_format: LogFormat, robot: Robot | None) -> tuple[list[str], list[str]]:
-    """Names in the file of the arm's joints, and of all joints of its description."""
+    """Names that the joints of the arm, and all joints of its description, have in the file."""
     named = {} if log_format.joints_numbered else log_format.joint_map
     in_file = {joint: name for name, joint in named.items() if joint}
     wanted, labels = ([], []) if robot is None else (robot.joint_names, robot.described_joints)
@@ -233,7 +233,7 @@ def _labels(log_format: LogFormat, robot: Robot | None) -> tuple[list[str], list
 
 
 def _as_fields(guess: Guess, log_format: LogFormat, robot: Robot | None) -> dict[str, Any]:
-    """Guessed columns in the form of fields of a log format."""
+    """Fields of a log format that state the guessed columns."""
     if not guess.columns:
         return {}
     fields: dict[str, Any] = {"columns": {**log_format.columns, **guess.columns}}
@@ -318,7 +318,7 @@ def numeric(values: NDArray[Any], name: str, path: Path) -> Array:
 
 
 def _named(patterns: tuple[str, ...], present: Mapping[str, Any], quantity: str, path: Path) -> tuple[str, ...]:
-    """Columns that a pattern or a list of names selects; all selected columns must exist."""
+    """Names of the columns that a pattern or a list of names selects; all of them must exist in the file."""
     if len(patterns) == 1:
         found = _expand(patterns[0], present, path)
         if not found:
@@ -333,7 +333,10 @@ def _named(patterns: tuple[str, ...], present: Mapping[str, Any], quantity: str,
 def _expand(
     pattern: str, present: Mapping[str, Any], path: Path, joints: Sequence[str] = (), *, usual: bool = False
 ) -> tuple[str, ...]:
-    """Columns that match a pattern, in the order of their numbers; the numbers of usual names may also start at 0."""
+    """Columns that match a pattern, in the order of their numbers.
+
+    The numbers must start at 1 for `{}` and at 0 for `{0}`; for the usual names that armid tries, both are possible.
+    """
     for braces, first in (("{}", 1), ("{0}", 0)):
         if braces not in pattern:
             continue
@@ -372,7 +375,7 @@ def _refuse_two_efforts(effort: tuple[str, ...], present: Mapping[str, Any], pat
 
 
 def _matrix(names: tuple[str, ...], column: Callable[[str], NDArray[Any]], path: Path) -> NDArray[Any]:
-    """Columns as one matrix, shape (N, n)."""
+    """Reads columns, or one matrix, as one matrix of shape (N, n)."""
     values = [column(name) for name in names]
     if len(values) == 1:
         return values[0] if values[0].ndim == 2 else values[0][:, None]
@@ -383,7 +386,7 @@ def _matrix(names: tuple[str, ...], column: Callable[[str], NDArray[Any]], path:
 
 
 def _time(names: tuple[str, ...], column: Callable[[str], NDArray[Any]], unit: float) -> NDArray[Any] | None:
-    """Times [s]; the second column, if any, counts nanoseconds."""
+    """Times [s] from one column, or from a column of seconds and a column of nanoseconds; `None` without columns."""
     if not names:
         return None
     first = column(names[0]).reshape(-1)

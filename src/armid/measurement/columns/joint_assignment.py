@@ -60,7 +60,7 @@ def _reordered(columns: tuple[str, ...], order: list[int], channels: int, quanti
 
 
 def _targets(recording: Recording, log_format: LogFormat, robot: Robot) -> list[str]:
-    """Joint of each channel: a joint of the robot, a locked joint or one of another arm; empty if there is none."""
+    """Joint of each channel: a joint of the robot, a locked joint or a joint of another arm; empty for no joint."""
     given = log_format.joint_map
     channels = recording.channels
     unknown = [name for name in given if name not in channels]
@@ -137,7 +137,7 @@ def _others(recording: Recording, log_format: LogFormat, robot: Robot, targets: 
 
 
 def _of_held(q: Array, held: Held, log_format: LogFormat) -> Finding | None:
-    """Finding about a locked joint that moves in the recording, or that is not at the stated position."""
+    """Finding about a locked joint that moves in the recording, or is elsewhere than stated; `None` otherwise."""
     q = q[np.isfinite(q)]
     if not q.size or log_format.transmission is not None:
         return None

@@ -153,7 +153,7 @@ def columns_of_joints(names: Sequence[str], labels: Sequence[str], quantities: C
 
 
 def _selection(joints: Sequence[str], robot: Robot) -> str:
-    """Names of joints for an option; a pattern, if a pattern selects exactly these joints of the description."""
+    """Value of an option such as `--only` that selects given joints: their names, or a pattern."""
     same = takewhile(lambda letters: len(set(letters)) == 1, zip(*joints, strict=False))
     pattern = "".join(letters[0] for letters in same) + "*"
     selected = [name for name in robot.described_joints if fnmatchcase(name, pattern)]
@@ -167,7 +167,7 @@ def comparison(in_log: Sequence[str], labels: Sequence[str], robot: str, *, what
         in_log: Names of the joints in the log.
         labels: Names of the description's joints in the log.
         robot: Name of the arm.
-        what: `joints` or `columns`: kind of the names in the log.
+        what: Verb and object of the sentence about the log: `names joints` or `has positions`.
     """
     matching = sum(any(same_joint(label, name) for name in in_log) for label in labels)
     count = f"{matching} of {len(labels)} match" if matching else "none match"
@@ -175,7 +175,7 @@ def comparison(in_log: Sequence[str], labels: Sequence[str], robot: str, *, what
 
 
 def same_joint(label: str, name: str) -> bool:
-    """Tests whether a name in a log belongs to a joint; additional words, such as a prefix, are ignored."""
+    """Tests whether a name in a log is that of a joint; additional words, such as a prefix, are ignored."""
     parts, form = words(name), words(label)
     return any(parts[k : k + len(form)] == form for k in range(len(parts) - len(form) + 1))
 
@@ -209,7 +209,7 @@ def _stem(name: str) -> str:
 def _remedy(
     columns: Mapping[str, Mapping[str, str]], log_format: LogFormat, robot: Robot, labels: Sequence[str]
 ) -> Remedy:
-    """Remedy: another description, locked joints if they were not recorded, or column names in joint order."""
+    """Remedy: to give another description, to lock joints that were not recorded, or to name the columns by joint."""
     stated = columns["q"]
     missing = [label for label in labels if not any(same_joint(label, name) for name in stated)]
     locked = (
@@ -231,7 +231,7 @@ def _remedy(
 
 
 def _in_order(found: Mapping[str, str], joints: Collection[str]) -> list[str]:
-    """Columns of a quantity in the order of the joints; empty if one is missing."""
+    """Columns of a quantity in the order of the joints; empty if the column of a joint is missing."""
     return [found[joint] for joint in joints] if all(joint in found for joint in joints) else []
 
 

@@ -36,8 +36,8 @@ def absent_columns(columns: Sequence[str], positions: Sequence[str]) -> dict[int
 
     Returns:
         Names of the missing columns. The result is empty if the columns are not numbered like the positions, or if
-            their numbering is not clear: if positions are numbered from 0 and no column has the number 0, the columns
-            may be numbered from 1.
+        their numbering is not clear: if positions are numbered from 0 and no column has the number 0, the columns may
+        be numbered from 1.
     """
     own, every = _numbers(columns), _numbers(positions)
     if own is None or every is None or not set(own[2]) < set(every[2]) or _may_start_at_1(own[2], every[2]):

@@ -45,7 +45,7 @@ def hold_current(effort: Sequence[str], q: Sequence[str] = ()) -> bool:
 
 
 def _is_current(column: str) -> bool:
-    """Tests whether the unit of a column is that of a current, or a word of its name means current."""
+    """Tests whether the unit or a word in the name of a column shows that it contains motor currents."""
     unit = column_unit(column)
     if unit is not None:
         return unit[0] == "current"
@@ -69,7 +69,7 @@ def unit_fields(chosen: Mapping[str, Sequence[str]], log_format: LogFormat) -> d
 
 
 def overruled(chosen: Mapping[str, Sequence[str]], log_format: LogFormat) -> dict[str, str]:
-    """Fields of the log format that contradict the names of the chosen columns, with a sentence for each."""
+    """Fields of the log format that contradict the names of the chosen columns, with a sentence about each field."""
     found: dict[str, str] = {}
     units = log_format.units
     given = repeat(units) if units is None or isinstance(units, str) else units
@@ -132,7 +132,7 @@ def stated_units(chosen: Mapping[str, Sequence[str]], without: Collection[str] =
 
 
 def _stated_unit(quantity: str, column: str) -> str:
-    """Unit as it is written in a column's name; a unit that is not at the end can only be a unit of angle."""
+    """Unit as it is written in a column's name: at the end of the name or, for a unit of angle, anywhere in it."""
     return split_time(column)[1] if quantity == "time" else split_unit(column)[1] or "deg"
 
 

@@ -128,7 +128,7 @@ def positions_missing(
 
 
 def _missing(chosen: Mapping[str, Sequence[str]], log_format: LogFormat) -> dict[str, str]:
-    """Quantities that an identification needs and that are not in the file: name in a sentence, by key."""
+    """Names of the quantities that an identification needs and that are not in the file, by their keys."""
     names = {"q": "positions", "effort": "effort (torque or current)", "time": "time"}
     left_out = {name for name, columns in log_format.columns.items() if not columns}
     if log_format.rate is not None or log_format.consecutive is False:
@@ -137,7 +137,7 @@ def _missing(chosen: Mapping[str, Sequence[str]], log_format: LogFormat) -> dict
 
 
 def _listing(names: Sequence[str], word: str) -> str:
-    """Names in a sentence: `a, b and c`."""
+    """Text that lists names: `a, b and c`, with the given word before the last name."""
     return f" {word} ".join(part for part in (", ".join(names[:-1]), *names[-1:]) if part)
 
 
@@ -175,7 +175,7 @@ def no_such_column(problem: str, present: Iterable[str], quantity: str, path: Pa
 
 
 def _listed(present: Iterable[str]) -> str:
-    """Names of the columns as text; if there are too many, the first of them."""
+    """Text that lists the names of columns; if there are too many, only the first names."""
     names = list(present)
     more = f" and {len(names) - LISTED} more" if len(names) > LISTED else ""
     return (", ".join(names[:LISTED]) or "the file has no columns") + more

@@ -16,7 +16,7 @@ from armid.model.motion import Motion
 
 
 def motion_filter(processing: ProcessingOptions, rate: float) -> Array | None:
-    """Filter of the positions at a rate [Hz]; `None` for the family `none`."""
+    """Low-pass filter of the positions for a sample rate [Hz]; `None` for the family `none`."""
     cutoff = processing.motion_cutoff or float(processing.cutoff)
     return low_pass(processing.family, processing.order, cutoff, rate)
 

@@ -24,10 +24,10 @@ class ProcessingOptions:
         family: `butterworth`, `fir`, or `none`: nothing is filtered.
         columns: True if the columns of the model are filtered in the same way as the torque. `False` biases the
             estimate; it exists only to reproduce published results.
-        decimate: Rate of the rows after the filter [Hz]. With 0, or with the family `none`, every sample is kept.
-        derivatives: `given` uses recorded velocities and accelerations as they stand, with positions unfiltered;
-            `velocity` filters recorded positions and velocities and differentiates the latter once; the other values
-            filter the positions and differentiate them twice: `central` by three-point differences, `periodic` in the
+        decimate: Rate of the rows after the filter [Hz]. With 0, or with the family `none`, every sample is a row.
+        derivatives: `given` uses the recorded positions, velocities and accelerations without a filter; `velocity`
+            filters recorded positions and velocities, and differentiates the velocities once; the other values filter
+            the positions and differentiate them twice: `central` by three-point differences, `periodic` in the
             frequency domain (with periodic edges), `filter` by the filter itself (its frequency response times jω).
             If it is not given, all recorded quantities are used, which means `given`, `velocity` or `central`.
         edges: `drop` leaves out the rows at each end that depend on values beyond the end; `pad` keeps these rows;
@@ -41,9 +41,10 @@ class ProcessingOptions:
         saturation: Share of the effort limit of a joint; rows near samples whose effort reaches this share are not
             used for this joint. Rows near a plateau (many samples with the same extreme effort) are not used either.
             With `keep`, all rows are used.
-        standstill: `drop` leaves out, for each joint, the rows that are affected by its standstill between motions,
-            because static friction can have any value up to its bound there. `moving` also leaves out longer rests
-            before, between and after motions, even if few rows remain. `keep` keeps all rows.
+        standstill: `drop` leaves out, for each joint, the rows that are affected by its standstill while other joints
+            move, or between two motions, because static friction can have any value up to its bound there. `moving`
+            also leaves out longer rests before, between and after motions, even if few rows remain. `keep` keeps all
+            rows.
     """
 
     cutoff: float | Literal["auto"] = 5.0

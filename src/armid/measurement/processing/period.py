@@ -156,7 +156,7 @@ def find_period(
     remedy = Remedy(
         f"{use} If the motion does not repeat, give ",
         setting("period", "none"),
-        "; if this period is wrong, give the right one in s.",
+        "; if this period is wrong, give the right period in s with the same key.",
     )
     findings.append(Finding("period-found", "info", source, evidence, remedy))
     return found.period, found.start
@@ -233,7 +233,7 @@ def repetition(time: Array, q: Array, rate: float) -> Repetition | None:
 
 @dataclass(frozen=True, slots=True)
 class _Agreed:
-    """Lag [samples], first sample and end of the segment that repeats after one lag, and the remaining difference."""
+    """Lag of a repeated motion [samples], first sample and end of the repeated segment, and its RMS difference."""
 
     lag: float
     first: int

@@ -204,7 +204,7 @@ def _moving(
     recording: Recording,
     findings: list[Finding],
 ) -> tuple[ObservedRun, ...]:
-    """Masks rows at standstill in the runs, if the options ask for it."""
+    """Masks rows at standstill in the runs, unless the option `standstill` is `keep`; findings are added."""
     if processing.standstill == "keep":
         return tuple(runs)
     kept, share = moving(runs, [sticks | rests for sticks, rests in still], processing)
@@ -323,7 +323,7 @@ def _circles(
         if len(segments) > 1:
             raise RecordingError(
                 f'{name}: edges = "periodic" needs one run without gaps or a given period, but a gap splits the run.',
-                remedy=Remedy("give the period of the motion, or use ", setting("edges", "drop"), "."),
+                remedy=Remedy("give the period of the motion (key `period`), or use ", setting("edges", "drop"), "."),
             )
         check_closed(segments[0], source)
         if processing.average:

@@ -65,7 +65,7 @@ def average(found: Sequence[tuple[Segment, int]], period: float, source: str) ->
     domain.
 
     Args:
-        found: Segment and first sample of each repetition.
+        found: For each repetition, the segment in which it lies, and the index of its first sample in this segment.
         period: Period of the motion [s].
         source: Path of the recording, for the findings.
     """
@@ -92,7 +92,7 @@ def average(found: Sequence[tuple[Segment, int]], period: float, source: str) ->
 
 
 def _aligned(reference: Array, segment: Segment, begin: int) -> tuple[int, float]:
-    """First sample of the window that is aligned with the reference, and the remaining delay in samples."""
+    """First sample of the repetition when it is aligned with the reference, and the remaining delay in samples."""
     room = segment.samples - len(reference)
     first, rest = begin, 0.0
     for _ in range(PASSES):
@@ -109,7 +109,7 @@ def _signals(segment: Segment) -> list[Array]:
 
 
 def _delay_findings(delays: Array, samples: int, rate: float, source: str) -> list[Finding]:
-    """Findings about the period from the delays of the repetitions, in samples."""
+    """Findings about a wrong or inaccurate period, from the delays of the repetitions in samples."""
     worst = int(np.argmax(np.abs(delays)))
     late = float(delays[worst])
     if abs(late) < 0.5:
@@ -140,8 +140,8 @@ def check_closed(segment: Segment, source: str) -> None:
     joint = int(np.argmax(jump - JUMP * largest))
     if jump[joint] > JUMP * largest[joint]:
         raise RecordingError(
-            f'{source or "The recording"}: edges = "periodic", but joint {joint + 1} ends {jump[joint]:.3g} from '
-            f"where it began, {jump[joint] / max(largest[joint], 1e-300):.3g} times its largest step.",
+            f'{source or "The recording"}: edges = "periodic", but joint {joint + 1} ends {jump[joint]:.3g} rad or m '
+            f"from where it began, {jump[joint] / max(largest[joint], 1e-300):.3g} times its largest step.",
             possible="a run that is a whole number of periods, or its period and start given with the recording",
             remedy=Remedy(
                 "give the keys `period` and `start` of the recording, or use ", setting("edges", "drop"), "."

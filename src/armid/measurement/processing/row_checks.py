@@ -109,7 +109,7 @@ def _check_exclude(recording: Recording, log_format: LogFormat) -> None:
 
 
 def _without_excluded_nan(recording: Recording, log_format: LogFormat) -> Recording:
-    """Drops excluded rows with NaN if the recording has a clock; the clock then shows the gap."""
+    """Drops excluded rows with NaN if the recording has a clock, in which the dropped rows are then a gap."""
     _check_exclude(recording, log_format)
     broken = ~np.isfinite(_everything(recording)).all(axis=1)
     if recording.time is None or not log_format.exclude or not broken.any():
@@ -155,11 +155,12 @@ def _refuse_nan(recording: Recording, log_format: LogFormat) -> None:
                 "move, lock it: lock in [robot], or --lock.",
             )
         channel = "time" if values.ndim == 1 else f"{name} of {recording.channels[int(bad[0, 1])]}"
+        rows = np.unique(bad[:, 0])
         raise recording_error(
             "value-missing",
             recording,
-            f"{channel} is {values[tuple(bad[0])]} in row {row + 1} (and in {len(np.unique(bad[:, 0])) - 1} more).",
-            _without(name, np.unique(bad[:, 0]), recording, log_format),
+            f"{channel} is {values[tuple(bad[0])]} in row {row + 1} (number of such rows: {len(rows)}).",
+            _without(name, rows, recording, log_format),
         )
 
 
@@ -317,7 +318,7 @@ def _clockless(recording: Recording, implied: float) -> RecordingError:
 
 
 def _both(clock: Remedy, effort: Remedy) -> Remedy:
-    """Remedy that gives a clock and names the columns of effort, if these are known."""
+    """Joins the remedies for a missing clock and for missing effort; returns the first if one has no settings."""
     if not clock.keys or not effort.keys:
         return clock
     keys = dict(clock.keys)

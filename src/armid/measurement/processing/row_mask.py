@@ -166,7 +166,7 @@ def _long(flags: Flags, length: int) -> Flags:
 
 
 def _filters(processing: ProcessingOptions, rate: float) -> list[Array]:
-    """Filters of torque and positions."""
+    """Filters of torque and positions for a sample rate; empty for the family `none`."""
     if processing.family == "none":
         return []
     torque = low_pass(processing.family, processing.order, float(processing.cutoff), rate)
@@ -204,7 +204,7 @@ def _parts(time: Array, repetition: Rows, repeats: tuple[float, float]) -> Rows:
 
 
 def _blocks(rows: Rows, rate: float, samples: int) -> Rows:
-    """Block of each row; the blocks have equal lengths of about one second."""
+    """Block to which each row belongs; all blocks have the same length of about one second."""
     count = max(1, round(samples / (rate * BLOCK_SECONDS)))
     return _gapless(rows * count // samples)
 

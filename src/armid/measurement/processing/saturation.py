@@ -144,8 +144,8 @@ def _below_limits(
                 "warning",
                 recording.channels[joint],
                 f"{recording.source}: The effort reaches {share:g} times the limit {bounds[joint]:g} in "
-                f"{int(over[:, joint].sum())} of {recording.samples} samples.",
-                NOT_USED,
+                f"{int(over[:, joint].sum())} of {recording.samples} samples. {NOT_USED}",
+                "record a motion that needs less torque, or give a larger share with the key `saturation`.",
             )
         )
     return replace(recording, valid=recording.valid & ~over)

@@ -290,13 +290,13 @@ def _finding(
     times = ", ".join(f"{t:.3f}" for t in time[rows[:LISTED]]) + " s"
     more = f" and {len(rows) - LISTED} more" if len(rows) > LISTED else ""
     evidence = (
-        f"In {len(rows)} of {recording.samples} rows the {NAMES[quantity]} jumps out and back, at t = {times}{more}. "
-        f"{_largest(recording, quantity, flags, time, channels)}"
+        f"In {len(rows)} of {recording.samples} rows the {NAMES[quantity]} jumps away and back, "
+        f"at t = {times}{more}. {_largest(recording, quantity, flags, time, channels)}"
     ).rstrip()
     names = ", ".join(recording.channels[j] for j in np.flatnonzero(flags.any(axis=0)))
     broken = len(rows) >= BROKEN * recording.samples
     if kept:
-        remedy = Remedy("rewrite the study without ", setting("spikes", "keep"), ", which uses these samples")
+        remedy = Remedy("remove ", setting("spikes", "keep"), " from the study, so that these samples are not used")
         return Finding("spikes", "error" if broken else "warning", names, evidence, remedy)
     left_out = "Rows near them are left out for their joint." if quantity == "effort" else "These rows are left out."
     remedy = (

@@ -236,7 +236,7 @@ def _significant(noise: Array, half: int, rate: float) -> Array:
 
 
 def _long_rests(q: Array, rate: float, noise: Array) -> NDArray[np.bool_]:
-    """Mask of samples within rests of a joint of at least `HELD`, shape (N, n)."""
+    """Mask of samples at which a joint rests for at least the time `HELD`, shape (N, n)."""
     flags = np.zeros(q.shape, dtype=np.bool_)
     half = min(max(NARROWEST, round(HELD * rate / 4)), (len(q) - 1) // 2 - 1)
     if half < 1:

@@ -22,7 +22,7 @@ def brief_run(segment: Segment, cutoff: float, source: str) -> Finding:
 
 
 def unusable_run(segment: Segment, margin: int, source: str) -> Finding:
-    """Finding about a run without usable rows: `margin` samples at each end are left out, the others are masked."""
+    """Finding about a run without usable rows: `margin` samples at each end are left out, all others are masked."""
     return Finding(
         "run-short",
         "warning",

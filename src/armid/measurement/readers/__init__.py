@@ -33,7 +33,7 @@ def load_recording(path: Path | str, log_format: LogFormat | None = None, robot:
 
 
 def _format(path: Path) -> RecordingFormat:
-    """Format of a path."""
+    """Format of the recording at a path, by its suffix."""
     if path.is_dir():
         return next(each for each in READERS.values() if each.has_folders)
     name = path.name.lower()

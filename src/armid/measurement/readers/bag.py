@@ -78,7 +78,7 @@ def read(path: Path, log_format: LogFormat, robot: Robot | None = None) -> Recor
 
 
 def _read_open(bag: Any, log_format: LogFormat, robot: Robot | None, path: Path) -> Recording:
-    """Recording of an open bag."""
+    """Reads the recording from an open bag."""
     names = {joint: name for name, joint in log_format.joint_map.items() if joint}
     wanted = tuple(names.values()) if robot is None else tuple(names.get(j, j) for j in robot.joint_names)
     spare = () if robot is None else tuple(held.name for held in robot.held)
@@ -188,7 +188,7 @@ def _joint_state(message: Any) -> Fields:
 
 
 def _dynamic_joint_state(message: Any) -> Fields:
-    """Values of the interfaces by name; NaN for interfaces that a joint does not have."""
+    """Values of the interfaces (position, …) of all joints, by name; NaN if a joint lacks an interface."""
     of_joint = [dict(zip(each.interface_names, each.values, strict=True)) for each in message.interface_values]
     return message.joint_names, {
         name: np.array([float(each.get(name, np.nan)) for each in of_joint]) for name in FIELDS
@@ -196,7 +196,7 @@ def _dynamic_joint_state(message: Any) -> Fields:
 
 
 def _controller_state(message: Any) -> Fields:
-    """Measured state; its field is called `actual` in older versions and `feedback` in newer versions."""
+    """Measured state in the message of a controller: its field `actual` in older, `feedback` in newer versions."""
     point = getattr(message, "feedback", None) or message.actual
     return message.joint_names, {"position": point.positions, "velocity": point.velocities, "effort": point.effort}
 
@@ -221,7 +221,7 @@ def _store() -> Any:
 
 
 def _faults() -> tuple[type[Exception], ...]:
-    """Exceptions that damaged bags cause: exceptions of rosbags, of SQLite, and of Python itself."""
+    """Types of the exceptions that damaged bags cause: those of rosbags, of SQLite, and of Python itself."""
     from rosbags import highlevel, rosbag1, rosbag2, serde, typesys
 
     own = (highlevel.AnyReaderError, rosbag1.ReaderError, rosbag2.ReaderError, serde.SerdeError, typesys.TypesysError)

@@ -54,7 +54,7 @@ def read(path: Path, log_format: LogFormat, robot: Robot | None = None) -> Recor
 
 
 def _unpacked(path: Path) -> bytes:
-    """Uncompressed bytes of the file."""
+    """Content of a file as bytes, uncompressed if the file is compressed."""
     data = path.read_bytes()
     suffix = path.suffix.lower()
     try:

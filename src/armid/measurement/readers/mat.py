@@ -102,7 +102,7 @@ def _read_v73(path: Path, log_format: LogFormat, robot: Robot | None) -> Recordi
 def _assembled(
     selection: Selection, data: dict[str, NDArray[Any]], log_format: LogFormat, path: Path, names: list[str]
 ) -> Recording:
-    """Recording from variables whose matrices have MATLAB's orientation."""
+    """Recording from the variables of a file, whose matrices have one row for each sample."""
     # A vector may be a row or a column in MATLAB. It is one channel where each channel has a variable or there is one
     # joint; otherwise it is a matrix of one row.
     shapes = {data[name].shape for name in selection.names}

@@ -1,8 +1,8 @@
 """Torque that is periodic in the angle of the joint or of its motor: τ = Σ RS_k sin(k q) + RC_k cos(k q).
 
-Sensors, gears and motors cause such torques. If gravity acts on a joint, the first harmonic cannot be distinguished
-from the first moments of the links. With few poses, the same is true for other low harmonics. Harmonics should be
-chosen by cross-validation.
+RS_k and RC_k are the parameters of harmonic k. Sensors, gears and motors cause such torques. If gravity acts on a
+joint, the first harmonic cannot be distinguished from the first moments of the links. With few poses, the same is
+true for other low harmonics. Harmonics should be chosen by cross-validation.
 """
 
 from __future__ import annotations

@@ -56,7 +56,7 @@ class Term(Protocol):
     name: ClassVar[str]
 
     def laws(self, robot: Robot) -> tuple[Law, ...]:
-        """Laws of this term for an arm, joint by joint."""
+        """Laws of this term for all joints of an arm on which it acts, joint by joint."""
         ...
 
 
@@ -74,12 +74,12 @@ class DescribedTerm(Protocol):
 
 
 def listed(shapes: Iterable[float]) -> str:
-    """Text with a list of shapes, with three digits each."""
+    """Text that lists the shapes of a term, with three digits each."""
     return ", ".join(f"{shape:.3g}" for shape in shapes)
 
 
 def smooths_sign(term: Term) -> bool:
-    """True if the shape `width` of a term only smooths a sign."""
+    """True if the shape `width` of a term only makes a sign function smooth."""
     return getattr(term, "smooths_sign", False)
 
 

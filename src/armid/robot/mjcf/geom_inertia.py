@@ -80,7 +80,7 @@ def inertia_of_geoms(geoms: Sequence[ET.Element], meshes: MeshAssets, settings: 
 
 
 def _unit_inertia(geom: ET.Element, meshes: MeshAssets, settings: Settings, where: str) -> tuple[Array, Array]:
-    """Ten parameters of a geom of density 1 in its own frame, and the pose of this frame in the body."""
+    """Inertial parameters (10,) of a geom of density 1 in its own frame, and its pose (4, 4) in the body."""
     kind = geom.get("type", "mesh" if "mesh" in geom.attrib else "sphere")
     pose = placement_of(ET.Element("geom", settings.pose(geom, where)))
     if kind == "mesh":
@@ -101,7 +101,7 @@ def _unit_inertia(geom: ET.Element, meshes: MeshAssets, settings: Settings, wher
 
 
 def _of_primitive(kind: str, size: Sequence[float]) -> Array:
-    """Ten parameters of a solid primitive of density 1 about its centre; sizes are those of MuJoCo [m]."""
+    """Ten inertial parameters of a solid primitive of density 1 about its centre; sizes as in MuJoCo [m]."""
     x, y, z = (*size, *[0.0] * 3)[:3]
     if kind in ("box", "ellipsoid"):
         volume, share = (8.0 * x * y * z, 1.0 / 3.0) if kind == "box" else (4.0 / 3.0 * math.pi * x * y * z, 0.2)

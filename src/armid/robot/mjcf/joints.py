@@ -81,7 +81,7 @@ def _follows(root: ET.Element, source: str, references: Mapping[str, float]) -> 
 
 
 def _shifted(factors: list[float], by: float) -> list[float]:
-    """Coefficients in powers of x of a polynomial that is given in powers of x - by."""
+    """Coefficients of a polynomial in x that is given by its coefficients in powers of x - by."""
     degree = range(len(factors))
     return [sum(factors[k] * math.comb(k, i) * (-by) ** (k - i) for k in degree if k >= i) for i in degree]
 
@@ -152,7 +152,7 @@ def _ends(tie: ET.Element) -> tuple[str, str]:
 
 
 def _joints_above(root: ET.Element) -> dict[str, set[str]]:
-    """Joints between the world and each body and site."""
+    """Names of the joints between the world and each body or site, by its name."""
     found: dict[str, set[str]] = {}
 
     def walk(body: ET.Element, carried: set[str]) -> None:

@@ -115,7 +115,7 @@ class MeshAssets:
         return inertia_of_triangles(vertices[faces], mode)
 
     def _triangles(self, mesh: ET.Element) -> tuple[Array, Faces]:
-        """Vertices (V, 3) [m], moved, rotated and scaled as stated in the mesh, and triangles (F, 3)."""
+        """Vertices (V, 3) [m] of a mesh in the frame of its geom, and triangles (F, 3)."""
         path = self.path(mesh)
         if path is not None:
             kind = mesh.get("content_type", "")

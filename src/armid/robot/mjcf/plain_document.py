@@ -266,7 +266,7 @@ class _Writer:
             where = f"the inertial of {name!r}"
             kept = self.settings.checked(inertial, INERTIAL, where)
             if "mass" not in kept:
-                raise RobotError(f"{self.source}: {where} has no mass.", remedy="give its mass [kg].")
+                raise RobotError(f"{self.source}: {where} has no mass.", remedy="add the attribute mass [kg].")
             return [ET.Element("inertial", {**kept, **self.settings.pose(inertial, where)})]
         heavy = heavy_geoms(body, childclass, self.settings) if source_of_mass != "false" else []
         where = f"a geom of {name!r}"
@@ -304,7 +304,7 @@ class _Writer:
 
 
 def _inertial(vector: Array) -> ET.Element:
-    """Element <inertial> for ten parameters (10,) in the frame of the body, in full precision."""
+    """Element <inertial> for ten inertial parameters (10,) in the frame of the body, in full precision."""
     mass, com, inertia = vector_to_com_inertia(vector)
     full = [inertia[i, j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
     texts = {"mass": [mass], "pos": com, "fullinertia": full}

@@ -54,7 +54,7 @@ class Settings:
         return ET.Element(element.tag, attributes)
 
     def pose(self, element: ET.Element, where: str) -> dict[str, str]:
-        """Position and orientation; an orientation that Pinocchio misreads is written as two axes instead."""
+        """Attributes of the pose of an element; an orientation that Pinocchio misreads is written as two axes."""
         pose = self.checked(element, POSE, where)
         euler = numbers(element, "euler", 3, self.source, where)
         axisangle = numbers(element, "axisangle", 4, self.source, where)

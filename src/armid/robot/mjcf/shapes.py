@@ -40,7 +40,7 @@ MARKER = 0.1
 
 
 def carriers_of(model: Any) -> dict[str, tuple[int, Array]]:
-    """Index of the joint that moves each body (-1 for none), and pose of the body in the link frame of this joint."""
+    """For each body, by name: index of the joint that moves it (-1 for none), and its pose in the link frame."""
     return {
         frame.name: (frame.parentJoint - 1, np.array(frame.placement.homogeneous))
         for frame in model.frames
@@ -98,7 +98,10 @@ def shapes_of_mjcf(
 
 
 def _scenery(root: ET.Element) -> tuple[set[str], set[str]]:
-    """Bodies that do not belong to a robot: those that a simulation moves, and fixed ones; ``""`` is the world."""
+    """Names of the bodies that do not belong to a robot: bodies that a simulation moves, and fixed bodies.
+
+    An empty name stands for the world.
+    """
     moved, standing = set[str](), {""}
     for tree in (body for worldbody in root.findall("worldbody") for body in worldbody.findall("body")):
         joints = [*tree.iter("joint"), *tree.iter("freejoint")]
@@ -110,7 +113,7 @@ def _scenery(root: ET.Element) -> tuple[set[str], set[str]]:
 
 
 def _see_through(root: ET.Element) -> dict[str, bool]:
-    """For each material, by name: true if it is see-through."""
+    """For each material, by name: true if the material is see-through."""
     return {material.get("name", ""): _clear(material) for asset in root.findall("asset") for material in asset}
 
 

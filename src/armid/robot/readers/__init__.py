@@ -14,7 +14,7 @@ __all__ = ["READERS", "DescriptionFormat", "DescriptionReader"]
 
 
 class DescriptionReader(Protocol):
-    """Interface of a reader module."""
+    """Interface of a module that reads one format of robot descriptions."""
 
     @staticmethod
     def recognises(text: str) -> bool:

@@ -257,6 +257,7 @@ def _inertial(row: _Table, to_end: Array, findings: list[Finding]) -> InertialPa
                 "info",
                 _name(row),
                 "the link has a mass but no inertia; it is treated as a point mass",
+                "if the inertia is known, give the key `inertia` in [joint.inertial]",
             )
         )
     body = InertialParameters.from_com(table.number("mass"), com, tensor)
@@ -287,7 +288,7 @@ KINDS = ("revolute", "continuous", "prismatic")
 
 @dataclass(frozen=True, slots=True)
 class _Table:
-    """TOML table; its entries are checked when they are read."""
+    """Table of a DH file in TOML; its entries are checked when they are read."""
 
     data: Any
     where: str

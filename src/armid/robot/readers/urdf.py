@@ -129,7 +129,7 @@ def _link_of(joint: ET.Element, role: str) -> str:
 
 
 def _named(joint: ET.Element, parent: int, source: str) -> SelectedJoint:
-    """Joint that is not fixed, with its mimic law if it has one."""
+    """Converts a joint that is not fixed to a `SelectedJoint`; a mimic joint has the law of its position."""
     name, kind = joint.get("name", ""), joint.get("type", "")
     limit, mimic = joint.find("limit"), joint.find("mimic")
     follows = None
@@ -147,11 +147,12 @@ def _named(joint: ET.Element, parent: int, source: str) -> SelectedJoint:
 
 
 MIMIC = {"offset": 0.0, "multiplier": 1.0}
-"""Attributes of <mimic> and their default values; the lowest power of the other joint's position comes first."""
+"""Attributes of <mimic> and their default values: the coefficients of a polynomial in the position of the other
+joint, lowest power first."""
 
 
 def _joints(root: ET.Element) -> list[ET.Element]:
-    """Joints of the robot, without the joints that are only named in transmissions."""
+    """Elements <joint> of the robot, without those inside transmissions."""
     return root.findall("joint")
 
 
@@ -172,7 +173,8 @@ def _prepare(
     axis = joint.find("axis")
     if axis is not None and not any(numbers(axis, "xyz", 3, source, f"the axis of joint {name!r}") or [1.0]):
         raise RobotError(
-            f"{source}: joint {name!r} has an axis of zero length.", remedy="give the direction of the axis."
+            f"{source}: joint {name!r} has an axis of zero length.",
+            remedy="give the direction of the axis in the attribute xyz of <axis>.",
         )
     limits, unknown = _read_limit(joint, kind, source)
     limits, unused = _with_soft_limits(joint, kind, limits, source)
@@ -180,7 +182,7 @@ def _prepare(
 
 
 def _drive(joint: ET.Element, source: str) -> DescribedDrive:
-    """Friction of the tag <dynamics> of a joint."""
+    """Friction of a joint from its tag <dynamics>; zero without this tag."""
     dynamics = joint.find("dynamics")
     if dynamics is None:
         return DescribedDrive()
@@ -202,7 +204,7 @@ def _check_mimic(joint: ET.Element, locked: Mapping[str, float], source: str) ->
 
 
 def _read_limit(joint: ET.Element, kind: str, source: str) -> tuple[DescribedLimits, Finding | None]:
-    """Limits of a joint; the tag <limit> is replaced by one that urdfdom accepts."""
+    """Limits of a joint from its tag <limit>, which is replaced by a tag that urdfdom accepts."""
     name, limit = joint.get("name", ""), joint.find("limit")
     where = f"the limit of joint {name!r}"
     values = {key: numbers(limit, key, 1, source, where) if limit is not None else None for key in LIMIT_KEYS}

@@ -33,7 +33,7 @@ FINEST_FAMILY = CandidateFamily("finest hysteresis", order=70, rounds=2, min_gai
 
 
 def _elements(family: CandidateFamily, widths: Sequence[float]) -> tuple[CandidateFamily, Option]:
-    """Family and option in which a joint gets several elements together."""
+    """Option in which a joint gets the hysteresis elements of all given widths together, with its family."""
     return family, tuple(Candidate("hysteresis", width) for width in widths)
 
 
