@@ -1,4 +1,4 @@
-"""Source of the regressor columns of a model: layout of the base parameters, and columns of the torque terms."""
+"""Source of the regressor columns of a model: layout for its base parameters, and columns of its torque terms."""
 
 from __future__ import annotations
 

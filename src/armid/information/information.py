@@ -129,7 +129,7 @@ class Information(Displayed):
 
 
 def merge(parts: Sequence[Information]) -> Information:
-    """Joins several informations about the same base parameters; the result has the blocks of all, in order.
+    """Information with the blocks of several parts about the same base parameters, in the order of the parts.
 
     Raises:
         ArmidError: There are no parts, or the parts have different base parameters.
@@ -177,7 +177,7 @@ def select(information: Information, blocks: NDArray[np.integer] | NDArray[np.bo
 
 
 def restrict(information: Information, kept: NDArray[np.intp]) -> Information:
-    """Information about some of the parameters, for a model that does not have the others.
+    """Information about the parameters `kept` only, for a model without the other parameters.
 
     Args:
         information: Information of any number of blocks.
@@ -219,7 +219,8 @@ def stack(information: Information, weights: Array | None = None) -> tuple[Array
         weights: Factor by which the rows of each joint are multiplied, shape (n,); one if not given.
 
     Returns:
-        A, shape (rows, b), and y, shape (rows,). The estimate is the π that minimises the norm of A π - y.
+        A, shape (rows, b), and y, shape (rows,). The estimate is the vector π of base parameters that minimises the
+        norm of A π - y.
     """
     parts: list[Array] = []
     sides: list[Array] = []

@@ -30,9 +30,10 @@ def reweighted_least_squares(
 ) -> tuple[Array, Array]:
     """Iteratively reweighted least squares of all joints with common parameters, from products of columns.
 
-    In each pass, the weight of a joint is one divided by the square of its RMS residual in the pass before; in the
-    first pass, one divided by the square of the RMS of its torque. The normal equations of columns of unit length are
-    solved, so the relative error of the parameters is ε times the square of the condition number of these columns.
+    In each iteration (pass), the weight of a joint is one divided by the square of its RMS residual in the iteration
+    before; in the first iteration, one divided by the square of the RMS of its torque. The normal equations of
+    columns of unit length are solved, so the relative error of the parameters is ε times the square of the condition
+    number of these columns.
 
     Args:
         products: For each joint, products of its k columns and its torque, which is last, shape (k + 1, k + 1).
@@ -40,8 +41,8 @@ def reweighted_least_squares(
         count: Number b of parameters.
         rows: Number of rows of each joint, shape (n,).
         sign: Factor on the torque of each joint, shape (n,); 1 if not given.
-        passes: Largest number of passes.
-        settled: The passes end if the relative change of every residual in a pass is below this number.
+        passes: Largest number of iterations.
+        settled: The iteration ends if the relative change of every RMS residual is below this number.
         floor: Smallest ratio of the RMS residual of a joint to the RMS of its torque.
         ridge: Number that is added to the diagonal of the products of unit columns. Parameters that the torque does
             not depend on are then zero.

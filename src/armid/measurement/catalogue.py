@@ -30,10 +30,10 @@ class RecordingFormat:
     """Format of recordings.
 
     Attributes:
-        module: Module that reads it.
-        suffixes: Suffixes of its files, in lower case, with the dot.
+        module: Module that reads this format.
+        suffixes: Suffixes of files of this format, in lower case, with the dot.
         packings: Suffixes that compressed files have after one of `suffixes`.
-        ambiguous: Suffixes that files other than recordings often have, too.
+        ambiguous: Those of `suffixes` that are also usual for files that are not recordings.
         has_folders: True if a folder is a recording of this format.
     """
 

@@ -46,7 +46,7 @@ class ConvertedRecording:
 
 
 def to_robot_convention(recording: Recording, log_format: LogFormat, robot: Robot) -> ConvertedRecording:
-    """Converts a recording to the robot's convention.
+    """Converts a recording to the robot's convention: joint order, SI units, joint side and signs of the URDF.
 
     Args:
         recording: Recording from a reader.
@@ -73,7 +73,9 @@ def to_robot_convention(recording: Recording, log_format: LogFormat, robot: Robo
 
 
 def read_recording(path: Path | str, robot: Robot, log_format: LogFormat | None = None) -> Recording:
-    """Reads a recording and converts it to the convention of the robot; returns the findings of both steps.
+    """Reads a recording and converts it to the convention of the robot.
+
+    The findings of the result are those of the reader and of the conversion.
 
     Args:
         path: A file in one of the known formats, or the folder of a ROS bag.

@@ -7,8 +7,8 @@ yaw angles that are close to multiples of 15° are therefore set to these multip
 Only the relations between the axes of neighbouring joints, and between gravity and the first axis, have this effect:
 the angle between two axes, and whether they intersect. A description with exact numbers can have such a relation
 although the angles of its frames are only near multiples of 15°, for instance if an axis and the frame behind it are
-tilted by the same small angle. There the correction would destroy an exact relation. So it is undone for both joints
-of such a pair.
+tilted by the same small angle. In this case the correction would destroy an exact relation, so it is undone for both
+joints.
 """
 
 from __future__ import annotations

@@ -15,15 +15,16 @@ class Follows:
     """Law of a mimic joint, whose position depends on that of another joint.
 
     Attributes:
-        leader: Name of the other joint; empty if the mimic joint has a constant position.
-        factors: Coefficients of the polynomial in the position of the other joint, lowest power first.
+        leader: Name of the joint on whose position that of the mimic joint depends; empty if the mimic joint has a
+            constant position.
+        factors: Coefficients of the polynomial in the position of the joint `leader`, lowest power first.
     """
 
     leader: str
     factors: tuple[float, ...]
 
     def at(self, position: float) -> float:
-        """Position of the mimic joint [rad or m] for a position of the other joint."""
+        """Position of the mimic joint [rad or m] for a position of the joint `leader`."""
         return float(sum(c * position**k for k, c in enumerate(self.factors)))
 
 
@@ -33,7 +34,7 @@ class SelectedJoint:
 
     Attributes:
         name: Name of the joint.
-        parent: Index of the joint whose link carries it; -1 for the base.
+        parent: Index of the joint whose link carries this joint; -1 for the base.
         is_simple: True if the joint has one degree of freedom.
         lower: Lowest position [rad or m].
         upper: Highest position [rad or m].
@@ -166,7 +167,7 @@ def _outside(joint: SelectedJoint, value: float) -> Finding | None:
     """Finding about a locked position [rad or m] outside the limits of the joint; `None` if it is inside."""
     if not joint.is_simple or joint.lower > joint.upper or joint.lower <= value <= joint.upper:
         return None
-    what = f"locked at {value:.4g}, outside of its limits {joint.lower:.4g} to {joint.upper:.4g}"
+    what = f"locked at {value:.4g}, outside of its limits {joint.lower:.4g} to {joint.upper:.4g} (rad or m)"
     return Finding(
         "lock-outside-limits",
         "warning",
@@ -216,11 +217,11 @@ def _followers(outline: JointOutline, at: Mapping[str, float]) -> tuple[dict[str
     for leader, names in moved.items():
         where = ", ".join(f"{name} at {led[name]:.4g}" for name in names)
         if leader:
-            what = f"joints that mimic {leader} move with it, but the model keeps them locked: {where}"
+            what = f"joints that mimic {leader} move with it, but the model keeps them locked (rad or m): {where}"
             advice = f"lock {leader}, too, if it does not move in the recordings"
             findings.append(Finding("joint-follows", "info", leader, what, advice))
         else:
-            what = f"these joints mimic locked joints, so they are locked, too: {where}"
+            what = f"these joints mimic locked joints, so they are locked, too (rad or m): {where}"
             findings.append(Finding("joint-follows", "info", "", what))
     return led, tuple(findings)
 
@@ -242,7 +243,7 @@ def _said(
     total = len(outline.joints)
     following = f", {led} of them because {'it mimics' if led == 1 else 'they mimic'} others" if led else ""
     what = f"{total - held} of {total} joints move; the other {held} are locked{following}, at position 0 unless "
-    what += "the list shows another: "
+    what += "the list shows another (rad or m): "
     by_name = locked if len(locked) <= MANY else sorted(locked, key=lambda name: " at " not in name)[:MANY]
     others = f" and {len(locked) - len(by_name)} more" if len(by_name) < len(locked) else ""
     as_asked = f"{', '.join(by_name)}{others} (by name), " if locked else ""

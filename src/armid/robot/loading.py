@@ -94,7 +94,8 @@ def _values(lock: Locked) -> dict[str, float | None]:
             values[name] = float(value) if equals else None
         except ValueError:
             raise RobotError(
-                f"--lock {each}: {value!r} is not a number.", remedy="write --lock JOINT or --lock JOINT=VALUE."
+                f"--lock {each}: {value!r} is not a number.",
+                remedy="write --lock JOINT or --lock JOINT=VALUE, with VALUE in rad or m.",
             ) from None
     return values
 

@@ -81,10 +81,12 @@ def limits_of(
         RobotError: The lower limit is larger than the upper limit.
     """
     lower, upper = position or (-math.inf, math.inf)
+    unit, effort_unit = ("rad", "N·m") if turns else ("m", "N")
     finding = None
     if lower > upper:
         raise RobotError(
-            f"The lower position limit {lower:g} of joint {joint!r} is above the upper limit {upper:g}.",
+            f"The lower position limit {lower:g} {unit} of joint {joint!r} is above the upper limit "
+            f"{upper:g} {unit}.",
             remedy="exchange the two limits.",
         )
     if lower == upper or (turns and position is not None and min(-lower, upper) > NO_STOP):
@@ -92,14 +94,15 @@ def limits_of(
             "limits-unknown",
             "info",
             joint,
-            f"position limits {lower:g} to {upper:g} are implausible; the joint is treated as unlimited",
+            f"position limits {lower:g} to {upper:g} {unit} are implausible; the joint is treated as unlimited",
             "write the real limits of the joint into the description if they are needed",
         )
         lower, upper = -math.inf, math.inf
     velocity, effort = abs(velocity) or math.inf, abs(effort) or math.inf
     if NO_SPEED <= velocity < math.inf:
         both = effort == velocity or NO_EFFORT <= effort < math.inf
-        stated = f"velocity limit {velocity:g}{f' and effort limit {effort:g}' if both else ''}"
+        effort_too = f" and effort limit {effort:g} {effort_unit}" if both else ""
+        stated = f"velocity limit {velocity:g} {unit}/s{effort_too}"
         position_too = f"{finding.evidence}; " if finding is not None else ""
         finding = Finding(
             "limits-unknown",
@@ -164,13 +167,13 @@ def robot_from_model(
     Args:
         model: A `pinocchio.Model`.
         name: Name of the robot.
-        limits: Limits by joint.
+        limits: Limits of the joints, by name.
         source: Path of the description.
         locked: Joints that will be locked; they are not counted in the search for the tip.
         tip: Name of the tip frame; if `None`, it is searched (see `find_tip`).
         gravity: Acceleration of gravity in the base frame (3,) [m/s²].
         findings: Findings of the reader.
-        drives: Rotor inertia and friction by joint.
+        drives: Rotor inertia and friction of the joints, by name.
 
     Raises:
         RobotError: There is no movable joint, a joint does not have exactly one degree of freedom, or the tip frame

@@ -25,7 +25,7 @@ class Shape:
 
     Attributes:
         name: Name for messages, for instance the name of the link.
-        link: Index of the link that carries it; -1 for the base and the surroundings.
+        link: Index of the link that carries the body; -1 for the base and the surroundings.
         kind: Kind of shape; `capsule` and `cylinder` lie along z, a `half-space` is solid below z = 0.
         size: Dimensions [m], shape (3,); unused entries are zero. Capsule: radius, and distance of the centres of its
             two end spheres. Cylinder: radius, length. Sphere: radius. Box: lengths of its edges. Mesh: scale factors
@@ -83,7 +83,7 @@ def meshes_missing(files: Mapping[str, str], option: str = "") -> tuple[Finding,
 
     Args:
         files: Paths of the missing files, by the names of their bodies.
-        option: Option that would find them; empty if none is known.
+        option: Command-line option with which armid would find the files; empty if no such option is known.
     """
     if not files:
         return ()
@@ -99,7 +99,7 @@ def looks_missing(files: Mapping[str, str], option: str = "") -> tuple[Finding, 
 
     Args:
         files: Paths of the missing files, by the names of their bodies.
-        option: Option that would find them; empty if none is known.
+        option: Command-line option with which armid would find the files; empty if no such option is known.
     """
     if not files:
         return ()

@@ -29,7 +29,7 @@ def shapes_of_urdf(
     Args:
         root: The document with its tags <collision> and <visual>.
         robot: The robot of the document, whose joints carry the shapes.
-        locked: Joints that the reader has fixed, with their positions.
+        locked: Positions [rad or m] of the joints that the reader has fixed, by name.
         source: Path of the description.
         kind: `collision` or `visual`.
 

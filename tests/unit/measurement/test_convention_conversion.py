@@ -283,7 +283,9 @@ def spoiled(name, row, joint, value):
 
 
 def test_nan_is_refused_with_channel_and_row():
-    error = refused(r"effort of shoulder is nan in row 18 \(number of such rows: 1\)", spoiled("effort", 17, 1, np.nan))
+    error = refused(
+        r"effort of shoulder is nan in row 18 \(number of such rows: 1\)", spoiled("effort", 17, 1, np.nan)
+    )
     assert error.remedy == "exclude = [[0.17, 0.1701]]"  # outwards, or the row would not lie inside
     error = refused("dq of shoulder is inf in row 1 ", spoiled("dq", 0, 1, np.inf))
     assert error.remedy == "exclude = [[0.0, 0.0]]"

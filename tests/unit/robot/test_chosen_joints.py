@@ -102,7 +102,9 @@ def test_what_was_held_is_said(two):
     found = {finding.code: finding for finding in load_robot(two, only=["left_[12]"]).findings}
     assert found["joints-held"].severity == "info"
     assert "torso at 0.1" in found["joints-held"].evidence and "right_2 at 0.5" in found["joints-held"].evidence
-    locked = "are locked, 2 of them because they mimic others, at position 0 unless the list shows another: "
+    locked = (
+        "are locked, 2 of them because they mimic others, at position 0 unless the list shows another (rad or m): "
+    )
     assert locked in found["joints-held"].evidence
     assert not found["joints-held"].remedy
     assert "left_other at 0.02" in found["joint-follows"].evidence

@@ -45,6 +45,6 @@ def central_difference(x: Array, rate: float, order: int = 1, *, periodic: bool 
 
 
 def periodic_derivative(x: Array, rate: float, order: int = 1) -> Array:
-    """Exact derivative of signals (N, ...) that contain a whole number of periods."""
+    """Exact derivative of order `order` of signals (N, ...) that contain a whole number of periods."""
     jw = (2j * np.pi * rate * frequencies(len(x))).reshape(-1, *(1,) * (x.ndim - 1))
     return inverse(spectrum(x) * jw**order, len(x))

@@ -73,7 +73,7 @@ def butterworth(order: int, cutoff: float, rate: float) -> Array:
 
 
 def fir(periods: float, cutoff: float, rate: float) -> Array:
-    """FIR low-pass filter, a windowed sinc with a length of some periods of the cut-off; taps of shape (2h+1,).
+    """FIR low-pass filter: windowed sinc with a length of `periods` periods of the cut-off, taps of shape (2h+1,).
 
     The gain is -6 dB at the cut-off, like that of both passes of `butterworth`, and exactly one at zero frequency.
     """

@@ -83,7 +83,8 @@ def guess_columns(
         names: All columns.
         quantities: Quantities to guess, of `time`, `q`, `dq`, `ddq`, `effort`.
         wanted: Names of the arm's joints in the file; empty if they are unknown.
-        labels: Names in the file of all joints of the description, locked ones too, in its order.
+        labels: Names that the joints of the description, including locked joints, have in the file, in the order of
+            the description.
         channels: Number of columns of positions, if these are already known. Columns of other quantities must then
             have channel numbers.
         matrices: True if one variable may hold all channels.
@@ -226,7 +227,7 @@ def _best(groups: Sequence[_Group], joints: int, described: int) -> list[_Group]
 
 
 def _order(chosen: Mapping[str, _Group], labels: Sequence[str]) -> list[Channel]:
-    """Channels that all quantities have, in the order of their numbers, of the labels, or otherwise of the file."""
+    """Channels that all quantities have, in the order of their numbers or of `labels`, otherwise as in the file."""
     if not chosen:
         return []
     first, *others = chosen.values()

@@ -323,7 +323,7 @@ def quantity_of(form: Sequence[str]) -> str | None:
 
 
 def unit_of(unit: str) -> tuple[str, float] | None:
-    """Quantity of a unit, and factor that converts it to armid's unit; powers of time in the unit are ignored."""
+    """Quantity of a unit, and factor that converts the unit to that of armid; powers of time are ignored."""
     text = re.sub(r"[\s_·*.⋅^\-]", "", unit.split("/")[0]).lower()
     per_second = PER_SECOND.fullmatch(text)
     return UNITS.get(per_second[1] if per_second else text)

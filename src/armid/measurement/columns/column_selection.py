@@ -157,7 +157,7 @@ def assemble(
     """Builds the recording from the chosen columns of a file.
 
     Args:
-        selection: Chosen names.
+        selection: Names of the chosen columns.
         column: Function that returns the numbers of a column or matrix, given its name; shape (N,) or (N, n).
         log_format: Log format of the file.
         path: The file.

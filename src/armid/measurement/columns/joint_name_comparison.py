@@ -38,7 +38,9 @@ GENERIC = frozenset("joint joints jnt axis axes arm robot motor motors link ch c
 
 
 def stated_joints(names: Sequence[str], quantity: str) -> dict[str, str]:
-    """Columns of a quantity, by joint name: the name of the column without the words of the quantity.
+    """Columns of a quantity, by the names of their joints.
+
+    The name of the joint is the name of the column without the words of the quantity.
 
     Args:
         names: All columns.
@@ -75,7 +77,7 @@ def refuse_other_joints(
         names: All columns.
         log_format: Log format of the file.
         robot: The arm.
-        labels: Names of its joints in the file.
+        labels: Names of the joints of the arm in the file.
         numbered: Columns of positions that would be read by their numbers.
         path: The file.
         incomplete: Error for a log with some of the joints; `None` if it has all or none of them.

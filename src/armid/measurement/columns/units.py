@@ -96,8 +96,8 @@ def factors(columns: Sequence[str], units: str | Sequence[str] | None, *, angles
 
     Args:
         columns: Columns of positions, velocities, accelerations and efforts.
-        units: Unit of angles in the log format. If it is a list with one unit for each joint, angles are not
-            converted here.
+        units: Unit of angles in the log format. If it is a list with one unit for each joint, this function does not
+            convert angles.
         angles: True if the units of angles in the names of the columns are used.
     """
     found: dict[str, float] = {}

@@ -92,7 +92,7 @@ def positions_missing(
         log_format: Log format of the file.
         path: The file.
         robot: The arm, if it is known.
-        labels: Names of its joints in the file.
+        labels: Names of the joints of the arm in the file.
         clocks: Unread columns that increase evenly, with their median steps; one of them may be a missing clock.
     """
     used = {*chain.from_iterable(chosen.values()), *clocks}
@@ -182,7 +182,9 @@ def _listed(present: Iterable[str]) -> str:
 
 
 def channel_sets(names: Sequence[str], labels: Sequence[str], count: int) -> list[tuple[str, ...]]:
-    """Sets of `count` columns, one for each channel, whose names differ only in the joint; otherwise all columns.
+    """Sets of `count` columns, one column for each channel, whose names differ only in the joint.
+
+    If there is no such set, but exactly `count` columns, all columns are one set.
 
     Args:
         names: Columns.
@@ -207,7 +209,7 @@ def channel_sets(names: Sequence[str], labels: Sequence[str], count: int) -> lis
 
 
 def pattern_of(columns: Sequence[str], names: Sequence[str]) -> str | Sequence[str]:
-    """Pattern, such as `m{}_torque`, that matches exactly these columns among all names; otherwise the columns."""
+    """Pattern, such as `m{}_torque`, that matches only the columns `columns` among all names, or these columns."""
     for number in re.finditer(r"\d+", columns[0]):
         before, after = columns[0][: number.start()], columns[0][number.end() :]
         braces = {"0": "{0}", "1": "{}"}.get(number[0])

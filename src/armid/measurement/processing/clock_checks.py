@@ -95,7 +95,7 @@ def _backwards(recording: Recording, time: Array, log_format: LogFormat) -> Reco
 
 
 def _check_unit(recording: Recording, step: float, unit: float) -> None:
-    """Raises an error if the median step [s] of a clock shows that its unit is not the one it was read in."""
+    """Raises an error if the median step [s] of a clock shows that it was read in a wrong unit."""
     counted = _counted_unit(step, unit)
     as_read = UNITS.get(unit, f"units of {unit:g} s")
     moved = f"the time column increases by {step / unit:g} from row to row"

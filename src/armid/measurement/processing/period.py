@@ -93,7 +93,7 @@ class Repetition:
         start: Time of the first repetition on the recording's clock [s].
         count: Number of whole repetitions.
         apart: RMS difference between repetitions, divided by the standard deviation of the position within a
-            repetition; value of the joint for which it is largest.
+            repetition; largest value of all joints.
     """
 
     period: float
@@ -291,7 +291,7 @@ def _agreement(x: Array, near: int, within: Array, noise: Array) -> _Agreed | No
 
 
 def _ahead(x: Array, first: NDArray[np.int64], lag: float) -> tuple[Array, Array]:
-    """Signals (N, m) one lag later minus the signals at each sample, and the derivative of this by the lag."""
+    """Differences of signals (N, m) over one lag, from the samples `first` on, and their derivatives by the lag."""
     later = first + lag
     index = np.arange(len(x), dtype=np.float64)
     ahead = np.column_stack([np.interp(later, index, each) for each in x.T]) - x[first]

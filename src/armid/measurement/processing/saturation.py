@@ -43,7 +43,7 @@ class Plateau:
         level: Absolute value of the torque at the plateau [N·m or N].
         count: Number of samples at the largest value or at the smallest value, whichever number is larger.
         samples: Number of samples of the joint that were examined.
-        rows: Mask of the samples with this absolute value, shape (N,).
+        rows: Mask of the samples with the absolute value `level`, shape (N,).
     """
 
     joint: int
@@ -109,7 +109,7 @@ def without_saturated(
                 "warning",
                 recording.channels[each.joint],
                 f"{recording.source}: {each.count} of {each.samples} samples have the same extreme effort, "
-                f"{each.level:.4g}; the true effort is larger. {NOT_USED}",
+                f"{each.level:.4g} N·m or N; the true effort is larger. {NOT_USED}",
                 'record a motion that needs less torque; saturation = "keep" in [processing] uses all rows.',
             )
         )
@@ -143,7 +143,7 @@ def _below_limits(
                 "saturation",
                 "warning",
                 recording.channels[joint],
-                f"{recording.source}: The effort reaches {share:g} times the limit {bounds[joint]:g} in "
+                f"{recording.source}: The effort reaches {share:g} times the limit {bounds[joint]:g} N·m or N in "
                 f"{int(over[:, joint].sum())} of {recording.samples} samples. {NOT_USED}",
                 "record a motion that needs less torque, or give a larger share with the key `saturation`.",
             )

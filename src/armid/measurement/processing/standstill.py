@@ -168,8 +168,8 @@ def standstill_findings(
     Args:
         recording: The recording.
         share: Share of the rows of each joint that standstill affects, shape (n,).
-        sticks: Share of the rows that are affected by sticking of this joint, shape (n,).
-        rests: Share of the rows that are affected by rests of all joints between motions, shape (n,).
+        sticks: Share of the rows of each joint that sticking of the joint affects, shape (n,).
+        rests: Share of the rows of each joint that rests of all joints between motions affect, shape (n,).
         every: True if long rests are left out, too, even if few rows remain.
     """
     spared = (share > MOST_STILL) & (not every)

@@ -1,1 +1,1 @@
-"""Built-in arms; each has its own description."""
+"""Descriptions of the built-in arms."""

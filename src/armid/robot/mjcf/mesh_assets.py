@@ -53,7 +53,7 @@ class MeshAssets:
         """Ten inertial parameters of a mesh in its own frame, at density 1 [kg/m³, or kg/m² for a shell], (10,).
 
         Args:
-            name: The mesh.
+            name: Name of the mesh.
 
         Raises:
             UncomputableError: The mesh does not exist, its file cannot be read, or MuJoCo would refuse it.
@@ -221,7 +221,7 @@ def mesh_assets(root: ET.Element, settings: Settings, folder: Path) -> MeshAsset
 
     Args:
         root: The document.
-        settings: Its settings.
+        settings: Settings of the document.
         folder: Folder of the document.
     """
     found: dict[str, ET.Element] = {}

@@ -25,8 +25,8 @@ def read_mesh(path: Path, suffix: str) -> tuple[Array, Faces]:
     """Vertices (V, 3) and triangles (F, 3) of a mesh file.
 
     Args:
-        path: The file.
-        suffix: Suffix of its format.
+        path: Path of the file.
+        suffix: Suffix of the format in which the file is read.
 
     Raises:
         UncomputableError: The file does not exist, has another format, or is damaged.

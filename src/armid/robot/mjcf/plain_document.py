@@ -42,7 +42,7 @@ class Uncomputed:
 
     Attributes:
         mass: Sum of the masses that are stated for the geoms [kg]; `None` if a mass must be computed from a volume.
-        reason: Reason, for messages.
+        reason: Reason why the inertia could not be computed, for messages.
     """
 
     mass: float | None
@@ -51,11 +51,11 @@ class Uncomputed:
 
 @dataclass(slots=True)
 class Plain:
-    """Description in plain form.
+    """MJCF in plain form, which Pinocchio reads correctly.
 
     Attributes:
         text: The converted MJCF, for Pinocchio.
-        limits: Limits by joint.
+        limits: Limits of the joints, by name.
         gravity: Acceleration of gravity [m/s²].
         findings: Findings of the conversion.
         geoms: Every geom with the attributes of its defaults and a pose that Pinocchio reads correctly, together with
@@ -64,7 +64,7 @@ class Plain:
             fixed bodies.
         uncomputed: Bodies whose inertia must be computed from geoms, but could not be computed; their inertia is not
             in `text`.
-        drives: Rotor inertia and friction by joint.
+        drives: Rotor inertia and friction of the joints, by name.
         meshes: Meshes of the document.
     """
 

@@ -45,8 +45,8 @@ class DescriptionFormat:
     """Format of robot descriptions.
 
     Attributes:
-        module: Module that reads it.
-        suffixes: Suffixes of its files, in lower case, with the dot.
+        module: Module that reads this format.
+        suffixes: Suffixes of files of this format, in lower case, with the dot.
     """
 
     module: str

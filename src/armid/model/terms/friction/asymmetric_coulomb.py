@@ -19,7 +19,9 @@ from armid.robot.robot import Robot
 
 @dataclass(frozen=True, slots=True)
 class AsymmetricCoulomb:
-    """Difference between Coulomb friction in the positive direction and the mean of both directions.
+    """Torque term for Coulomb friction that depends on the direction of motion.
+
+    Its parameter is the friction in the positive direction minus the mean of both directions.
 
     The torque is constant while the joint moves, so it can be distinguished from an offset only with data near
     standstill.

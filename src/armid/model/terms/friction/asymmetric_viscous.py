@@ -17,7 +17,9 @@ from armid.robot.robot import Robot
 
 @dataclass(frozen=True, slots=True)
 class AsymmetricViscous:
-    """Difference between viscous friction in the positive direction and the mean of both directions.
+    """Torque term for viscous friction that depends on the direction of motion.
+
+    Its parameter is the coefficient in the positive direction minus the mean of both directions.
 
     Attributes:
         joints: Names of the joints with this term; `None` for all joints.

@@ -65,7 +65,7 @@ class Hysteresis:
         object.__setattr__(self, "widths", require_rising("The widths of hysteresis", self.widths))
 
     def laws(self, robot: Robot) -> tuple[Law, ...]:
-        """Laws of FH1, FH2, … (one for each width) of each joint: (q - z) / r, from -1 to 1."""
+        """Laws of FH1, FH2, … (one for each width r) of each joint: (q - z) / r with the hysteresis state z."""
         laws: list[Law] = []
         for k, width in enumerate(self.widths, 1):
             play = Play(width)

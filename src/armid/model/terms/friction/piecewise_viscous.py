@@ -41,7 +41,7 @@ class PiecewiseViscous:
         object.__setattr__(self, "knots", require_rising("The knots of piecewise viscous friction", self.knots))
 
     def laws(self, robot: Robot) -> tuple[Law, ...]:
-        """Laws of FP1, FP2, … (one for each knot) of each joint: max(dq - v, 0) - max(-dq - v, 0)."""
+        """Laws of FP1, FP2, … of each joint, one for each knot v: max(dq - v, 0) - max(-dq - v, 0)."""
         velocity, units = symbol("dq"), ("N·m·s/rad", "N·s/m")
         laws: list[Law] = []
         for k, knot in enumerate(self.knots, 1):
