@@ -216,7 +216,7 @@ def test_mimic_joints_are_refused_unless_locked(tmp_path):
     [
         (joint_xml(inside=f'<axis xyz="0 0 0"/>{LIMIT}'), "joint 'j' has an axis of zero length"),
         (joint_xml(inside=f'<axis xyz="0 0"/>{LIMIT}'), "xyz of the axis of joint 'j' must be 3 finite numbers"),
-        (joint_xml(inside='<limit lower="1" upper="-1"/>'), "lower position limit 1 of joint 'j' is above"),
+        (joint_xml(inside='<limit lower="1" upper="-1"/>'), "lower position limit 1 rad of joint 'j' is above"),
         (joint_xml(inside='<limit lower="nan" upper="1"/>'), "lower of the limit of joint 'j' must be a finite"),
         (joint_xml(child="nowhere"), r"child link \[nowhere\]"),
         (joint_xml().replace("0 0 0.3", "0 x 0.3"), r"\[x\]"),
@@ -417,7 +417,7 @@ def test_includes_are_resolved_and_count_for_the_digest(tmp_path):
     [
         (f'<frame pos="0 0 1">{PAIR}</frame>', "uses <frame>"),
         (PAIR.replace('name="j"', 'name="j" axis="0 0 0"'), "joint 'j' has an axis of zero length"),
-        (PAIR.replace('name="j"', 'name="j" range="1 -1"'), "lower position limit 1 of joint 'j' is above"),
+        (PAIR.replace('name="j"', 'name="j" range="1 -1"'), "lower position limit 1 rad of joint 'j' is above"),
         (PAIR.replace('name="j"', 'name="j" class="lost"'), "no default class 'lost'"),
         (PAIR.replace('name="k"', 'name="j"'), "two joints named 'j'"),
         (PAIR.replace('name="b"', 'name="a"'), "two bodies named 'a'"),
