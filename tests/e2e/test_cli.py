@@ -110,7 +110,8 @@ def test_base_prints_groupings_as_the_field_writes_them(armid: Armid):
     assert (done.code, done.err) == (0, "")
     lines = done.out.splitlines()
     assert lines[0].startswith(
-        "iiwa14-r820: 57 base parameters of 84, 43 inertial + 14 friction; 11 without effect (M_1, "
+        "iiwa14-r820: 57 base parameters of 84 standard parameters (43 inertial + 14 friction); 11 "
+        "standard parameters have no effect (M_1, "
     )
     assert "  ZZR_1 = ZZ_1 + YY_2" in lines
     assert "  MYR_2 = MY_2 + MZ_3 + 0.2045 M_3 + 0.42 (M_4 + M_5 + M_6 + M_7)" in lines
@@ -174,7 +175,7 @@ def test_identify_a_study(armid: Armid, small: Path, tmp_path: Path):
     words = (
         "24 base parameters, 15 inertial + 9 friction, by wls",
         "validation",
-        "band",
+        "cover-",
         f"open {run / 'report.html'}\n",
     )
     assert all(each in done.out for each in words)
@@ -692,7 +693,7 @@ def test_tables_fit_a_narrow_terminal(run: Path):
         print_verdict(console, judged)
     text = screen.getvalue()
     assert "…" not in text.replace(" … ", "")  # between the ends of intervals, and nowhere cut off
-    assert all(text.count(word) >= 3 for word in ("valid", "URDF", "torque", "peak", "band")) and "runs" in text
+    assert all(text.count(word) >= 3 for word in ("valid", "URDF", "torque", "peak", "cover-")) and "runs" in text
 
 
 def test_values_are_shown_as_finely_as_they_are_known(armid: Armid, run: Path, small: Path):

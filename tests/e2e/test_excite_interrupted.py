@@ -59,7 +59,9 @@ def test_an_interrupted_page_leaves_the_whole_plan(
     capsys: pytest.CaptureFixture[str],
 ):
     assert interrupted_in(where, tmp_path, monkeypatch) == 130
-    assert capsys.readouterr().err.endswith(f"interrupted; plan holds the plan without {page}\n")
+    assert capsys.readouterr().err.endswith(
+        f"interrupted; the plan in plan is complete, but {page} was not written\n"
+    )
     written = {path.name for path in (tmp_path / "plan").iterdir()}
     assert {"plan.json", "plan.csv", "preflight.json", "preflight.txt"} <= written and page not in written
     assert ("preflight.html" in written) == others

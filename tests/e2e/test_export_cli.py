@@ -44,7 +44,7 @@ def test_it_says_what_it_did(small: Path, capsys: pytest.CaptureFixture[str]):
     assert armid("export", small / "wls", "--to", "mjcf") == 0
     out, err = capsys.readouterr()
     path = small / "wls" / "small.xml"
-    assert out.startswith(f"{path} written (a new file); the whole model in {path}.armid.json")
+    assert out.startswith(f"{path} written (a new file); {path}.armid.json contains the whole model")
     assert "torque on" in out and "bodies-chosen" in err and "no-place" in err
     assert load_robot(path).joint_names == ("joint_1", "joint_2", "joint_3")
 

@@ -40,7 +40,7 @@ GAIN = np.array([10.0, 12.0, 8.0])
 CORRECTION = np.array([0.06, -0.05, 0.08])
 LOAD = com_inertia_to_vector(0.8, np.array([0.05, 0.02, 0.1]), np.diag([0.004, 0.005, 0.003]))
 
-WIDE = "intervals are wide by the deviation of the drive gains, 10 % ("
+WIDE = "the deviation of the drive gains, 10 %, widens the intervals ("
 
 CURRENT = """columns = { effort = "i{}" }
 drive_gain = [10.0, 12.0, 8.0]
@@ -216,7 +216,7 @@ def test_drive_gains_from_a_known_mass(armid: Armid):
     assert code == 0 and "Drive gains" in out and "known" in out
     words = " ".join(out.split())
     assert f"{WIDE}drive_gain_deviation, --gain-deviation)" in words
-    assert "hardly shows keeps nearly all of its deviation" in words
+    assert "the drive gain of this joint keeps nearly its whole deviation" in words
 
 
 def test_uncertain_gains_are_told_where_intervals_are(armid: Armid, tmp_path: Path):

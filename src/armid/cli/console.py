@@ -42,10 +42,10 @@ SHAPE_FINDINGS = (
 """Codes of findings about the shapes of an arm; shapes have no effect on its dynamics."""
 
 SHORT_FORMS = {
-    "columns-guessed": "Columns and units were chosen by names of columns; armid doctor lists them, to paste.",
+    "columns-guessed": "Columns and units were guessed from the names of the columns; armid doctor lists them.",
 }
-"""Short lines that replace findings of severity `info` which name all columns, by code; the page of a run gives the
-whole text."""
+"""Short texts, by the code of a finding. They replace findings of severity `info` that name all columns; the page of
+a run gives the whole text."""
 
 SHORT_TITLES = {"validation": "valid.", "earlier run": "earlier"}
 """Short titles for tables with a column for each recording; with them a table fits 80 characters."""
@@ -54,7 +54,7 @@ MESH_MESSAGE_INTERVAL = 2.0
 """Time until the first message that meshes are being read, and between two such messages [s]."""
 
 OPTION = re.compile(r"(?<!\S)--[a-z]|\barmid [a-z]|\b[a-z_]+ = \S")
-"""An option, a command or a key of a study in a remedy."""
+"""Pattern of an option, a command or a key of a study in a remedy."""
 
 MAX_RECORDING_COLUMNS = 2
 """Largest number of recordings with one column each; more recordings have a common column, their root mean square."""
@@ -79,7 +79,7 @@ def _width(stream: TextIO) -> int | None:
 
 
 def print_error(error: ArmidError) -> None:
-    """Print an error: what was requested and found, what is possible, what to do."""
+    """Print an error: the problem, the possible values, and the remedy."""
     console = error_console()
     console.print(f"[bold red]error[/] {escape(error.problem)}")
     if error.possible:
@@ -91,8 +91,8 @@ def print_error(error: ArmidError) -> None:
 def print_findings(findings: Sequence[Finding], *, shapes: bool = False, whole: bool = False) -> None:
     """Prints findings, errors first, without duplicates, after flushing standard output.
 
-    A remedy to paste stands below its finding, in lines that are not wrapped. Several findings with the same remedy
-    stand above it together.
+    A remedy to copy is printed below the finding, in lines that are not wrapped. If several findings have the same
+    remedy, it is printed once below all of them.
 
     Args:
         findings: Findings of the command.
@@ -122,14 +122,14 @@ def print_findings(findings: Sequence[Finding], *, shapes: bool = False, whole: 
 
 
 def _shortened(finding: Finding) -> Finding:
-    """Finding for the terminal: information that has a short form is printed in one line."""
+    """Finding for the terminal; a finding whose code is in `SHORT_FORMS` gets the short text."""
     if finding.severity != "info" or finding.code not in SHORT_FORMS:
         return finding
     return replace(finding, channel="", evidence=min(SHORT_FORMS[finding.code], finding.evidence, key=len), remedy="")
 
 
 def to_paste(remedy: str) -> bool:
-    """Test of a remedy for lines of a study or options of the command line, which wrapping would break."""
+    """Tests whether a remedy contains lines of a study or options, which must not be wrapped."""
     parts = remedy.parts if isinstance(remedy, Remedy) else Remedy.read(remedy).parts
     return any(not isinstance(part, str) for part in parts) or OPTION.search(remedy) is not None
 
@@ -157,7 +157,7 @@ def progress(*, quiet: bool = False) -> Generator[ReportProgress]:
 
 @contextmanager
 def print_missing_meshes(*, quiet: bool = False) -> Generator[None]:
-    """Prints which mesh is being read, every `MESH_MESSAGE_INTERVAL`, if standard error is a terminal."""
+    """Prints the name of the mesh that is read, at most once per `MESH_MESSAGE_INTERVAL`, if a terminal shows it."""
     from armid.excitation.collision.coal import telling_of_meshes
 
     console, start, last_message, count = error_console(), time.monotonic(), 0.0, 0
@@ -178,7 +178,7 @@ def print_missing_meshes(*, quiet: bool = False) -> Generator[None]:
 def validation_table(
     validation: Validation, training: Sequence[Score], units: Sequence[str], before: Sequence[Score] = ()
 ) -> Table:
-    """Table of torque errors by joint; `before` holds those of an earlier run on the same recordings."""
+    """Table of the torque errors of each joint; `before`: errors of an earlier run on the same recordings."""
     same_unit = len(set(units)) == 1
     title = f"Torque error, RMS{f' in {units[0]}' if same_unit else ''}"
     table = Table(title=title, header_style="bold", show_edge=False, pad_edge=False)
@@ -193,7 +193,7 @@ def validation_table(
     for name, _ in error_columns:
         table.add_column(name, justify="right")
     judged = held_out or tuple(training)
-    for name in ("CAD/\nURDF", "relative\nRMS", "peak", "in\nband"):
+    for name in ("CAD/\nURDF", "relative\nRMS", "peak", "cover-\nage"):
         table.add_column(name, justify="right")
     description_rms = [score.prior_rms for score in judged if score.prior_rms is not None]
     for j, joint in enumerate(validation.joints):
@@ -212,7 +212,7 @@ def validation_table(
 
 
 def _legend(training: Sequence[Score], held_out: Sequence[Score], before: Sequence[Score]) -> str:
-    """Caption of the table: the recordings of the columns, and the meaning of each column."""
+    """Caption of the table of torque errors: the recordings of the columns, and the meaning of each column."""
     names = names_apart([score.path for score in (*training, *held_out, *before)])
     parts: list[str] = []
     for title, scores in (("train", training), ("validation", held_out)):
@@ -228,14 +228,15 @@ def _legend(training: Sequence[Score], held_out: Sequence[Score], before: Sequen
     recordings = f"the {len(judged)} {kind} recordings" if len(judged) > 1 else f"{kind}"
     aggregate = ", the worst of each joint" if len(judged) > 1 else ""
     parts.append(
-        "CAD/URDF (parameters of the description), relative RMS (divided by the standard deviation of the "
-        f"torque), peak and share of rows in the 95 % band are of {recordings}{aggregate}"
+        "CAD/URDF (RMS error with the parameters of the description), relative RMS (RMS error divided by the "
+        "standard deviation of the measured torque), peak (largest error) and coverage (share of rows inside the "
+        f"95 % prediction interval) are of {recordings}{aggregate}"
     )
     return "; ".join(parts)
 
 
 def _root_mean_square(errors: Sequence[Array]) -> Array:
-    """Root mean square over recordings."""
+    """Root mean square of the errors of several recordings, for each joint, shape (n,)."""
     return np.sqrt(np.mean(np.square(errors), axis=0))
 
 
@@ -245,7 +246,7 @@ def _largest(values: Sequence[float]) -> float:
 
 
 def _columns(name: str, scores: Sequence[Score]) -> list[tuple[str, Array]]:
-    """Titles and errors of the columns: one column for each recording, or a single column for many recordings."""
+    """Title and errors of each column: one column for each recording, or one root mean square of many recordings."""
     if len(scores) > MAX_RECORDING_COLUMNS:
         return [(f"{name},\n{len(scores)} runs", _root_mean_square([score.rms for score in scores]))]
     short = SHORT_TITLES.get(name, name)
@@ -258,7 +259,7 @@ def _number(value: float, decimals: int = 3, unit: str = "") -> str:
 
 
 def print_methods(comparison: MethodTable, units: Sequence[str]) -> None:
-    """Prints a table of all methods, and for each failed method the reason."""
+    """Prints a table of all estimation methods, and the reason for each method that failed."""
     console = output_console()
     unit = f" in {units[0]}" if len(set(units)) == 1 else ""
     table = Table(title=f"Methods: torque error of all joints together, RMS{unit}", header_style="bold")
@@ -282,8 +283,9 @@ def print_methods(comparison: MethodTable, units: Sequence[str]) -> None:
             f"{score.seconds:.3f} s",
         )
     table.caption = (
-        f"held-out: {comparison.note}; physical: yes if bodies with these base parameters exist; λ: smallest "
-        "eigenvalue of the pseudo-inertias of the estimated bodies"
+        f"held-out: {comparison.note}; dropped: number of parameters set to zero; physical: yes if bodies with these "
+        "base parameters exist, otherwise the relative distance to the nearest parameters of such bodies; λ: "
+        "smallest eigenvalue of the pseudo-inertias of the estimated bodies"
     )
     table.caption_justify = "left"
     console.print(table)

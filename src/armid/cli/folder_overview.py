@@ -9,7 +9,8 @@ from pathlib import Path
 from armid.measurement.catalogue import READERS, recording_endings
 
 DESCRIPTIONS = (".urdf", ".xacro", ".xml", ".mjcf")
-"""Suffixes of robot descriptions, copied here because importing their readers takes NumPy; a test compares them."""
+"""Suffixes of robot descriptions. They are copied, because the import of the readers would load NumPy; a test
+compares them with the readers."""
 
 BEGIN = (
     ("armid demo", "a complete identification on a virtual arm, half a minute"),
@@ -21,7 +22,7 @@ BEGIN = (
 
 
 def next_step(folder: Path | str = ".") -> str:
-    """Next commands for a folder: for its latest run, else its study, else its arm with recordings, else its arm.
+    """Next commands for the latest run in a folder, or else for its study, or else for its arm and recordings.
 
     Args:
         folder: Folder to examine.
@@ -34,7 +35,7 @@ def next_step(folder: Path | str = ".") -> str:
 
 
 def _steps(folder: Path) -> tuple[tuple[str, str], ...]:
-    """Commands for the files in a folder; empty if there are no known files."""
+    """Commands for the files in a folder, each with its purpose; empty if no file is known."""
     files = sorted(path.name for path in folder.iterdir() if path.is_file())
     runs = [path.parent for path in folder.glob("runs/*/estimate.json")]
     if runs:
@@ -63,7 +64,7 @@ def _steps(folder: Path) -> tuple[tuple[str, str], ...]:
 
 
 def _logs(folder: Path, files: Sequence[str]) -> list[str]:
-    """Recordings in a folder, ambiguous endings last: files, and folders of ROS bags."""
+    """Names of the recordings in a folder: files (those whose ending has other uses, too, last), then ROS bags."""
     known = [name for name in files if name.lower().endswith(recording_endings())]
     ambiguous = tuple(suffix for each in READERS.values() for suffix in each.ambiguous)
     bags = sorted(path.parent.name for path in folder.glob("*/metadata.yaml"))

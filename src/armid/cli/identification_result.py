@@ -30,7 +30,7 @@ COVARIANCE_SOURCES = {
     "block": "the scatter between blocks",
     "recursive": "the innovations of the recursive estimate",
 }
-"""Source of the noise estimate, by kind of covariance."""
+"""Text that names the source of the covariance, by kind of covariance."""
 
 
 def intervals_text(fit: Fit, gain_deviation: Array, keys: str = "drive_gain_deviation") -> str:
@@ -39,18 +39,18 @@ def intervals_text(fit: Fit, gain_deviation: Array, keys: str = "drive_gain_devi
     Args:
         fit: The estimate.
         gain_deviation: Relative standard deviation of the drive gain of each joint, zero if it is exact, shape (n,).
-        keys: Names of the inputs that state the deviation.
+        keys: Names of the key of the study, and of the option, that state the deviation.
     """
     source = f"intervals from {COVARIANCE_SOURCES[fit.covariance_kind]}: {fit.report.why}"
     if not gain_deviation.any():
         return source
     ends = dict.fromkeys((100 * float(gain_deviation.min()), 100 * float(gain_deviation.max())))
     deviation = " to ".join(f"{float(f'{end:.3g}'):g}" for end in ends)
-    return f"{source}\nintervals are wide by the deviation of the drive gains, {deviation} % ({keys})"
+    return f"{source}\nthe deviation of the drive gains, {deviation} %, widens the intervals ({keys})"
 
 
 def print_result(result: Result, *, verbose: bool = False) -> None:
-    """Print the verdict, torque errors and parameters; parameters in one line, or all of them if `verbose`."""
+    """Print the verdict, the torque errors, and the number of parameters, or all parameters if `verbose`."""
     console, estimate = output_console(), result.estimate
     fit = estimate.fit
     console.print(f"[bold]{escape(estimate.robot)}[/]: ", end="")
@@ -67,7 +67,8 @@ def print_result(result: Result, *, verbose: bool = False) -> None:
         console.print(estimate_table(estimate, result.robot.joint_names))
     else:
         console.print(
-            f"{folded_line(estimate)}; --verbose or {PAGE} lists them, each named after its joint's number #"
+            f"{folded_line(estimate)}; --verbose or {PAGE} lists them; the number in a name is the number # of the "
+            "joint"
         )
     print_links(console, link_table(result.model, estimate))
     if fit.standard is not None:
@@ -81,17 +82,17 @@ def print_result(result: Result, *, verbose: bool = False) -> None:
 
 
 def _assumption(result: Result) -> str:
-    """Line with what the intervals assume."""
-    other = "" if result.friction_selection is not None else "; --terms auto selects other forms"
-    return f"intervals assume that the model is right, including its form of friction{other}"
+    """Line with the assumption of the intervals."""
+    other = "" if result.friction_selection is not None else "; --terms auto selects among more friction laws"
+    return f"the intervals are valid if the model, with its friction laws, is right{other}"
 
 
 def _warning_lines(findings: Sequence[Finding], *, verbose: bool) -> list[str]:
-    """Lines with the codes of warnings: those that are printed below, and those that only the page explains."""
+    """Lines with the codes of the warnings: printed warnings first, then warnings that only the page has."""
     codes = list(dict.fromkeys(each.code for each in findings if each.severity == "warning"))
     printed = [code for code in codes if verbose or code not in SHAPE_FINDINGS]
     others = [code for code in codes if code not in printed]
-    lines = [f" [yellow]with warnings[/], which are explained below: {', '.join(printed)}"] if printed else []
+    lines = [f" [yellow]with warnings[/], see their lines below: {', '.join(printed)}"] if printed else []
     if others:
         lines.append(
             f" with warnings about shapes, which do not affect the result; --verbose and {PAGE} explain them: "
@@ -101,7 +102,7 @@ def _warning_lines(findings: Sequence[Finding], *, verbose: bool) -> list[str]:
 
 
 def _method_line(result: Result) -> str:
-    """Method of the estimate after friction selection, and the weight of its prior."""
+    """Line with the estimation method after friction selection, the reason for it, and the weight of the prior."""
     from armid.study.config import AUTOMATIC_METHOD, PLAIN_METHOD
 
     method = result.estimate.method
@@ -113,7 +114,7 @@ def _method_line(result: Result) -> str:
         ""
         if weight is None
         else (
-            f"; the weight of its prior, {weight:.3g} independent samples, was determined together with the friction"
+            f"; its prior has the weight of {weight:.3g} independent samples, determined together with the friction"
         )
     )
     return f"estimated by {method}{reason}{prior}"
@@ -127,7 +128,7 @@ def print_next(
     Args:
         result: Result of the identification.
         folder: The run's folder.
-        page: True if the page was written.
+        page: True if the HTML page of the run was written.
         replaced: True if an earlier run in this folder was replaced.
         inputs: The study, or the arm and its recordings, as given on the command line.
     """

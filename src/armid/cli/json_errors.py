@@ -21,9 +21,9 @@ def write_error(problem: str, possible: str = "", remedy: str = "") -> None:
     """Write an error as a JSON object on standard output.
 
     Args:
-        problem: What was asked and what was found.
-        possible: What would have been accepted.
-        remedy: What to do.
+        problem: Request, and the value or state that was found.
+        possible: Values that are accepted.
+        remedy: Action that solves the problem.
     """
     record = {"error": problem, "possible": possible, "remedy": remedy, "exit_code": BAD_INPUT}
     sys.stdout.write(json.dumps(record, indent=1, ensure_ascii=False) + "\n")
@@ -31,10 +31,10 @@ def write_error(problem: str, possible: str = "", remedy: str = "") -> None:
 
 
 class Group(TyperGroup):
-    """All commands; with `--json`, a wrong command line gives a JSON object in addition to the parser's message."""
+    """Group of all commands; with `--json`, a wrong command line gives a JSON object beside the parser's message."""
 
     def make_context(self, info_name: str | None, args: list[str], *rest: Any, **extra: Any) -> Any:
-        """Parse what stands before the name of the command."""
+        """Parse the part of the command line before the name of the command."""
         asked = "--json" in args
         with _as_json(asked):
             context = super().make_context(info_name, args, *rest, **extra)
@@ -49,7 +49,7 @@ class Group(TyperGroup):
 
 @contextmanager
 def _as_json(asked: bool) -> Generator[None]:
-    """Write errors of the parser as JSON objects, if asked, and raise them again.
+    """Write errors of the parser as JSON objects if `asked` is true, and raise these errors again.
 
     The exceptions of the parser are recognised by their attributes, because versions of typer use different versions
     of click.

@@ -48,7 +48,7 @@ ReadingLines = Annotated[
         "--reading",
         metavar="KEY = VALUE",
         help="Line of a study's table `recording` for these recordings, such as 'drive_gain = [2.1, 1.9]'; "
-        'a value "none" takes the run\'s away; repeatable.',
+        'the value "none" removes the value of the run; repeatable.',
     ),
 ]
 
@@ -61,10 +61,10 @@ def given(
     time_unit: float | None = None,
     period: str | None = None,
 ) -> dict[str, Any]:
-    """Arguments of `LogFormat` that the command line gives; options left out are not included.
+    """Arguments of `LogFormat` that are given on the command line; arguments that are not given are left out.
 
     Raises:
-        ArmidError: An option has no value of its kind.
+        ArmidError: The value of an option has the wrong form.
     """
     keys: dict[str, Any] = {"rate": rate, "torque_sign": torque_sign, "units": units, "time_unit": time_unit}
     keys["period"] = _period(period)
@@ -73,10 +73,10 @@ def given(
 
 
 def _period(text: str | None) -> float | str | None:
-    """Value of --period.
+    """Value of the option --period: a time [s] or `none`; `None` if the option is not given.
 
     Raises:
-        ArmidError: The text is no number and not `none`.
+        ArmidError: The text is neither a number nor `none`.
     """
     if text is None or text == "none":
         return text
@@ -97,10 +97,10 @@ def changed_reading(
     columns: list[str] | None,
     lines: list[str] | None = None,
 ) -> dict[str, Any]:
-    """Arguments of `LogFormat` that differ from those of a run; other columns stay those of the run.
+    """Arguments of `LogFormat` that the command line changes; columns that are not given stay those of the run.
 
     Raises:
-        ArmidError: A line is not a key of a log format with its value.
+        ArmidError: A line is not a key of a log format with a value.
     """
     arguments = {**_keys_of_lines(lines or []), **given(columns, rate, torque_sign)}
     if "columns" in arguments:
@@ -109,10 +109,10 @@ def changed_reading(
 
 
 def _keys_of_lines(lines: list[str]) -> dict[str, Any]:
-    """Keys and values of `--reading`.
+    """Keys and values of the lines that are given with `--reading`.
 
     Raises:
-        ArmidError: A line is no TOML, or its key is none of a log format.
+        ArmidError: A line is not TOML, or its key does not belong to a log format.
     """
     from armid.measurement.log_format import LogFormat
 
@@ -137,10 +137,10 @@ def _keys_of_lines(lines: list[str]) -> dict[str, Any]:
 
 
 def columns_given(given: list[str]) -> dict[str, str | list[str]]:
-    """Column names by quantity, from `QUANTITY=NAME,…`; several names of one quantity become a list.
+    """Column names by quantity, from texts of the form `QUANTITY=NAME,…`; several names become a list.
 
     Raises:
-        ArmidError: An entry names no quantity, or a quote is not closed.
+        ArmidError: A text does not begin with a quantity, or a quotation mark is not closed.
     """
     by_quantity: dict[str, list[str]] = {}
     for each in given:

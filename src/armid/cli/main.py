@@ -1,6 +1,6 @@
 """The command line: `armid COMMAND`.
 
-Exit codes: 0 done, 1 a verdict failed, 2 bad input, 130 interrupted.
+Exit codes: 0 success, 1 failed verdict, 2 wrong input, 130 interruption.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from armid.threads import keep_freed_memory, prefer_one_thread
 
 
 class _StoppedError(Exception):
-    """Interruption of a command by Ctrl-C; the parser would otherwise end without a message."""
+    """Interruption of a command by Ctrl-C; without this exception the parser would end without a message."""
 
 
 def _interruptible(command: Callable[..., None]) -> Callable[..., None]:

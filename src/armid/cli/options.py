@@ -74,7 +74,7 @@ Terms = Annotated[
     ),
 ]
 Json = Annotated[
-    bool, typer.Option("--json", help="Print one JSON object and nothing else on standard output, for an error, too.")
+    bool, typer.Option("--json", help="Print only one JSON object on standard output, also if there is an error.")
 ]
 Out = Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Folder to write to.")]
 Verbose = Annotated[
@@ -108,7 +108,7 @@ def robot_choice(
 
 
 def _packages(given: list[str] | None) -> dict[str, str]:
-    """Folders by package, from `NAME=DIR`."""
+    """Folder of each ROS package, by the name of the package, from texts of the form `NAME=DIR`."""
     result: dict[str, str] = {}
     for each in given or ():
         name, _, folder = each.partition("=")
@@ -125,20 +125,20 @@ BOX = re.compile(r"[-+.\deE]+(,[-+.\deE]+){5}")
 
 
 def _separate(given: list[str] | None) -> tuple[str, ...]:
-    """Entries of a repeatable option, split at commas."""
+    """Entries of a repeatable option whose values may contain several entries, separated by commas."""
     parts = (part.strip() for each in given or () for part in each.split(","))
     return tuple(part for part in parts if part)
 
 
 def model_choice(terms: str | None, *, default: tuple[str, ...] = ()) -> ModelChoice:
-    """Choice of the torque terms named on the command line, with their default options.
+    """Choice of the torque terms that the command line names, with the default options of the terms.
 
     Args:
         terms: Names separated by commas, or `auto`.
-        default: Terms if none are named; given by commands without recordings, which cannot select terms.
+        default: Terms that are used if none are named; for commands without recordings, which cannot select terms.
 
     Raises:
-        StudyError: An empty list, or `auto` without recordings.
+        StudyError: The list is empty, or it is `auto` for a command without recordings.
     """
     from armid.study.config import ModelChoice
 
@@ -162,7 +162,7 @@ def model_choice(terms: str | None, *, default: tuple[str, ...] = ()) -> ModelCh
 
 
 def run_folder(out: Path | None, robot: str) -> Path:
-    """Folder of the run: the given one, else `runs/` and the arm's name, with a number if that folder exists."""
+    """Folder of the run: `out`, or else `runs/` and the name of the arm, with a number if that folder exists."""
     if out is not None:
         return out
     default = Path("runs") / (re.sub(r"[^\w.+-]+", "-", robot).strip(".-") or "robot")
@@ -171,4 +171,4 @@ def run_folder(out: Path | None, robot: str) -> Path:
 
 
 BASE_TERMS = ("rigid-body", "viscous", "coulomb")
-"""Default terms of all commands except `identify`; Coulomb friction has width zero."""
+"""Default torque terms of all commands except `identify`; the smoothing width of Coulomb friction is zero."""

@@ -23,7 +23,7 @@ from armid.robot.robot import Robot
 FEWEST_DECIMALS, MOST_DECIMALS = 3, 9
 
 MIN_NAME_WIDTH = 12
-"""Least width of a column of link names; longer names are folded [characters]."""
+"""Smallest width of a column of link names; longer names are folded [characters]."""
 
 UNLIMITED_WIDTH = 1000
 """Width that no table exceeds; it is used to measure the natural width of a table [characters]."""
@@ -42,7 +42,7 @@ PRIORS = {
 
 
 def folded_line(estimate: Estimate) -> str:
-    """Line with the number of parameters and the number of poorly identified ones."""
+    """Line with the number of base parameters and the number of poorly identified base parameters."""
     names = estimate.fit.names
     poor = int(estimate.fit.poorly_identified.sum())
     note = f"; {poor} with a relative standard deviation above {POORLY_IDENTIFIED:g} %" if poor else ""
@@ -76,21 +76,21 @@ def estimate_table(estimate: Estimate, joints: Sequence[str]) -> Table:
 
 
 def _decimals(half_width: float) -> int:
-    """Decimals that show two digits of an interval's half width, at least as many as in Table 4.1."""
+    """Number of decimals that show two digits of the half width, at least as many as in Table 4.1 of the thesis."""
     if not 0.0 < half_width < math.inf:
         return FEWEST_DECIMALS
     return min(max(FEWEST_DECIMALS, 1 - math.floor(math.log10(half_width))), MOST_DECIMALS)
 
 
 def _percent(relative: float) -> str:
-    """Percentage with two decimals; three significant digits below 0.1; `> 999` from a thousand on."""
+    """Percentage as text: two decimals; three significant digits below 0.1; `> 999` from a thousand on."""
     if not relative < 1000.0:
         return "> 999"
     return f"{relative:.2f}" if relative >= 0.1 else f"{relative:.3g}"
 
 
 def print_links(console: Console, table: LinkTable) -> None:
-    """Prints estimated and described mass, centre of mass and inertia of each link, or why there are none."""
+    """Prints estimated and described mass, centre of mass and inertia of each link; without values, the reason."""
     if table.note or not table.links:
         console.print(f"bodies of the links: {escape(table.note)}", highlight=False)
         return
@@ -109,7 +109,7 @@ def print_links(console: Console, table: LinkTable) -> None:
 
 
 def _bodies(table: LinkTable, columns: Sequence[int], names: Sequence[str], title: str | None) -> Table:
-    """Table of some quantities, with two rows for each link; long names of links are folded."""
+    """Table of the chosen quantities, with an estimated and a described row for each link; long names are folded."""
     shown = Table(title=title, header_style="bold")
     shown.add_column("link", overflow="fold", min_width=MIN_NAME_WIDTH)
     shown.add_column("", no_wrap=True)
@@ -127,7 +127,7 @@ def _bodies(table: LinkTable, columns: Sequence[int], names: Sequence[str], titl
 
 
 def _links_note(table: LinkTable) -> str:
-    """Note below the table: meaning of the columns, and intervals of values that the torques determine."""
+    """Note below the table of links: meaning of the columns, and intervals of values that the torques determine."""
     lines = ["centre of mass x y z and axes in the link frame; inertia about the centre of mass, kg·m²"]
     short = ("mass", "x", "y", "z", *QUANTITIES[4:])
     for body in table.links:
@@ -138,13 +138,13 @@ def _links_note(table: LinkTable) -> str:
         if spans:
             lines.append(f"* {escape(body.link)}, 95 %: {spans}")
     starred = len(lines) > 1
-    others = "the others depend" if starred else "these values depend"
+    others = "the other values depend" if starred else "these values depend"
     lines.append(f"{'* values that the torques determine; ' if starred else ''}{others} on the prior, too")
     return "\n".join(lines)
 
 
 def _digits(body: LinkProperties) -> list[int]:
-    """Decimals of each quantity, so that the largest quantity of its kind has three digits."""
+    """Decimals of the ten quantities of a link: the largest mass, coordinate and inertia have three digits each."""
     result = [0] * 10
     for kind in ((0,), (1, 2, 3), tuple(range(4, 10))):
         sizes = np.abs(np.concatenate([body.estimate[list(kind)], body.description[list(kind)]]))
@@ -160,7 +160,7 @@ def _plain(value: float, decimals: int) -> str:
 
 
 def status_line(standard: StandardFit) -> str:
-    """Line with the number of standard parameters of each status and the prior that determines the others."""
+    """Line with the number of standard parameters of each status, and with the prior of the estimate."""
     kinds = ("identified", "prior-dominated", "not identifiable")
     counts = ", ".join(f"{standard.status.count(kind)} {kind}" for kind in kinds)
     prior = standard.prior

@@ -1,4 +1,4 @@
-"""Remedies for the command line, with options of the running command instead of keys of a study."""
+"""Remedies for the command line, in which options of the running command replace keys of a study."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ def hint(remedy: str) -> str:
 
 
 def options_of_command() -> tuple[str, ...]:
-    """Keys of a study that are options of the running command; without log-format keys if a study is given.
+    """Keys of a study that the running command accepts as options; if a study is given, no keys of the log format.
 
-    A command with `--reading` takes every key of a log format; it is then among the keys.
+    A command with the option `--reading` accepts every key of a log format; then `reading` is one of the keys.
     """
     from armid.study.remedy_translation import OF_READING, OPTIONS, READING
 
@@ -48,7 +48,7 @@ def given_options(names: Container[str]) -> list[str]:
     """Options of the running command that were given, as words for a shell; none if a study was given.
 
     Args:
-        names: Names of the options that are wanted.
+        names: Names of the options that are looked up.
     """
     context = CONTEXT.get()
     if context is None or _has_study(context):
@@ -65,7 +65,7 @@ def given_options(names: Container[str]) -> list[str]:
 
 
 def _is_given(value: Any) -> bool:
-    """True for the value of an option that has one; switches have none."""
+    """True if an option was given with a value; false for switches, which have no value."""
     return value is not None and value != () and not isinstance(value, bool)
 
 

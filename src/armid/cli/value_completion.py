@@ -1,4 +1,4 @@
-"""Completion in a shell: names from catalogues, and joints and links of the arm on the line.
+"""Completion in a shell: names from catalogues, and joints and links of the arm on the command line.
 
 The user waits for the completion, so no heavy module is imported. Names of criteria and limits are copied here, and a
 contract test compares the copies with the catalogues. Names of joints and links are extracted from the text of a
@@ -40,7 +40,7 @@ NOT_MOVING = re.compile(r"""\btype\s*=\s*["'](?:fixed|free)["']""")
 
 
 def known_arms(incomplete: str) -> list[str]:
-    """Built-in arms and descriptions in this folder that begin with a text; without any, shells complete files."""
+    """Built-in arms and descriptions in this folder that begin with a text; if none do, the shell completes files."""
     files = (path.name for path in Path().iterdir() if path.suffix in DESCRIPTIONS)
     return sorted(
         name for name in chain((path.stem for path in ARMS.glob("*.toml")), files) if name.startswith(incomplete)
@@ -48,7 +48,7 @@ def known_arms(incomplete: str) -> list[str]:
 
 
 def among(names: Iterable[str]) -> Callable[[str], list[str]]:
-    """Completion function for one of these names."""
+    """Makes a completion function that returns those of `names` that begin with the typed text."""
 
     def complete(incomplete: str) -> list[str]:
         return [name for name in names if name.startswith(incomplete)]
@@ -57,7 +57,7 @@ def among(names: Iterable[str]) -> Callable[[str], list[str]]:
 
 
 def terms(incomplete: str) -> list[str]:
-    """Torque terms that are not yet in the comma-separated list; `auto` only as the first entry, and `default`."""
+    """Completions of a comma-separated list of torque terms; `auto` is offered only as the first entry."""
     prefix, comma, start = incomplete.rpartition(",")
     used = set(prefix.split(","))
     names = ("default", *TERMS) if comma else ("auto", "default", *TERMS)
@@ -65,20 +65,20 @@ def terms(incomplete: str) -> list[str]:
 
 
 def joints(incomplete: str) -> list[str]:
-    """Moving joints of the arm on the command line, also after a comma."""
+    """Completions of a comma-separated list of moving joints of the arm on the command line."""
     prefix, comma, start = incomplete.rpartition(",")
     used = set(prefix.split(","))
     return [prefix + comma + name for name in _names(_joints) if name.startswith(start) and name not in used]
 
 
 def limits(incomplete: str) -> list[str]:
-    """`JOINT.KIND=` for the arm's joints."""
+    """Texts `JOINT.KIND=` for the joints of the arm on the command line."""
     every = (f"{name}.{kind}=" for name in _names(_joints) for kind in KINDS)
     return [each for each in every if each.startswith(incomplete)]
 
 
 def links(incomplete: str) -> list[str]:
-    """Links, bodies and sites of the arm."""
+    """Links, bodies and sites of the arm on the command line."""
     return [name for name in _names(_links) if name.startswith(incomplete)]
 
 
@@ -121,7 +121,7 @@ def _words() -> list[str]:
 
 
 def _descriptions(words: Iterable[str]) -> Iterable[Path]:
-    """Description files named by the words: built-in arms, descriptions, and those of studies."""
+    """Files of the descriptions that the words name: a built-in arm, a description, or a study with a description."""
     for word in words:
         if (ARMS / f"{word}.toml").is_file():
             yield ARMS / f"{word}.toml"
@@ -144,7 +144,7 @@ def _of_study(path: Path) -> Iterable[Path]:
 
 
 def _joints(path: Path, text: str) -> list[str]:
-    """Names of the moving joints."""
+    """Names of the moving joints in the text of a description."""
     if path.suffix == ".toml":
         rows = tomllib.loads(text).get("joint", [])
         return [str(row.get("name", f"joint_{k}")) for k, row in enumerate(rows, 1)]

@@ -29,7 +29,7 @@ def test_a_certificate_speaks_of_physical_consistency(ixx, code, word, tmp_path,
     if ixx == 0.05:
         assert (
             "link 1: sum of the two smaller moments of inertia is 0.02 kg·m², less than its bound of 0.05 kg·m², the "
-            "largest moment (3.53a)"
+            "largest moment; equation (3.53a) of the thesis"
         ) in out and "rounded" not in out
 
 

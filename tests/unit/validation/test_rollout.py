@@ -251,7 +251,7 @@ def test_a_description_that_runs_away_is_not_flattered_by_its_beginnings():
     assert score.lost == score.windows and score.prior_rms is not None and np.isnan(score.prior_rms).all()
     assert score.losses == Losses(ran_away=score.windows, indefinite=0, nominal=score.windows)
     table = motion_table(small_model().robot, [score], closed=False)
-    assert f"the simulation diverged in {score.windows} of the {score.windows} windows" in str(table.caption)
+    assert f"this simulation diverged in {score.windows} of the {score.windows} windows" in str(table.caption)
 
 
 @pytest.mark.parametrize(("lost", "verdict"), [(0, "pass"), (25, "pass"), (26, "fail"), (51, "fail")])

@@ -46,12 +46,12 @@ def base(
     columns: Annotated[
         bool,
         typer.Option(
-            "--columns", help="Also print how each removed column of the regressor depends on the kept ones."
+            "--columns", help="Also print each removed column of the regressor as a combination of kept columns."
         ),
     ] = False,
     json: Json = False,
 ) -> None:
-    """Count and name the base parameters of an arm, with their groupings as formulas.
+    """Count and name the base parameters of an arm, and print the formula of each grouping.
 
     Examples:
         armid base iiwa14-r820 --gravity 0 0 9.81
@@ -79,8 +79,8 @@ def base(
         zero = [base_parameters.standard_names[k] for k in base_parameters.zero_columns]
         output_console().print(
             f"[bold]{arm.name}[/]: {base_parameters.count} base parameters of "
-            f"{len(base_parameters.standard_names)}, {count_text(base_parameters.names)}; {len(zero)} without effect"
-            + (f" ({', '.join(zero)})" if zero else "")
+            f"{len(base_parameters.standard_names)} standard parameters ({count_text(base_parameters.names)}); "
+            f"{len(zero)} standard parameters have no effect" + (f" ({', '.join(zero)})" if zero else "")
         )
         lines = _group_by_joint(base_parameters, formulas, arm.joint_names)
     sys.stdout.write("\n".join((*lines, *dependencies)) + "\n")
@@ -88,7 +88,7 @@ def base(
 
 
 def _group_by_joint(base_parameters: BaseParameters, formulas: Sequence[str], joints: Sequence[str]) -> list[str]:
-    """Lines by joint: base parameters that are sums, as formulas; then single parameters, as names."""
+    """Lines for each joint: formulas of base parameters that are sums, then names of single parameters."""
     from armid.model.parameter_counts import by_joint
 
     lines: list[str] = []

@@ -18,16 +18,24 @@ if TYPE_CHECKING:
     from armid.validation.thesis_constraints import Constraint
 
 RULES = {
-    "(3.52c)": ("mass", "kg", "which must be positive"),
-    "(3.52d)": ("smallest principal moment of inertia", "kg·m²", "which must be positive"),
+    "(3.52c)": ("mass", "kg", "since a mass is positive"),
+    "(3.52d)": ("smallest principal moment of inertia", "kg·m²", "since a moment of inertia is positive"),
     "(3.53a)": ("sum of the two smaller moments of inertia", "kg·m²", "the largest moment"),
     "(3.53b)": ("100 times the smallest moment of inertia", "kg·m²", "the largest moment"),
     "(3.53c)": ("a tenth of the smallest moment of inertia", "kg·m²", "the largest product of inertia"),
     "(3.53d)": ("smallest moment of inertia", "kg·m²", "the usual minimum"),
-    "(3.53e)": ("smaller moment of inertia about x or y", "kg·m²", "three times the one about the long axis z"),
-    "(3.53f)": ("smaller moment of inertia about x or z", "kg·m²", "three times the one about the long axis y"),
+    "(3.53e)": (
+        "smaller moment of inertia about x or y",
+        "kg·m²",
+        "three times the moment of inertia about the long axis z",
+    ),
+    "(3.53f)": (
+        "smaller moment of inertia about x or z",
+        "kg·m²",
+        "three times the moment of inertia about the long axis y",
+    ),
 }
-"""Quantity, unit and lower bound of each constraint of the thesis [Halper2024], by the number of its equation."""
+"""Checked quantity, unit, and text for the lower bound, by the number of the equation in the thesis [Halper2024]."""
 
 
 def certify(
@@ -44,14 +52,14 @@ def certify(
         ),
     ] = None,
     motion: Annotated[
-        str | None, typer.Option(metavar="PLAN", help="Check the mass matrix on this plan, too.")
+        str | None, typer.Option(metavar="PLAN", help="Also check the mass matrix along this plan.")
     ] = None,
     heaviest: Annotated[
         float | None,
         typer.Option(
             min=0.0,
-            help="Largest mass of a link, kg; by default 2.5 times the heaviest link of the description; "
-            "at least 10 if a link has no mass.",
+            help="Largest mass of a link in the nearest consistent parameters, kg; by default 2.5 times the mass of "
+            "the heaviest link of the description, and at least 10 if one of its links has no mass.",
         ),
     ] = None,
     gravity: Gravity = None,
@@ -61,7 +69,7 @@ def certify(
     package: Package = None,
     json: Json = False,
 ) -> None:
-    """Certify parameters: physical consistency, mass matrix in all poses, rules of thumb for single links.
+    """Certify parameters: physical consistency, mass matrix in all poses, rules of thumb for each link.
 
     Exit code 1: the parameters are not physically consistent, that is, no links with positive density can have them.
 
@@ -121,7 +129,7 @@ def _report(verdict: Verdict, motion: str | None) -> None:
 
 
 def _change(certificate: Certificate) -> str:
-    """Distance to the nearest consistent parameters, in words."""
+    """Text for the smallest change that makes the parameters physically consistent."""
     if certificate.feasible:
         return "physically consistent without a change"
     return (
@@ -132,7 +140,7 @@ def _change(certificate: Certificate) -> str:
 
 
 def _report_rules(broken: Sequence[Constraint]) -> None:
-    """Print the constraints of the thesis that are not met, with value and bound."""
+    """Print the constraints of the thesis that the links do not meet, each with its value and its bound."""
     from armid.cli.console import output_console
 
     console = output_console()
@@ -146,7 +154,7 @@ def _report_rules(broken: Sequence[Constraint]) -> None:
         note = "; met if the given values were rounded to three decimals" if each.rounding else ""
         console.print(
             f"  link {each.link}: {value} is {each.value:.4g} {unit}, less than its bound of {each.bound:.4g} "
-            f"{unit}, {bound} {each.constraint}{note}"
+            f"{unit}, {bound}; equation {each.constraint} of the thesis{note}"
         )
 
 

@@ -52,8 +52,9 @@ def doctor(
 ) -> None:
     """Examine recordings: signs, order, units, zeros, gravity, clock, delays, channels, motion.
 
-    Nothing is repaired. Each finding gives its evidence and its remedy. With a study, the remedy is a line for it;
-    without, it is an option of the command line or the text of a study. Exit code 1: there is at least one error.
+    The recordings are not changed. Each finding gives its evidence and its remedy. With a study, the remedy is a line
+    for this study; without a study, it is an option of the command line or the text of a study. Exit code 1: there is
+    at least one error.
 
     Examples:
         armid doctor study.toml
@@ -92,7 +93,7 @@ def doctor(
 def _without_study(
     diagnoses: tuple[Diagnosis, ...], study: Study, reading_options: dict[str, Any]
 ) -> tuple[Diagnosis, ...]:
-    """Findings with remedies for use without a study: an option, or the text of the study that is needed."""
+    """Diagnoses in which each remedy can be used without a study: it is an option, or the text of a new study."""
     from dataclasses import replace
 
     from armid.cli.remedy_hints import hint, options_of_command
@@ -111,7 +112,7 @@ def _without_study(
 
 
 def _report(diagnoses: tuple[Diagnosis, ...]) -> None:
-    """Print a table of findings for each recording, and beneath it the remedies to paste, without wrapping."""
+    """Print a table of findings for each recording, and below it the remedies to copy, without wrapping."""
     from rich.markup import escape
     from rich.table import Table
 

@@ -1,4 +1,4 @@
-"""`armid export`: a run's model as a robot description or as source code."""
+"""`armid export`: the model of a run as a robot description or as source code."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ Limit = Annotated[
     typer.Option(
         "--limit",
         metavar="JOINT.KIND=VALUE",
-        help="Limits for a new file: A1.effort=80, '*.velocity=2', A1.position=-1:1; repeatable.",
+        help="Joint limits for a new file, for instance A1.effort=80, '*.velocity=2', A1.position=-1:1; repeatable.",
     ),
 ]
 Nearest = Annotated[
     bool,
     typer.Option(
         "--nearest",
-        help="Distribute the mass among the links as in the description, as far as torques do not determine it.",
+        help="If the torques do not determine the masses of the links, write the masses nearest to the description.",
     ),
 ]
 Lumped = Annotated[
@@ -84,8 +84,9 @@ def export(
 ) -> None:
     """Write the identified values into a copy of the robot description, or the model as source code, and check it.
 
-    In a description of the same format only the numbers that change are edited; another format gives a new file
-    without shapes. FILE.armid.json next to it holds what the format cannot store.
+    In a description of the same format, only the numbers that change are edited. For another format, a new file
+    without shapes is written. FILE.armid.json next to the file contains the whole model, also what the format cannot
+    store.
 
     Examples:
         armid export runs/today --to urdf --out arm_identified.urdf
@@ -120,7 +121,7 @@ def export(
 
 
 def _code(run: str, to: str, out: Path | None, *, json: bool) -> None:
-    """Write the run's model as source code and print the written files."""
+    """Write the model of a run as source code and print the names of the written files."""
     from armid.export.code import code_record, export_code
     from armid.runs.run import load_run
     from armid.study.storage.records import to_json
@@ -136,7 +137,7 @@ def _report(exported: Exported) -> None:
     from armid.validation.torque_validation import JointCheck
 
     origin = f"{exported.edited}, edited" if exported.edited else "a new file"
-    lines = [f"{exported.path} written ({origin}); the whole model in {exported.side}"]
+    lines = [f"{exported.path} written ({origin}); {exported.side} contains the whole model"]
     lines += [
         f"  ok {check.value:8.1e}  {check.name}"
         for check in exported.checks

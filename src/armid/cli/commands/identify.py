@@ -58,7 +58,9 @@ Inputs = Annotated[
 HeldOut = Annotated[
     list[str] | None,
     typer.Option(
-        "--validate", metavar="RECORDING…", help="Recordings to validate the model on; read with the same options."
+        "--validate",
+        metavar="RECORDING…",
+        help="Recordings on which the model is validated; read with the same options.",
     ),
 ]
 Cutoff = Annotated[
@@ -152,7 +154,7 @@ def identify(
 
 
 def _shared_format_finding(study: Study, validate: list[str]) -> list[Finding]:
-    """Finding that validation recordings are read with the log format of the training recordings."""
+    """Finding about validation recordings that are read with the log format of the training recordings."""
     from armid.errors import Finding
     from armid.measurement.log_format import LogFormat
     from armid.measurement.remedy_builders import lines
@@ -172,7 +174,7 @@ def _shared_format_finding(study: Study, validate: list[str]) -> list[Finding]:
 def _identified(
     study: Study, threads: int, *, compare: bool, quiet: bool
 ) -> tuple[Prepared, Result, MethodTable | None]:
-    """Prepared data, the result, and, if requested, the comparison of methods; shows a progress bar."""
+    """Identify the model with a progress bar; return the prepared data, the result and the comparison of methods."""
     from armid.cli.console import progress
     from armid.study.compare_methods import compare_methods
     from armid.study.identify import conclude
@@ -185,7 +187,7 @@ def _identified(
 
 
 def _save(result: Result, table: MethodTable | None, out: Path | None) -> tuple[Run, bool]:
-    """Write the run; return it, and true if it replaced an earlier one."""
+    """Write the folder of a run; return the run, and true if an earlier run in this folder was replaced."""
     from armid.runs.run import saved_run
     from armid.study.compare_methods import compare_record
 
@@ -227,7 +229,7 @@ def _study(
     arm: tuple[Any, ...],
     terms: str | None,
 ) -> Study:
-    """Study that the arguments name or define, with the given log format."""
+    """Study that the arguments of the command name, or a new study of an arm and recordings."""
     from armid.measurement.log_format import LogFormat
     from armid.study.config import RecordingChoice, Study, default_estimation
 
@@ -252,7 +254,7 @@ def _changed_study(
     arm: tuple[Any, ...],
     terms: str | None,
 ) -> Study:
-    """Study of a file, changed by the command line; further recordings are read like its first recording."""
+    """Study of a file, changed by the command line; recordings of --validate are read like its first recording."""
     from armid.errors import StudyError
     from armid.study.config import RecordingChoice, default_estimation, load_study
 
@@ -280,7 +282,7 @@ def _changed_study(
 
 
 def _cutoff(text: str | None) -> float | str | None:
-    """Value of --cutoff."""
+    """Value of the option --cutoff: a frequency [Hz], `auto`, or `None` if the option is not given."""
     from armid.errors import StudyError
 
     if text is None or text == "auto":

@@ -1,4 +1,4 @@
-"""`armid payload`: payload or tool of an identified arm, or its drive gains from a known payload."""
+"""`armid payload`: payload or tool of an identified arm, or drive gains of the arm from a known payload."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ PayloadLinkName = Annotated[
     typer.Option(
         "--link",
         metavar="NAME",
-        help="Link that carries the payload, in whose frame its parameters then are; by default that of the tip.",
+        help="Link that carries the payload; results are in the frame of this link. By default the tip frame.",
         autocompletion=moving_links,
     ),
 ]
@@ -32,7 +32,9 @@ PayloadLinkName = Annotated[
 CentreOfMass = Annotated[
     tuple[float, float, float] | None,
     typer.Option(
-        "--com", metavar="X Y Z", help="Known centre of mass of the payload, m, in the tip frame or that of --link."
+        "--com",
+        metavar="X Y Z",
+        help="Known centre of mass of the payload, m, in the tip frame or the frame of --link.",
     ),
 ]
 
@@ -50,7 +52,7 @@ def payload(
         float | None, typer.Option(min=0.0, help="Relative standard deviation of the drive gains, for instance 0.1.")
     ] = None,
     same_friction: Annotated[
-        bool, typer.Option("--same-friction", help="Keep the friction of the run; by default it may have changed.")
+        bool, typer.Option("--same-friction", help="Keep the friction of the run; by default it is estimated again.")
     ] = False,
     rate: Rate = None,
     torque_sign: TorqueSign = None,
@@ -99,7 +101,7 @@ def payload(
 
 
 def _report(payload: Payload) -> None:
-    """Print tables on standard output."""
+    """Print the load, its parameters and the drive gains on standard output, each as a table."""
     from rich.markup import escape
     from rich.table import Table
 
@@ -112,11 +114,13 @@ def _report(payload: Payload) -> None:
     console.print(_body(payload))
     if payload.place.frame == payload.new_recordings.run.robot.tip.name:
         link, frame = escape(payload.place.link), escape(payload.place.frame)
-        console.print(f"the load is on the link {link}, which carries the tip frame {frame}; --link names another")
+        console.print(
+            f"the load is on the link {link}, which carries the tip frame {frame}; --link selects another link"
+        )
     if payload.load.distance > 0.0:
         console.print(
-            "the nearest physically consistent body; the unconstrained estimate is "
-            f"{payload.load.distance:.2f} standard deviations away"
+            "the load is the nearest physically consistent body; its distance from the unconstrained estimate is "
+            f"{payload.load.distance:.2f} standard deviations"
         )
     console.print(_parameters(record))
     deviation = payload.new_recordings.new.scale_deviation
@@ -125,7 +129,10 @@ def _report(payload: Payload) -> None:
     if record["gains"] is None:
         return
     if deviation.any():
-        console.print("a gain that the load hardly shows keeps nearly all of its deviation")
+        console.print(
+            "if the load hardly affects the torque of a joint, the drive gain of this joint keeps nearly its whole "
+            "deviation"
+        )
     table = Table(title="Drive gains")
     for name in ("joint", "given", "found", "correction", "95 % interval"):
         table.add_column(name, justify="left" if name == "joint" else "right")
@@ -166,7 +173,7 @@ def _body(payload: Payload) -> Table:
 
 
 def _parameters(record: dict[str, Any]) -> Table:
-    """Table of the ten parameters about the frame's origin; with a second interval if the gains are uncertain."""
+    """Table of the ten parameters of the load about the origin of the frame; one interval assumes exact gains."""
     import numpy as np
     from rich.table import Table
 

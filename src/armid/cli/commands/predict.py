@@ -17,7 +17,10 @@ def predict(
     run: Annotated[str, typer.Argument(help="Folder that armid identify made.")],
     motion: Annotated[
         str,
-        typer.Argument(metavar="RECORDING | PLAN", help="A recording; a plan.json, its folder or files."),
+        typer.Argument(
+            metavar="RECORDING | PLAN",
+            help="A recording, a plan.json, the folder of a plan, or a motion file in this folder.",
+        ),
     ],
     out: Annotated[Path, typer.Option("--out", metavar="FILE", help="File to write, .csv or .npz.")] = Path(
         "torque.csv"
@@ -31,7 +34,7 @@ def predict(
     columns: Columns = None,
     json: Json = False,
 ) -> None:
-    """Predict joint torques along a recording's motion or a plan and write them to a file.
+    """Predict joint torques along the motion of a recording or a plan, and write them to a file.
 
     The interval holds for the torque in the pass-band of the study; sensor noise above the cut-off is not included.
 

@@ -23,7 +23,9 @@ def recalibrate(
         list[str] | None,
         typer.Option("--validate", metavar="RECORDING…", help="Validation recordings, also made after the change."),
     ] = None,
-    tool: Annotated[bool, typer.Option("--tool", help="The tool, that is the last link, has changed, too.")] = False,
+    tool: Annotated[
+        bool, typer.Option("--tool", help="Also estimate the tool, that is, the last link, again.")
+    ] = False,
     everything: Annotated[
         bool, typer.Option("--all", help="Estimate all parameters again, from the new recordings only.")
     ] = False,
@@ -102,7 +104,9 @@ def _report(recalibration: Recalibration, recordings: int) -> None:
     total = plural(len(recalibration.changes), "parameter")
     if beyond:
         console.print(table)
-        console.print(f"not changed beyond their intervals: {len(recalibration.changes) - len(beyond)} of {total}")
+        console.print(
+            f"not changed beyond their 95 % intervals: {len(recalibration.changes) - len(beyond)} of {total}"
+        )
     else:
         console.print(f"none of {total} has changed beyond its 95 % interval since {escape(recalibration.earlier)}")
     joint_units = [joint.effort_unit for joint in result.robot.joints]

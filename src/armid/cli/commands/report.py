@@ -23,13 +23,13 @@ PAGE = "report.html"
 MISSING_REMEDY = "give the folder of the recording with --data FOLDER; without it the page has tables, but no plots."
 """Remedy for a recording that could not be read for the plots of a page."""
 
-NoReport = Annotated[bool, typer.Option("--no-report", help=f"Do not write {PAGE} into the run's folder.")]
+NoReport = Annotated[bool, typer.Option("--no-report", help=f"Do not write {PAGE} into the folder of the run.")]
 
 
 def report(
     run: Annotated[str, typer.Argument(metavar="RUN", help="Folder that armid identify made.")],
     other: Annotated[
-        str | None, typer.Argument(metavar="[RUN]", help="A later run of the same arm, to report the changes.")
+        str | None, typer.Argument(metavar="[RUN]", help="A later run of the same arm; the page shows the changes.")
     ] = None,
     out: Annotated[Path | None, typer.Option("--out", metavar="FILE", help="File to write the page to.")] = None,
     data: Data = None,
@@ -100,7 +100,7 @@ def write_page(
 
 
 def attempt(page: str, write: Callable[[], object]) -> bool:
-    """Write a page that is not needed for the results; if that fails or is stopped, print why and return false."""
+    """Write a page that is not needed for the results; if it is not written, print the reason and return false."""
     try:
         return try_page(page, write)
     except KeyboardInterrupt:

@@ -1,4 +1,4 @@
-"""`armid thesis`: complete reproduction of the reference study."""
+"""`armid thesis`: complete reproduction of the study of the thesis."""
 
 from __future__ import annotations
 
@@ -70,8 +70,8 @@ def _report(done: Thesis) -> None:
 
     console = output_console()
     table = Table(title="Algorithm 3 on the virtual arm", header_style="bold")
-    for name in ("what", "how", "all", "inertial", "friction", "Table A.2", "residual"):
-        table.add_column(name, justify="left" if name in ("what", "how") else "right")
+    for name in ("step", "variant", "all", "inertial", "friction", "Table A.2", "residual"):
+        table.add_column(name, justify="left" if name in ("step", "variant") else "right")
     for step in done.steps.rows:
         found = step.errors
         shares = (f"{100.0 * x:.3g} %" for x in (found.relative, found.inertial, found.friction))
@@ -80,9 +80,11 @@ def _report(done: Thesis) -> None:
     ratio, best = done.steps.spread.corrected_ratio, done.designs.best
     certificate = done.audit.base.certificate
     console.print(
-        f"wrong sign of gravity, columns filtered: residual at least {ratio.min():.1f} times over {len(ratio)} seeds"
+        "with filtered columns, the wrong sign of gravity makes the residual at least "
+        f"{ratio.min():.1f} times as large ({len(ratio)} seeds)"
     )
-    console.print(f"trajectory kept: {best.name}, condition number {best.condition:.1f}")
+    console.print(f"best trajectory: {best.name}, condition number {best.condition:.1f}")
     console.print(
-        f"Table 4.1: {certificate.distance:.3f} from the nearest consistent values; {len(done.errata)} errata"
+        f"distance of the values of Table 4.1 from the nearest consistent values: {certificate.distance:.3f}; "
+        f"errata of the thesis: {len(done.errata)}"
     )

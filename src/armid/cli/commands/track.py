@@ -32,7 +32,7 @@ def track(
         float, typer.Option(metavar="S", help="Time constant of forgetting, s; inf: nothing is forgotten.")
     ] = 30.0,
     block: Annotated[float, typer.Option(metavar="S", help="Time from one estimate to the next, s.")] = 1.0,
-    tool: Annotated[bool, typer.Option("--tool", help="Also follow a payload at the tip.")] = False,
+    tool: Annotated[bool, typer.Option("--tool", help="Also track a payload at the tip.")] = False,
     everything: Annotated[bool, typer.Option("--all", help="Track all parameters.")] = False,
     rate: Rate = None,
     torque_sign: TorqueSign = None,
@@ -41,7 +41,7 @@ def track(
     out: Out = None,
     json: Json = False,
 ) -> None:
-    """Follow friction, and with --tool a payload, through recordings made after a run; old data are forgotten.
+    """Track friction, and with --tool a payload, through recordings made after a run; old data are forgotten.
 
     Examples:
         armid track runs/spring shift.csv --memory 60 --out shift
@@ -85,7 +85,7 @@ def track(
 
 
 def _report(run: Run, tracked: TrackedRun, *, tool: bool) -> None:
-    """Print the estimates over time, the events, and the largest changes by the end."""
+    """Print the estimates over time, the sudden changes, and the largest changes at the end."""
     import numpy as np
     from rich.markup import escape
     from rich.table import Table
@@ -108,10 +108,11 @@ def _report(run: Run, tracked: TrackedRun, *, tool: bool) -> None:
     console.print(table)
     for event in tracked.events[:MAX_TABLE_ROWS]:
         console.print(
-            f"{event.time:.2f} s: {escape(event.joint)} has {event.normalized_innovation:.1f} times the usual error"
+            f"{event.time:.2f} s: the error of {escape(event.joint)} is {event.normalized_innovation:.1f} times the "
+            "expected error"
         )
     names = _most_changed(run, tracked, MAX_CHANGED)
-    last = Table(title="largest changes at the end")
+    last = Table(title="Largest changes at the end")
     for name in ("parameter", "before", "after", "unit", "change / σ"):
         last.add_column(name, justify="left" if name in ("parameter", "unit") else "right")
     for name in names:
@@ -122,7 +123,7 @@ def _report(run: Run, tracked: TrackedRun, *, tool: bool) -> None:
 
 
 def _before(run: Run, tracked: TrackedRun, k: int) -> tuple[float, float]:
-    """Value of a parameter in the run, and its change since, divided by the standard deviation of the change."""
+    """Value of a parameter in the run, and its change since then divided by the standard deviation of the change."""
     from armid.estimation.estimate_record import averaged
 
     fit = averaged(run.estimate.base.names, run.estimate.fit)
@@ -132,6 +133,6 @@ def _before(run: Run, tracked: TrackedRun, k: int) -> tuple[float, float]:
 
 
 def _most_changed(run: Run, tracked: TrackedRun, count: int) -> list[str]:
-    """Names of the parameters with the largest changes by the end, relative to their deviations."""
+    """Names of the parameters with the largest changes at the end, in standard deviations of the change."""
     ratio = [_before(run, tracked, k)[1] for k in range(len(tracked.names))]
     return [tracked.names[k] for k in sorted(range(len(ratio)), key=lambda k: -ratio[k])[:count]]

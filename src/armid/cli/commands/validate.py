@@ -26,10 +26,16 @@ def validate(
         ),
     ] = False,
     window: Annotated[float, typer.Option(metavar="S", help="Length of a simulated window, s.")] = 0.5,
-    tolerance: Annotated[float, typer.Option(help="Tolerated position error of a simulated joint, rad or m.")] = 0.01,
+    tolerance: Annotated[
+        float, typer.Option(help="Largest tolerated position error of a simulated joint, rad or m.")
+    ] = 0.01,
     controller: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="JSON file with the controller's gains for the simulation: truth.json."),
+        typer.Option(
+            metavar="FILE",
+            help="JSON file with the gains of the controller, such as a truth.json; the "
+            "simulation then has this feedback.",
+        ),
     ] = None,
     json: Json = False,
 ) -> None:

@@ -1,4 +1,4 @@
-"""Rollout of the model in `armid validate`: motion from torque, and the table of its errors."""
+"""Rollout of the model in `armid validate`: motion that is simulated from the torque, and table of the errors."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def roll_out(
     tolerance: float,
     controller: Path | None,
 ) -> tuple[MotionScore, ...]:
-    """Scores of the rollout of a model; its findings are printed on standard error."""
+    """Roll out a model, print the findings on standard error, and return the scores."""
     from armid.cli.console import print_findings
     from armid.runs.rollout import ROLL_OUT_CODES, load_feedback, roll_out_run
 
@@ -55,23 +55,23 @@ def motion_table(robot: Robot, scores: Sequence[MotionScore], *, closed: bool) -
     count = sum(score.windows for score in scores)
     table.caption = (
         f"{count} windows of {first.seconds:g} s; moved: RMS distance from a window's start; until: median "
-        "time until the error exceeds the tolerance in rad or m; CAD: masses of the description, without "
-        f"friction{_missing_nominal(scores, count)}"
+        "time until the error exceeds the tolerance in rad or m; CAD RMS: error with the masses of the description "
+        f"and without friction{_missing_nominal(scores, count)}"
     )
     table.caption_justify = "left"
     return table
 
 
 def _missing_nominal(scores: Sequence[MotionScore], count: int) -> str:
-    """Reason why the table has no error of the description, if it has none."""
+    """Reason why the column CAD RMS is empty, as text; empty if the column has values."""
     if all(score.prior_rms is None for score in scores):
-        return "; no error is given, because the description has no inertias"
+        return "; CAD RMS is missing, because the description has no inertias"
     lost = sum(score.losses.nominal for score in scores)
-    return f"; no error is given, because the simulation diverged in {lost} of the {count} windows" if lost else ""
+    return f"; CAD RMS is missing, because this simulation diverged in {lost} of the {count} windows" if lost else ""
 
 
 def _held_time(held: float, longest: float) -> str:
-    """Time [s] within the tolerance; "> window" if the tolerance was never exceeded."""
+    """Text for the time until the error exceeds the tolerance [s]; `> window` if the error never exceeds it."""
     return f"> {longest:.2f} s" if held > 0.999 * longest else f"{held:.2f} s"
 
 

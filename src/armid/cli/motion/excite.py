@@ -84,8 +84,8 @@ OPTIONS: dict[str, tuple[Any, Any]] = {
     "begin": _option(str | None, None, "Pose before the motion, rad or m: adds a lead-in.", metavar=POSE),
     "end": _option(str | None, None, "Pose after the motion, rad or m: adds a lead-out.", metavar=POSE),
     "limits": _option(
-        str, "true", "true: limits on position, velocity and known torque of the motion; thesis: equations (3.55d-f) "
-        "of the thesis without 1/L; thesis-literal: as printed."
+        str, "true", "true: limits on position, velocity and, if known, torque of the motion; thesis: equations "
+            "(3.55d-f) of the thesis without the factor 1/L; thesis-literal: these equations as printed."
     ),
     "limit": _option(
         SEVERAL, None, "Limits: A1.velocity=1.2, A1.position=-1:1, '*.effort=80' (of all joints), …; repeatable.",
@@ -111,10 +111,10 @@ OPTIONS: dict[str, tuple[Any, Any]] = {
     "no_floor": _option(bool, False, "Assume no floor.", "--no-floor"),
     "environment": _option(Path | None, None, "TOML of boxes, spheres and half-spaces; implies --collision."),
     "tip_box": _option(
-        str | None, None, "Box in which the tip must stay, m: low and high corner.", metavar="X,Y,Z,X,Y,Z"
+        str | None, None, "Box in which the tip must stay, m: lower and upper corner.", metavar="X,Y,Z,X,Y,Z"
     ),
     "envelope": _option(
-        str | None, None, "Recording, plan.json or thesis-a1@27: stay inside its velocity and acceleration.",
+        str | None, None, "Recording, plan.json or thesis-a1@27 whose velocity and acceleration are limits.",
         metavar="MOTION",
     ),
     "envelope_of_arm": _option(
@@ -128,7 +128,7 @@ OPTIONS: dict[str, tuple[Any, Any]] = {
     "repetitions": _option(int, 1, "Number of periods that will be recorded."),
     "after": _option(SEVERAL, None, "Run or plan.json that already gives information; repeatable. The "
         "design has the terms of the last run, unless --terms is given."),
-    "predict": _option(SEVERAL, None, "Plan whose torque the model shall predict well; repeatable."),
+    "predict": _option(SEVERAL, None, "Plan for which the model must predict the torque well; repeatable."),
     "budget": _option(float, 30.0, "Wall time of the search, s."),
     "seed": _option(int, 1, "Seed of the random starts; the same seed gives the same search."),
     "workers": _option(int, 2, "Number of processes; 0 searches in the main process."),
@@ -139,16 +139,16 @@ OPTIONS: dict[str, tuple[Any, Any]] = {
     "out": (Out, None),
     "json": (Json, False),
 }  # fmt: skip
-"""Annotation and default of each option, by name; a table, because a signature of this length is hard to read."""
+"""Annotation and default value of each option, by name. The signature of the command is made from this table."""
 
 
 STEPS = {
-    "start pose": "start pose: choose it and read the meshes, usually some seconds",
+    "start pose": "start pose: choose the start pose and read the meshes, usually some seconds",
     "search": "search: the best motion within {budget:g} s (--budget)",
-    "certificate of the limits": "limits: certify them between the points of the grid, usually some seconds",
+    "certificate of the limits": "limits: certify the limits between the points of the grid, usually some seconds",
     "closest approaches": "bodies: measure the distance of each pair, usually some seconds",
-    "poses": "poses: choose {poses} of them and the ways between, usually some seconds",
-    "sweeps": "sweeps: find the free range of each joint, usually some seconds",
+    "poses": "poses: choose {poses} poses and the paths between them, usually some seconds",
+    "sweeps": "sweeps: find the range in which each joint moves without collision, usually some seconds",
     "files": "files: write the motions",
     "preview": "preview: draw the arm",
 }
@@ -157,11 +157,11 @@ STEPS = {
 
 @contextmanager
 def _search_context(options: dict[str, Any]) -> Generator[tuple[Executor | None, Progress, Stage]]:
-    """Process pool for the search, and callbacks for a line on standard error: the best value so far, and stages.
+    """Process pool for the search, and callbacks that print the best value and the stage on standard error.
 
-    If standard error is not a terminal, one line of `STEPS` is printed at the begin of each stage.
+    If standard error is not a terminal, one line of `STEPS` is printed at the beginning of each stage.
 
-    The pool is made first, because processes can be forked, which is fast, only before other threads run.
+    The pool is made first, because forking of processes is fast, but possible only before other threads run.
     """
     from armid.cli.console import print_missing_meshes, progress
     from armid.excitation.design.multistart import single_threaded_pool
@@ -195,10 +195,10 @@ def _search_context(options: dict[str, Any]) -> Generator[tuple[Executor | None,
 
 
 def excite(robot: str, **options: Any) -> None:
-    """Design the motion to record: the most informative one within all limits.
+    """Design the motion to record: the most informative motion within all limits.
 
-    Writes plan.json, the motion in the formats of controllers, a slow rehearsal of each, and a report of all margins,
-    to read before the arm moves. Separate the numbers of a pose by commas or blanks.
+    The command writes plan.json, the motion in the formats of controllers, each with a slow rehearsal, and a report
+    of all margins, which should be read before the arm moves. Separate the numbers of a pose by commas or blanks.
 
     Examples:
         armid excite iiwa14-r820 --gravity 0 0 9.81 --floor -1.5 --budget 20
@@ -247,7 +247,7 @@ def excite(robot: str, **options: Any) -> None:
 
 
 def _write_pages(designed: Checked, folder: Path, stage: Stage) -> None:
-    """Write both pages into the folder of a plan, which is whole without them.
+    """Write preflight.html and preview.html into the folder of a plan, which is complete without these pages.
 
     Raises:
         Exit: The user has stopped it.
@@ -263,7 +263,7 @@ def _write_pages(designed: Checked, folder: Path, stage: Stage) -> None:
         page = PREVIEW
         try_page(page, lambda: write_preview(preview_of_design(designed), folder / PREVIEW))
     except KeyboardInterrupt:
-        sys.stderr.write(f"interrupted; {folder} holds the plan without {page}\n")
+        sys.stderr.write(f"interrupted; the plan in {folder} is complete, but {page} was not written\n")
         raise typer.Exit(INTERRUPTED) from None
 
 

@@ -1,4 +1,4 @@
-"""Goal of a design by the options of `armid excite`: criterion, noise, earlier data, motions to predict."""
+"""Goal of a design from the options of `armid excite`: criterion, noise, earlier data, motions to predict."""
 
 from __future__ import annotations
 
@@ -38,19 +38,19 @@ def design_model(robot: Robot, options: Mapping[str, Any]) -> DynamicsModel:
 
 
 def _last_runs(paths: Sequence[str]) -> Iterator[Run]:
-    """Runs among the given paths, the last one first."""
+    """Runs among the given paths, the last run first."""
     return (load_run(path) for path in reversed(paths) if (Path(path) / MARKER).is_file())
 
 
 def _runs_of(robot: Robot, options: Mapping[str, Any]) -> Iterator[tuple[Run, DynamicsModel]]:
-    """Given runs of this arm, the last one first, with their models for a design."""
+    """Runs of this arm among those of --after, the last run first, each with its model for a design."""
     for run in _last_runs(options["after"] or ()):
         if (model := model_with_terms_of(run, robot)) is not None:
             yield run, model
 
 
 def _noise(options: Mapping[str, Any], robot: Robot) -> Array:
-    """Standard deviation of the torque, shape (n,): as given, or that of the last run of this arm, or 1."""
+    """Deviation of the torque noise (n,) [N·m or N]: --noise, or else that of the last run of this arm, or else 1."""
     text, n = options["noise"], robot.n
     if text is None:
         run, _ = next(_runs_of(robot, options), (None, None))
@@ -65,7 +65,8 @@ def _noise(options: Mapping[str, Any], robot: Robot) -> Array:
 def goal_of(model: DynamicsModel, options: Mapping[str, Any]) -> CriterionGoal:
     """Goal of the design: criterion, noise, information from earlier data, motion to predict.
 
-    After a run the default criterion is the largest relative deviation, which a further recording should reduce.
+    If --after gives a run, the default criterion is the largest relative standard deviation, which a further
+    recording should reduce.
     """
     base = find_base_parameters(model)
     noise = _noise(options, model.robot)
@@ -89,7 +90,7 @@ def goal_of(model: DynamicsModel, options: Mapping[str, Any]) -> CriterionGoal:
 
 
 def _estimates(path: str, base: BaseParameters) -> tuple[Array, Array]:
-    """Base parameters (b,) and deviations (b,) of a run; zero and infinite for parameters not in the run."""
+    """Base parameters (b,) and standard deviations (b,) of a run; 0 and infinity for parameters not in the run."""
     fit = load_run(path).estimate.fit
     index = {name: k for k, name in enumerate(fit.names)}
     known = np.array([name in index for name in base.names])
@@ -100,12 +101,12 @@ def _estimates(path: str, base: BaseParameters) -> tuple[Array, Array]:
 
 
 def torque_of_runs(paths: Sequence[str], robot: Robot) -> EstimatedTorque | None:
-    """Torque for the limits, from the last run that gives it; `None` if no run does."""
+    """Torque model for the torque limits, from the last run that has one for this arm; `None` if no run has one."""
     return next(filter(None, (estimated_torque(run, robot) for run in _last_runs(paths))), None)
 
 
 def _of_motion(path: str, goal: CriterionGoal) -> Array:
-    """Information matrix (b, b) of one pass through a plan or recording."""
+    """Information matrix (b, b) of a plan or recording that is executed once."""
     series = series_of_file(path)
     motion = motion_of_file(path, goal.model.robot) if series is None else series.sample(goal.rate)
     if motion.n != goal.model.n:
@@ -119,8 +120,9 @@ def _of_motion(path: str, goal: CriterionGoal) -> Array:
 def prior_of_run(folder: str, goal: CriterionGoal) -> Array:
     """Information matrix (b, b) of a run's data for the goal's base parameters, matched by name.
 
-    The stored rows of the run are weighted with the noise of the goal. Parameters of the run that the goal lacks are
-    unknown: the result is the information that remains about the others if these are estimated, too.
+    The stored rows of the run are weighted with the noise of the goal. Parameters that only the run has count
+    as unknown. The result is the information that remains about the common parameters when the unknown parameters are
+    estimated, too.
 
     Raises:
         ArmidError: The run has none of these parameters.
@@ -131,7 +133,7 @@ def prior_of_run(folder: str, goal: CriterionGoal) -> Array:
     position = np.array([index.get(name, -1) for name in information.names])
     if information.n != goal.model.n or (position < 0).all():
         raise ArmidError(
-            f"The run {folder} has none of the parameters of {goal.model.robot.name} with these terms.",
+            f"The run {folder} has none of the parameters of {goal.model.robot.name} with the given terms.",
             possible=", ".join(information.names[:8]) + ", …",
             remedy=f"if it is the same arm, give the terms of the run: --terms {terms}.",
         )
@@ -144,7 +146,7 @@ def prior_of_run(folder: str, goal: CriterionGoal) -> Array:
 
 
 def _rows(information: Information, j: int) -> Array:
-    """Rows of joint `j` of all blocks without the torque, with a column for each parameter, shape (N, b)."""
+    """Rows of the triangular factors of joint `j` without the torque; one column for each parameter, shape (N, b)."""
     joint = information.joints[j]
     factors = joint.R[:, :, :-1].reshape(-1, len(joint.parameters))
     rows = np.zeros((len(factors), information.count))
@@ -153,14 +155,14 @@ def _rows(information: Information, j: int) -> Array:
 
 
 def _without(unknown: Array, columns: Array) -> Array:
-    """Rows with the information that remains about parameters when unknown ones are estimated with them.
+    """Rows with the information that remains about some parameters when unknown parameters are estimated with them.
 
     Args:
         unknown: Columns of the unknown parameters, shape (N, a).
-        columns: Columns of the parameters, shape (N, k).
+        columns: Columns of the parameters whose information is computed, shape (N, k).
 
     Returns:
-        Rows, shape (M, k); directions in which the unknown parameters have no effect take no information.
+        Rows, shape (M, k). Directions in which the unknown parameters have no effect do not reduce the information.
     """
     a = unknown.shape[1]
     triangle: Array = np.asarray(np.linalg.qr(np.hstack([unknown, columns]), mode="r"))

@@ -24,7 +24,7 @@ from armid.study.plans.poses_and_sweeps import DesignedMoves, MovesGoal, design_
 from armid.study.plans.surroundings import assumed_floor, meshes_are_missing, surroundings_of
 
 TORQUE_MARGIN = 0.1
-"""Default share of the torque limits that stays unused, because the masses of a description are inaccurate."""
+"""Default unused share of the torque limits; it is not zero, because the masses of a description are inaccurate."""
 
 
 def run_request(
@@ -35,14 +35,14 @@ def run_request(
     progress: Progress | None = None,
     stage: Stage = lambda name: None,
 ) -> Designed:
-    """Design the motion that the options of `armid excite` ask for.
+    """Design the motion that the options of `armid excite` request.
 
     Args:
         model: Arm and torque terms.
         options: Values of the command line's options, by name.
-        executor: Runs the search; without one the search runs in this process.
-        progress: Called after every descent.
-        stage: Called with the name of each stage before and after the search.
+        executor: Executor of the search; if `None`, the search runs in this process.
+        progress: Callback that is called after every descent.
+        stage: Callback that is called with the name of each stage before and after the search.
     """
     goal = goal_of(model, options)
     design_goal = DesignGoal(
@@ -94,13 +94,13 @@ def _clearance(options: Mapping[str, Any], robot: Robot, surroundings: Sequence[
     if requested is False and surroundings:
         raise ArmidError(
             "--no-collision contradicts --floor or --environment, which need collision checks.",
-            remedy="give one or the other.",
+            remedy="leave out --no-collision, or leave out --floor and --environment.",
         )
     return options["clearance"] if requested is not False and (requested or surroundings or has_bodies) else None
 
 
 def run_experiment(model: DynamicsModel, options: Mapping[str, Any]) -> DesignedMoves:
-    """Design static poses or constant velocities, by the options of `armid excite`.
+    """Design static poses or constant velocities from the options of `armid excite`.
 
     Raises:
         ArmidError: The experiment is unknown, no run given with --after is about this arm, or bodies come too close
@@ -139,6 +139,7 @@ def _workspace(text: str | None) -> Workspace | None:
     low, high = corners[:3], corners[3:]
     if not (low < high).all():
         raise ArmidError(
-            f"--tip-box {text}: the box is empty.", remedy="give the low corner and then the high corner, in metres."
+            f"--tip-box {text}: the box is empty.",
+            remedy="give the lower corner and then the upper corner, in metres.",
         )
     return box_workspace(low.tolist(), high.tolist())

@@ -16,7 +16,7 @@ def numbers(text: str | None, name: str, count: int) -> Array | None:
     """Numbers separated by commas or blanks, shape (count,); `None` if no text is given.
 
     Raises:
-        ArmidError: The text is not a list of numbers, or it has a wrong count of numbers.
+        ArmidError: The text is not a list of numbers, or the count of numbers is wrong.
     """
     if text is None:
         return None
@@ -25,7 +25,10 @@ def numbers(text: str | None, name: str, count: int) -> Array | None:
     except ValueError:
         raise ArmidError(f"{name} {text}: not a list of numbers.", remedy="write for instance 0,0.5,-1.") from None
     if len(values) != count or not np.isfinite(values).all():
-        raise ArmidError(f"{name} needs {count} finite numbers; found {len(values)}: {text}.")
+        raise ArmidError(
+            f"{name} needs {count} finite numbers; found {len(values)}: {text}.",
+            remedy="separate the numbers by commas or blanks.",
+        )
     return values
 
 

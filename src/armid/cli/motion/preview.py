@@ -94,7 +94,7 @@ def preview(
 
 
 def _report(path: Path, missing: Sequence[Finding], *, json: bool) -> None:
-    """Print where the page is and, on standard error, which bodies it does not show."""
+    """Print the path of the page and, on standard error, the bodies that it does not show."""
     from armid.cli.console import print_findings
     from armid.study.storage.records import finding_record, to_json
 
@@ -105,14 +105,14 @@ def _report(path: Path, missing: Sequence[Finding], *, json: bool) -> None:
 
 
 def _run(name: str | None) -> Run | None:
-    """Run in a folder; `None` if the folder holds no run."""
+    """Run in a folder; `None` if the folder contains no run."""
     from armid.runs.run import MARKER, load_run
 
     return load_run(name) if name is not None and (Path(name) / MARKER).is_file() else None
 
 
 def _with_meshes(run: Run) -> Robot:
-    """Arm of a run with the shapes that its description has with the packages that are given now."""
+    """Arm of a run with the shapes of its description; meshes are searched in the packages given by --package."""
     from dataclasses import replace
 
     from armid.export.input_digest_check import find_source
@@ -140,7 +140,10 @@ def _surroundings(arm: Robot, floor: float | None, environment: Path | None) -> 
 
 
 def _estimate(run: Run | None, arm: Robot) -> MassLayer | None:
-    """Inertias of the links from a run, or consistent ones with its base values; `None` for another arm."""
+    """Inertias of the links according to a run; `None` without a run or if the run is of another arm.
+
+    If the run has only base parameters, consistent inertias with these base parameters are used.
+    """
     from armid.errors import ArmidError
     from armid.export.standard_values import values_to_write
     from armid.report.preview.make_preview import estimate_layer

@@ -20,12 +20,18 @@ def simulate(
     robot: RobotName,
     plan: Annotated[
         str,
-        typer.Argument(metavar="PLAN", help="A plan.json, its folder or files; thesis-a1 or thesis-a2."),
+        typer.Argument(
+            metavar="PLAN",
+            help="A plan.json, the folder of a plan, or a motion file in this folder; thesis-a1 or thesis-a2.",
+        ),
     ],
     options: Annotated[Path | None, typer.Option(metavar="FILE", help="A lab.toml with all other options.")] = None,
     mode: Annotated[
         str | None,
-        typer.Option(metavar="closed-loop|inverse-dynamics", help="Controlled arm in MuJoCo, or exactly the plan."),
+        typer.Option(
+            metavar="closed-loop|inverse-dynamics",
+            help="closed-loop: arm under a controller in MuJoCo; inverse-dynamics: motion exactly as planned.",
+        ),
     ] = None,
     controller: Annotated[
         str | None, typer.Option(metavar="computed-torque|pd-gravity|pid", help="The controller.")
@@ -34,11 +40,14 @@ def simulate(
         str | None,
         typer.Option(
             metavar="A,B,…",
-            help="rotor, elastic, stribeck, asymmetric, load, hysteresis, ripple, temperature.",
+            help="Drive effects: rotor, elastic, stribeck, asymmetric, load, hysteresis, ripple, temperature.",
         ),
     ] = None,
     repetitions: Annotated[int | None, typer.Option(min=1, help="Number of repetitions of the motion.")] = None,
-    period: Annotated[float | None, typer.Option(help="Stretch the plan to this period, s.")] = None,
+    period: Annotated[
+        float | None,
+        typer.Option(help="Period of the simulated motion, s; the plan is slowed down or speeded up to it."),
+    ] = None,
     rate: Annotated[float | None, typer.Option(help="Sampling rate of the log, up to 8000 Hz.")] = None,
     seed: Annotated[int, typer.Option(help="Seed of noise and faults.")] = 1,
     kind: Annotated[
