@@ -1,1 +1,1 @@
-"""Pages about runs: which results can be trusted, the torque error, and the inputs of the run."""
+"""Pages about runs: reliable and doubtful results, torque errors, parameters, and inputs of the run."""

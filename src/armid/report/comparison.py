@@ -26,7 +26,7 @@ BY_CHANCE = 0.05
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Pair:
-    """Two runs.
+    """Page data of two runs of the same arm.
 
     Attributes:
         before: The earlier run.
@@ -42,10 +42,10 @@ class RunChange:
     """Change of a parameter that has the same definition in both runs.
 
     Attributes:
-        change: The change with half of its own 95 % interval.
+        change: The change, with the half width of the 95 % interval of the change.
         unit: Unit of the parameter.
-        before_half: Half of the earlier 95 % interval.
-        after_half: Half of the later 95 % interval.
+        before_half: Half width of the 95 % interval of the parameter in the earlier run.
+        after_half: Half width of the 95 % interval of the parameter in the later run.
     """
 
     change: ParameterChange
@@ -65,7 +65,7 @@ class RunChange:
 
     @property
     def size(self) -> float:
-        """Absolute change divided by half of its own interval; noise alone does not explain a value above 1."""
+        """Absolute change divided by the half width of its 95 % interval; noise does not explain a value above 1."""
         return self.change.size
 
 
@@ -102,7 +102,7 @@ def changes(pair: Pair) -> list[RunChange]:
 
 
 def _recorded(pair: Pair, recorded: Iterable[ParameterChange]) -> list[RunChange]:
-    """Changes of a recalibration, together with the intervals of the two runs."""
+    """Changes that a recalibration has recorded, together with the intervals of the parameters in the two runs."""
     base = pair.after.run.estimate.base
     units: dict[str, str] = dict(zip(base.names, base.units, strict=True))
     halves: list[dict[str, float]] = []
@@ -115,7 +115,7 @@ def _recorded(pair: Pair, recorded: Iterable[ParameterChange]) -> list[RunChange
 
 
 def _independent(pair: Pair) -> list[RunChange]:
-    """Differences of two independent estimates; the interval of a difference follows from both intervals."""
+    """Differences of two independent estimates; the interval of a difference follows from the two intervals."""
     formulas = [
         dict(zip(m.run.estimate.base.names, base_formulas(m.run.estimate.base), strict=True)) for m in _both(pair)
     ]
@@ -137,7 +137,7 @@ def _both(pair: Pair) -> tuple[PageData, PageData]:
 
 
 def _values(page_data: PageData) -> dict[ParameterName, tuple[float, float, float]]:
-    """Value, half interval and standard deviation of each parameter."""
+    """Value, half width of the 95 % interval, and standard deviation of each parameter of a run."""
     fit = page_data.run.estimate.fit
     half = 0.5 * np.ptp(page_data.run.estimate.intervals, axis=1)
     numbers = zip(fit.names, fit.values, half, fit.deviation, strict=True)
@@ -181,7 +181,7 @@ def _show_changes(pair: Pair) -> Section:
                 TableCell(fixed(each.size, 2) + mark, each.size, kind="poor" if mark else ""),
             ]
         )
-    origin = "is taken from the recalibration" if recalibrated else "follows from both"
+    origin = "is taken from the recalibration" if recalibrated else "follows from the two intervals"
     note = (
         f"± half of the 95 % interval. The interval of a change {origin}; ▲ marks changes that are larger than "
         "this interval."
@@ -192,7 +192,10 @@ def _show_changes(pair: Pair) -> Section:
 
 
 def _only(page_data: PageData, shared: Collection[str]) -> list[str]:
-    """Parameters of a run that are not compared, without copies for single recordings of compared parameters."""
+    """Parameters of a run that the other run lacks.
+
+    A value for a single recording is left out if the parameter itself is compared.
+    """
     names = page_data.run.estimate.fit.names
     return [name for name in names if name not in shared and name.of_all not in shared]
 
@@ -212,7 +215,7 @@ def _show_errors(pair: Pair) -> Section:
         ]
         for j in range(len(pair.after.joints))
     ]
-    note = "Errors of each run on its own recordings and in its own band; they differ between motions."
+    note = "Each run is compared with its own recordings, in its own band; errors also differ between motions."
     return Section("Torque error", {}, (Table("errors", "RMS torque error of each joint", columns, rows, note),))
 
 

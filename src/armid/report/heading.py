@@ -1,4 +1,4 @@
-"""Head of a run's page: when and where it was made, from which recordings, and a picture of the arm."""
+"""Head of a run's page: time and place of the identification, recordings, and a picture of the arm."""
 
 from __future__ import annotations
 
@@ -20,14 +20,15 @@ MAX_RECORDINGS = 4
 """Largest number of recordings of a role that the head names; the provenance section names all."""
 
 EDITED = (".urdf", ".xacro", ".xml", ".mjcf")
-"""Suffixes of descriptions that an export edits; a new file may lack limits that its format needs."""
+"""Suffixes of descriptions that an export edits. For other descriptions, an export writes a new file, which may lack
+limits that the format needs."""
 
 NEXT_COMMANDS = (
     ("validate {run} RECORDING", "torque error on another recording"),
     ("preview {run}", "a page on which the arm moves through a recording of this run"),
     ("certify {run}", "physical consistency and the mass matrix in the worst pose"),
 )
-"""Next commands for a run, and their results."""
+"""Next commands for a run, each with its result."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,20 +62,22 @@ def heading_of_run(page_data: PageData) -> Heading:
 
 
 def commands_of(page_data: PageData) -> list[tuple[str, str]]:
-    """Next commands with the path of a run, and their results."""
+    """Next commands with the path of a run, each with its result."""
     run = shlex.quote(str(Path(page_data.run.folder)))
     export = export_command(run, page_data.run.estimate, page_data.run.robot, page_data.study.robot.description)
     return [export, *((f"armid {command.format(run=run)}", purpose) for command, purpose in NEXT_COMMANDS)]
 
 
 def export_command(run: str, estimate: Estimate, robot: Robot, description: str) -> tuple[str, str]:
-    """Export that works for an estimate: as a description if a body of each link is estimated, otherwise as code.
+    """Command that exports an estimate, and its result: a robot description if possible, otherwise source code.
+
+    A robot description needs an estimated body of each link, and a description that an export can edit.
 
     Args:
         run: Path of the run, as the command line needs it.
         estimate: Estimate of the run.
         robot: Arm of the run.
-        description: Path or name of its description.
+        description: Path or name of the description of the arm.
     """
     suffix = Path(description).suffix
     format_name = "mjcf" if suffix in (".xml", ".mjcf") else "urdf"
@@ -88,7 +91,7 @@ def export_command(run: str, estimate: Estimate, robot: Robot, description: str)
 
 
 def limitation_of_description(estimate: Estimate, robot: Robot) -> str:
-    """Limitation of the robot description that an estimate gives; empty if it has an estimated body of each link."""
+    """Limitation of the robot description that an estimate gives; empty if a body of each link is estimated."""
     bodies = estimate.fit.standard
     status = {} if bodies is None else dict(zip(bodies.names, bodies.status, strict=True))
     numbered = enumerate(robot.links, 1)

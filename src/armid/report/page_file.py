@@ -1,4 +1,4 @@
-"""Writing of pages, which replace earlier pages only."""
+"""Writer of pages; an existing file is replaced only if it is an HTML page."""
 
 from __future__ import annotations
 

@@ -34,14 +34,14 @@ DISTANCES = (COLLISION, "tip")
 """Kinds of limits whose value is a distance that must not become smaller than the bound."""
 
 CLOSE = 0.99
-"""Share of a limit from which the limit counts as fully used."""
+"""Used share of a limit above which the limit counts as fully used."""
 
 MANY = 12
-"""Number of rows above which a table is folded."""
+"""Largest number of rows of a table that is not folded."""
 
 
 def write_preflight(designed: Checked, path: Path | str) -> Path:
-    """Writes the page completely or not at all.
+    """Writes the page of the preflight check of a plan, completely or not at all.
 
     Raises:
         MissingExtraError: jinja2 or plotly is not installed.
@@ -52,7 +52,7 @@ def write_preflight(designed: Checked, path: Path | str) -> Path:
 
 
 def render_preflight(designed: Checked) -> str:
-    """HTML of the page."""
+    """HTML of the page of the preflight check of a plan."""
     subtitle = f"Pre-flight check: {designed.heading}"
     if isinstance(designed, Designed):
         subtitle += f", {designed.plan.duration:.1f} s in all; designed for {designed.problem.goal.criterion}"
@@ -61,7 +61,7 @@ def render_preflight(designed: Checked) -> str:
 
 
 def show_limits(designed: Checked) -> Section:
-    """Section of all limits, with margin, joint and time."""
+    """Section of all limits of a plan, each with the smallest margin, its joint and its time."""
     margins = designed.preflight.margins
     rows = [_margin_row(margin, designed) for margin in margins if margin.limit != COLLISION]
     columns = (
@@ -92,7 +92,7 @@ def show_limits(designed: Checked) -> Section:
 
 
 def _worst_rows(report: Preflight) -> list[tuple[str, str, str, str]]:
-    """Limit, joint or pair, value and time of the smallest margin of each kind.
+    """Rows of a table: limit, joint or pair, value and time of the smallest margin of each kind of limit.
 
     The search uses distances of capsules or hulls; the distances shown here are those of the closest approaches.
     """
@@ -111,7 +111,7 @@ def _worst_rows(report: Preflight) -> list[tuple[str, str, str, str]]:
 
 
 def _reached(margin: Margin) -> str:
-    """Text that compares the plan with a limit."""
+    """Text that compares the largest value of a plan with its limit."""
     if margin.limit in DISTANCES:
         return f"{fixed(1000.0 * margin.value, 0)} mm distance, {fixed(1000.0 * margin.bound, 0)} mm required"
     return f"{share(margin.share)} of the limit"
@@ -136,7 +136,7 @@ def _margin_row(margin: Margin, designed: Checked) -> tuple[TableCell, ...]:
 
 
 def _value_and_bound(margin: Margin, designed: Checked) -> tuple[TableCell, TableCell]:
-    """Cells of the reached value and its bound; ranges for positions."""
+    """Cells of the largest value and of its bound; for positions, cells of the two ranges."""
     spread = designed.spread(margin)
     if spread is None:
         return TableCell(fixed(margin.value, 4), margin.value), TableCell(fixed(margin.bound, 4), margin.bound)

@@ -39,7 +39,7 @@ def effort_unit(page_data: PageData) -> str:
 
 
 def one_of(units: list[str]) -> str:
-    """Units as text without duplicates: `N·m`, or `N·m or N` for an arm that also has prismatic joints."""
+    """Units as text, without repetition: `N·m`, or `N·m or N` for an arm that also has prismatic joints."""
     return " or ".join(dict.fromkeys(units))
 
 

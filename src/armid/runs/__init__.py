@@ -1,1 +1,1 @@
-"""Finished runs: their contents and their use."""
+"""Finished runs: contents of the folder of a run, and prediction, update and certification from a run."""

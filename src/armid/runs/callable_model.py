@@ -45,7 +45,7 @@ class CallableModel:
     """Names of the joints."""
 
     memories: int
-    """Number of hysteresis states; if it is 0, the model needs no `CallableMemory`."""
+    """Number of hysteresis states of the model; a model with 0 states needs no `CallableMemory`."""
 
     def __init__(self, model: DynamicsModel, base: BaseParameters, values: ArrayLike) -> None:
         given = {"parameters": array(values, (base.count,), "base parameters")}
@@ -119,7 +119,7 @@ class CallableMemory:
     """Hysteresis states of one motion; only one thread may use them at a time.
 
     Attributes:
-        state: Hysteresis states, shape (m,).
+        state: The m hysteresis states of the model, shape (m,).
     """
 
     __slots__ = ("_update", "state")
@@ -170,7 +170,7 @@ class _Call:
         object.__setattr__(self, "run", run)
 
     def _in_numpy(self, program: Program, given: dict[str, Array]) -> Callable[..., Array]:
-        """Function that is evaluated without the compiled kernel."""
+        """Function that computes the result in NumPy, without the compiled kernel."""
 
         def run(*vectors: ArrayLike) -> Array:
             inputs = dict(zip(self.inputs, self._converted(vectors), strict=True))
@@ -192,5 +192,10 @@ class _Call:
         k = abs(wrong) - 1
         name, length = self.inputs[k], self.lengths[k]
         if wrong < 0:
-            return ArmidError(f"{name} must be finite; found {np.asarray(vectors[k]).tolist()}.")
-        return ArmidError(f"{name} must have shape ({length},); found {np.shape(vectors[k])}.")
+            return ArmidError(
+                f"{name} must be finite; found {np.asarray(vectors[k]).tolist()}.", remedy="replace NaN and infinity."
+            )
+        return ArmidError(
+            f"{name} must have shape ({length},); found {np.shape(vectors[k])}.",
+            remedy="give a vector of this length.",
+        )

@@ -31,11 +31,12 @@ from armid.validation.smallest_mass_matrix import Pose, worst_along, worst_pose
 from armid.validation.thesis_constraints import ROUNDING, Constraint, thesis_constraints
 
 HEAVIEST = 10.0
-"""Default upper bound of the mass of a link in the nearest consistent parameters [kg], for descriptions without
-masses; the bound is not smaller if only some links have one."""
+"""Default upper bound of the mass of a link in the nearest consistent parameters [kg], for a description without
+masses. If only some links of a description have a mass, the default is at least this value."""
 
 HEAVIER = 2.5
-"""Ratio of this upper bound to the mass of the heaviest link of a description with masses."""
+"""Default upper bound of the mass of a link in the nearest consistent parameters, divided by the mass of the heaviest
+link of the description."""
 
 TERM_OF_SYMBOL: Mapping[str, type[Term]] = {"FV": Viscous, "FS": Coulomb, "FO": Offset, "IA": RotorInertia}
 PHYSICAL = ("m", "rx", "ry", "rz", "Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz")
@@ -47,12 +48,12 @@ class Verdict(Displayed):
     """Verdict on a set of parameters.
 
     Attributes:
-        kind: `base`, `standard` or `physical`.
+        kind: Kind of the parameters: `base`, `standard` or `physical`.
         certificate: Certificate, with the distance to the nearest real body.
         limited: Certificate under the condition that no link is heavier than `heaviest`.
         heaviest: Largest mass of a link in `limited` [kg].
         pose: Pose within the joint limits in which the mass matrix has its smallest eigenvalue.
-        along: The same for the poses of a motion, if one was given.
+        along: Pose of the given motion in which the mass matrix has its smallest eigenvalue; `None` without a motion.
         constraints: Check of the constraints (3.52) and (3.53) of the thesis, if the parameters determine them.
         findings: Findings on consistency and gravity.
     """
@@ -100,7 +101,7 @@ def described_values(robot: Robot) -> dict[str, float]:
 
 
 def usual_heaviest(robot: Robot) -> float:
-    """Default largest mass [kg]: 2.5 times that of the heaviest link, at least 10 kg if any link has no real mass."""
+    """Default upper bound of a link's mass [kg]: 2.5 times the heaviest mass, at least 10 kg if a mass is unknown."""
     masses = np.array([0.0 if link.inertial is None else link.inertial.mass for link in robot.links])
     limit = HEAVIER * float(masses.max(initial=0.0))
     return limit if limit > 0.0 and not placeholder_masses(masses).any() else max(limit, HEAVIEST)
@@ -167,7 +168,7 @@ def certify_named(
 def _incomplete(
     robot: Robot, values: Mapping[str, float], base: Sequence[str], standard: Sequence[str]
 ) -> ModelError:
-    """Error for an incomplete set of names; it gives the set to which they belong and the missing names."""
+    """Error for an incomplete set of parameters; it gives the set to which the names belong and the missing names."""
     known = {*base, *standard}
     if unknown := [name for name in values if name not in known]:
         fault = f"Unknown names: {', '.join(unknown[:8])}."
@@ -178,7 +179,7 @@ def _incomplete(
         named = f"The names are not all of the {len(wanted)} {kind} parameters of {robot.name}"
         lacking = [name for name in wanted if name not in values]
         others = [name for name in values if name not in wanted]
-        fault = f"{', '.join((lacking or others)[:8])} {'missing' if lacking else 'of another set'}."
+        fault = f"{', '.join((lacking or others)[:8])} {'missing' if lacking else 'not among them'}."
     return ModelError(
         f"{named}: {fault}",
         possible=f"base: {', '.join(base)}; or standard: {', '.join(standard[:10])}, … for every link; or physical: "
@@ -201,7 +202,7 @@ def certify_run(run: Run, *, motion: Motion | None = None, heaviest: float | Non
 
 
 def _own_bodies(run: Run, standard: StandardFit) -> Finding:
-    """Finding about the links that a run has estimated: other links would have the same base parameters."""
+    """Finding that the links of the certificate and the links that the run has estimated give the same torque."""
     places = [standard.names.index(f"M_{link + 1}") for link in range(run.model.n)]
     masses = ", ".join(f"{standard.values[k]:.4g}" for k in places)
     evidence = (
@@ -213,7 +214,7 @@ def _own_bodies(run: Run, standard: StandardFit) -> Finding:
 
 
 def _meaning(run: Run, verdict: Verdict) -> Finding:
-    """Finding that explains why a run's values are inconsistent, and what to do."""
+    """Finding with the reason why the parameters of a run are inconsistent, and with a remedy."""
     fit = run.estimate.fit
     half: dict[str, float] = dict(zip(fit.names, 0.5 * np.ptp(fit.intervals, axis=1), strict=True))
     beyond = [each.name for each in verdict.certificate.blame if abs(each.change) > half.get(each.name, np.inf)]
@@ -311,7 +312,7 @@ def _physical(robot: Robot, values: Mapping[str, float], motion: Motion | None, 
 
 
 def _rounding(masses: Array, tensors: Array) -> float:
-    """Largest rounding error of masses and inertias: that of three decimals if none has more, otherwise zero."""
+    """Largest rounding error of given masses and inertias: that of three decimals if no value has more, else zero."""
     thousandths = np.concatenate([masses.ravel(), tensors.ravel()]) / (2.0 * ROUNDING)
     return ROUNDING if np.allclose(thousandths, np.round(thousandths), rtol=0.0, atol=1e-6) else 0.0
 
@@ -357,7 +358,7 @@ def _findings(
     pose: Pose,
     theta: Array,
 ) -> tuple[Finding, ...]:
-    """Findings of a certificate; they do not give the mass of the nearest body, which torques do not determine."""
+    """Findings of a certificate, without the mass of the nearest body, which the torques do not determine."""
     findings: list[Finding] = []
     if not certificate.feasible:
         worst = ", ".join(f"{each.name} by {each.change:+.3g}" for each in certificate.blame[:4])

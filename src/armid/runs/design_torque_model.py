@@ -23,7 +23,7 @@ because numbers in files are rounded."""
 def estimated_torque(run: Run, robot: Robot) -> EstimatedTorque | None:
     """Torque model of a run with all of its terms, for an arm whose gravity may differ from that of the run.
 
-    Hysteresis depends on the earlier motion; its elements always slip in the model
+    Hysteresis depends on the earlier motion. In this model, the elements of hysteresis always slip
     (`armid.model.memoryless_model`).
 
     Args:

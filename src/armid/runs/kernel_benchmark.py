@@ -78,7 +78,7 @@ def measure(samples: int) -> dict[str, Any]:
 def _result(
     name: str, peer: str, armid: Callable[[], object], other: Callable[[], object], rounds: int
 ) -> dict[str, Any]:
-    """Median CPU times of armid and of another program.
+    """Median CPU times of armid and of another program for the same task.
 
     The two run alternately, so that other load of the machine affects both equally. A program that takes seconds runs
     fewer times than armid, because times of milliseconds are disturbed more easily.

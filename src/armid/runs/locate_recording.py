@@ -73,7 +73,7 @@ def find_recording(path: str, sha256: str, folder: Path | str, data: Path | str 
 
 
 def _places(path: Path, folder: Path, data: Path | None) -> Iterator[Path]:
-    """Candidate files or folders, the most probable first."""
+    """Files or folders that may be the recording, the most probable first."""
     likely = [] if data is None else [data / path, data / path.name]
     yield from (place for place in likely if place.exists())
     if data is not None and data.is_dir():

@@ -41,7 +41,7 @@ class NewRecordings:
     Attributes:
         run: The run.
         base: Base parameters of the run.
-        earlier: Information of the training recordings of the run.
+        earlier: Information of the recordings on which the run was trained.
         new: Information of the new recordings about the same base parameters.
         samples: Estimation problem of the new recordings, with their samples.
         recordings: The new recordings, processed.
@@ -80,7 +80,7 @@ def load_new_recordings(
         paths: Recordings.
         reading: Fields of the log format that differ from that of the run's first recording.
         held_out: Recordings for validation.
-        gain_deviation: Relative standard deviation of every drive gain, instead of the value of the run.
+        gain_deviation: Relative standard deviation of every drive gain; if not given, that of the run.
         loaded: Number of the link that may carry a load; by default that of the tip.
 
     Raises:
@@ -153,7 +153,7 @@ def read_new_recordings(
 def _read_held_out(
     run: Run, paths: Sequence[str], training: Sequence[ReadRecording]
 ) -> tuple[tuple[ReadRecording, ...], tuple[tuple[Finding, ...], ...]]:
-    """Reads validation recordings that were not used for any estimate, like the first new recording."""
+    """Reads validation recordings, which no estimate has used, with the log format of the first new recording."""
     recordings: list[ReadRecording] = []
     findings: list[tuple[Finding, ...]] = []
     for path in paths:
@@ -198,7 +198,7 @@ def check_new_recordings(
 
 
 def _without_rotors(run: Run, finding: Finding) -> Finding:
-    """Finding about rotor inertia that the model of a run lacks, with the consequence for new estimates."""
+    """Finding about missing rotor inertia, extended by its consequence for estimates from new recordings."""
     evidence = (
         f"{finding.evidence} The model of {run.folder} has no rotor inertia, so a new estimate would attribute "
         "it to links or load. These recordings may contain the effort on the motor side of the gears, but those of "
@@ -251,7 +251,7 @@ def earlier_information(run: Run) -> Information:
 
 
 def new_recording_findings(run: Run) -> list[Finding]:
-    """Finding about a run that failed its own validation; an empty list if it did not fail."""
+    """Finding about a run that failed its own validation; an empty list if the run did not fail."""
     if run.verdict != "fail":
         return []
     named = "; ".join(["verdict fail", *failed_checks(run)])
@@ -302,7 +302,7 @@ def link_columns(run: Run, link: int | None = None) -> tuple[int, Array]:
 
 
 def _tip_link(robot: Robot) -> int:
-    """Number of the link that carries the tip, which must be the last."""
+    """Number of the link that carries the tip, which must be the last link."""
     link = robot.tip.parent
     if link < 0:
         raise RobotError(

@@ -54,9 +54,10 @@ class Payload:
         new_recordings: New recordings and the run.
         place: Link that carries the payload, and frame of its parameters.
         load: The payload.
-        misfit: Residuals of the recordings with the payload, compared with those of a fit of these recordings alone.
+        misfit: Residuals of the recordings with the payload, compared with the residuals of a fit of these recordings
+            alone.
         known: Mask of the parameters of the payload that were given, shape (10,).
-        gains: Corrections of the drive gains, if the payload was known.
+        gains: Corrections of the drive gains; `None` if the mass of the payload was not given.
         findings: Findings of recordings and estimate.
     """
 
@@ -101,7 +102,7 @@ def find_payload(
         reading: Fields of the log format that differ from that of the run's first recording.
         mass: Known mass of the payload [kg]; if it is given, the drive gains are estimated.
         com: Known centre of mass [m], in the tip frame, or in the frame of the link if one is named.
-        gain_deviation: Relative standard deviation of the drive gains, instead of the value of the run.
+        gain_deviation: Relative standard deviation of the drive gains; if not given, that of the run.
         same_friction: True if the recordings with the payload have the friction of the run.
         link: Moving link that carries the payload, in whose frame its parameters are; by default that of the tip.
 
@@ -135,10 +136,10 @@ def find_payload(
 
 
 def only_drive_gains_failed(run: Run) -> bool:
-    """Tests whether a run failed only because its drive gains contradict the masses of the description.
+    """Tests whether a run failed its validation only because the drive gains contradict the described masses.
 
-    The doctor reports such gains with one of three codes, by the factor between the torques. These codes also have
-    other causes, such as positions in counts of encoders; then the remedy is not a drive gain.
+    The doctor reports such gains with one of the three codes `GAIN_CODES`. A finding with such a code can also have
+    another cause, such as positions in counts of encoders; its remedy is then not a drive gain.
 
     Args:
         run: The run.
@@ -155,7 +156,7 @@ def only_drive_gains_failed(run: Run) -> bool:
 
 
 def _with_gains_sought(run: Run, findings: Sequence[Finding]) -> list[Finding]:
-    """Findings in which the failure of a run is only information, if wrong drive gains are its only cause."""
+    """Findings of a run; if only drive gains made the run fail its validation, this finding becomes information."""
     if not only_drive_gains_failed(run):
         return list(findings)
     evidence = (
@@ -196,7 +197,7 @@ def _known(run: Run, mass: float | None, com: tuple[float, float, float] | None,
 def _payload_findings(
     new_recordings: NewRecordings, load: PayloadEstimate, gains: DriveGains | None
 ) -> list[Finding]:
-    """Findings that show why the result may be wrong."""
+    """Findings about possible errors of an estimated payload or of estimated drive gains."""
     found: list[Finding] = []
     unclear = [f"{LOAD_NAMES[k]} ({load.status[k]})" for k in PRINTED if load.status[k] != "identified"]
     if unclear:
@@ -264,8 +265,8 @@ def _gains_beyond(new_recordings: NewRecordings, gains: DriveGains) -> list[Find
             "gain-beyond-deviation",
             "warning",
             ", ".join(names[j] for j in joints),
-            f"Corrections of drive gains are far larger than the stated deviation: {each}. The mass, the link or "
-            "the stated deviation may be wrong; then the intervals are wrong, too.",
+            f"Corrections of drive gains are far larger than the stated standard deviation: {each}. The mass, the "
+            "link or the stated deviation may be wrong; then the intervals are wrong, too.",
             "check the mass and the link of the load (--mass, --link). If the gains are that uncertain, state a "
             "larger `drive_gain_deviation`.",
         )

@@ -107,7 +107,7 @@ def _finding(
     best: str | None,
     better: PayloadMisfit | None,
 ) -> Finding:
-    """Finding about a load that does not explain the torque."""
+    """Finding that a load on the given link does not explain the torque, with a better link if there is one."""
     joints = np.flatnonzero(found.significant)
     ratio = found.residual[joints] / found.alone[joints]
     times = f"{ratio.min():.1f}" if ratio.max() - ratio.min() < 0.05 else f"{ratio.min():.1f} to {ratio.max():.1f}"

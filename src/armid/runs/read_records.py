@@ -1,6 +1,6 @@
-"""Typed values of a run's records: study, validation, friction selection and comparison of methods.
+"""Records of a run as typed values: study, validation, friction selection and comparison of methods.
 
-They are made from a result in memory, or read from the folder of a run; both give the same values.
+The records are made from a result in memory or read from the folder of a run, with the same values.
 """
 
 from __future__ import annotations
@@ -74,7 +74,7 @@ def read_records(run: Run) -> RunRecords:
 
 
 def trained_and_validated(run: Run, study: Study) -> list[tuple[RecordingChoice, str]]:
-    """Recordings in the study of a run, with their digests (sha256)."""
+    """Recordings in the study of a run, each with its digest (sha256)."""
     return list(zip(study.recordings, run.estimate.recording_digests, strict=True))
 
 
@@ -129,7 +129,7 @@ def _validation(record: Mapping[str, Any]) -> Validation:
 
 
 def _spread(rms: Array, relative: Array) -> Array:
-    """Standard deviation of the torque; zero if the relative error is infinite, which is null in a record."""
+    """Standard deviation of the torque, from RMS error and relative RMS; zero if the relative RMS is infinite."""
     with np.errstate(divide="ignore", invalid="ignore"):
         spread = rms / relative
     return np.where(np.isnan(relative) & np.isfinite(rms), 0.0, spread)
@@ -173,10 +173,10 @@ def _methods(record: Mapping[str, Any]) -> MethodTable:
 
 
 def _number(value: float | None) -> float:
-    """Number of a record; null becomes NaN."""
+    """Number in a record; null becomes NaN."""
     return np.nan if value is None else float(value)
 
 
 def _numbers(values: Any) -> Array:
-    """Numbers of a record's list; null becomes NaN."""
+    """List of numbers in a record as an array; null becomes NaN."""
     return np.array([_number(value) for value in values], dtype=np.float64)

@@ -37,14 +37,15 @@ Changed = Literal["friction", "tool", "all"]
 """Parameters that may have changed: friction and offsets; friction, offsets and the last link; or all."""
 
 RECALIBRATED = ", recalibrated"
-"""Suffix of the name of the method: it shows that the properties of the method do not hold for the new values."""
+"""Suffix of the name of the method of a recalibrated run, whose values do not have the properties of the method."""
 
 LEAST_ROWS = 2
-"""Smallest number of rows of a joint for each base parameter with which the error without slow rows is computed."""
+"""Smallest number of rows of a joint, divided by the number of base parameters, with which the torque error without
+rows near reversals and rests is computed."""
 
 SAME_ERROR = 1.5
-"""Ratio of the torque error on the new recordings to that of the earlier run in training above which other parameters
-than the estimated ones must have changed."""
+"""Ratio of the torque error on the new recordings to the training error of the earlier run above which parameters
+that were not estimated again must have changed."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -54,7 +55,7 @@ class Recalibration:
     Attributes:
         result: Result in the form of an identification, which can be saved as a run.
         earlier: Folder of the earlier run.
-        changed: Parameters that were estimated again.
+        changed: Set of the parameters that were estimated again.
         changes: Values of every base parameter before and after.
         before: Torque errors of the earlier run on the validation recordings, or, if there are none, on the new
             recordings.
@@ -153,7 +154,7 @@ def _result(
 
 
 def _study(run: Run) -> Study:
-    """Study of the earlier run: arm, model, processing and estimation."""
+    """Study of the earlier run, with the earlier run in place of its recordings."""
     path = Path(run.folder) / "study.json"
     try:
         record: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
@@ -172,7 +173,7 @@ def _study(run: Run) -> Study:
 
 
 def _assumption_findings(new_recordings: NewRecordings, result: Result, changed: Changed) -> list[Finding]:
-    """Findings about the assumption that only the estimated parameters have changed."""
+    """Findings about the assumption that only the parameters that are estimated again have changed."""
     found: list[Finding] = []
     new = np.sqrt(np.mean([score.rms**2 for score in result.training[: len(new_recordings.recordings)]], axis=0))
     seen = np.isfinite(new)
@@ -185,14 +186,15 @@ def _assumption_findings(new_recordings: NewRecordings, result: Result, changed:
     if larger and error <= SAME_ERROR * least:
         found.append(_unexplained(new_recordings, seen, before, error, least))
     elif larger:
+        unit = _effort_unit(new_recordings.run)
         further = "--tool or --all" if changed == "friction" else "--all"
         found.append(
             Finding(
                 "more-has-changed",
                 "warning",
                 "",
-                f"The torque error on the new recordings is {error:.3g}, but was {before:.3g} in the earlier "
-                "run, so other parameters than the estimated ones seem to have changed"
+                f"The torque error on the new recordings is {error:.3g} {unit}, but was {before:.3g} {unit} in the "
+                "earlier run, so parameters that were not estimated again seem to have changed"
                 + (", or the recordings have a fault." if faults else "."),
                 f"first see {', '.join(faults)}; if more parameters are estimated, they hide this fault."
                 if faults
@@ -212,32 +214,32 @@ def _unexplained(
     Args:
         new_recordings: The new recordings.
         seen: Mask of the joints with rows in use.
-        before: Torque error of the earlier run in training.
-        error: Torque error on the new recordings.
-        least: Torque error that remains with all parameters free.
+        before: Torque error of the earlier run in training [N·m or N].
+        error: Torque error on the new recordings [N·m or N].
+        least: Torque error on the new recordings if all parameters are estimated from them [N·m or N].
     """
-    moving = _least_error_in_motion(new_recordings, seen)
+    moving, unit = _least_error_in_motion(new_recordings, seen), _effort_unit(new_recordings.run)
     text = (
-        f"The torque error on the new recordings is {error:.3g}, but was {before:.3g} in the earlier run; if all "
-        f"parameters are estimated, it is still {least:.3g}"
+        f"The torque error on the new recordings is {error:.3g} {unit}, but was {before:.3g} {unit} in the earlier "
+        f"run; if all parameters are estimated, it is still {least:.3g} {unit}"
     )
     unchanged = "This does not show that other parameters have changed."
     if moving <= SAME_ERROR * before:
         text += (
-            f", but {moving:.3g} without the rows in which a joint is slow, reverses or rests. Friction at rest and "
-            f"at reversals, which the model lacks, has a larger share in these recordings. {unchanged}"
+            f", but {moving:.3g} {unit} without the rows in which a joint is slow, reverses or rests. Friction at "
+            f"rest and at reversals, which the model lacks, has a larger share in these recordings. {unchanged}"
         )
         remedy = "record without rests, or leave them out (`exclude`); the errors of both runs are then comparable."
         return Finding("noisier-recordings", "info", "", text, remedy)
     text += (
-        ". The rest is larger noise in the band, for instance because of a lower rate or fewer periods, or an effect "
-        f"that the model lacks; the check cannot tell which. {unchanged}"
+        ". The cause is larger noise in the band, for instance because of a lower rate or fewer periods, or an "
+        f"effect that the model lacks; the check cannot tell which. {unchanged}"
     )
     return Finding("noisier-recordings", "info", "", text)
 
 
 def _least_error_in_motion(new_recordings: NewRecordings, seen: NDArray[np.bool_]) -> float:
-    """Torque error with all parameters free, without rows near reversals and rests; infinite if few rows are left."""
+    """Torque error as of `_least_error`, without rows near reversals and rests; infinite if few rows are left."""
     run, observed = new_recordings.run, joined_observations(new_recordings.recordings)
     cutoff = np.inf if observed.band.is_open else observed.band.cutoff
     near = rows_near_reversals(observed.runs, cutoff)
@@ -250,7 +252,7 @@ def _least_error_in_motion(new_recordings: NewRecordings, seen: NDArray[np.bool_
 
 
 def _least_error(new: Information, seen: NDArray[np.bool_]) -> float:
-    """Torque error of some joints that remains if all parameters are estimated from the new recordings alone."""
+    """Torque error [N·m or N] of the joints `seen` if all parameters are estimated from the new recordings alone."""
     whole = total(new)
     values = minimum_norm_solution(*stack(whole))[0]
     rows = np.maximum(whole.rows.sum(axis=0), 1)
@@ -261,25 +263,25 @@ def _least_error(new: Information, seen: NDArray[np.bool_]) -> float:
 def _regression_findings(
     new_recordings: NewRecordings, result: Result, before: Sequence[Score], changed: Changed
 ) -> list[Finding]:
-    """Finding that the earlier run is better on held-out motion; an empty list if it is not."""
+    """Finding that the earlier values are better on held-out motion; an empty list if the new values are better."""
     scores = result.validation.recordings
     if not scores:
         return []
     error, earlier = _error(scores), _error(before)
     if not error > earlier:
         return []
-    run = new_recordings.run
+    run, unit = new_recordings.run, _effort_unit(new_recordings.run)
     trained = float(np.sqrt(np.nansum(run.estimate.fit.residual_rms**2)))
     new = _error(score_recordings(run.model, run.estimate, new_recordings.recordings)[0])
     if earlier <= SAME_ERROR * trained < new:
-        return [_older_validation(error, earlier, new)]
+        return [_older_validation(error, earlier, new, unit)]
     return [
         Finding(
             "recalibration-worse",
             "warning",
             "",
-            f"On validation motion the torque error is {error:.3g} with the new values and {earlier:.3g} with "
-            "the earlier values, so the new values are not better.",
+            f"On validation motion the torque error is {error:.3g} {unit} with the new values and {earlier:.3g} "
+            f"{unit} with the earlier values, so the new values are not better.",
             "record a longer motion or one with larger amplitudes"
             + (", estimate fewer parameters again," if changed != "friction" else "")
             + " or keep the earlier run.",
@@ -287,20 +289,25 @@ def _regression_findings(
     ]
 
 
+def _effort_unit(run: Run) -> str:
+    """Unit of the torque errors of a run: `N·m`, or `N·m or N` for an arm that also has prismatic joints."""
+    return " or ".join(dict.fromkeys(joint.effort_unit for joint in run.robot.joints))
+
+
 def _error(scores: Sequence[Score]) -> float:
     """Torque error [N·m or N]: root of the sum over joints of squared RMS errors, averaged over the recordings."""
     return float(np.sqrt(np.nansum(np.mean([score.rms**2 for score in scores], axis=0))))
 
 
-def _older_validation(error: float, earlier: float, new: float) -> Finding:
+def _older_validation(error: float, earlier: float, new: float, unit: str) -> Finding:
     """Finding about a validation recording that was made before the change."""
     return Finding(
         "recalibration-worse",
         "warning",
         "",
-        f"The earlier values have a torque error of {earlier:.3g} on the validation recording, about the same as in "
-        f"their training, but {new:.3g} on the new recordings; the new values have {error:.3g} on the validation "
-        "recording. It was therefore probably made before the change, and its verdict does not apply to the new "
-        "values.",
+        f"On the validation recording, the torque error is {earlier:.3g} {unit} with the earlier values, about the "
+        f"same as in their training, and {error:.3g} {unit} with the new values; on the new recordings, it is "
+        f"{new:.3g} {unit} with the earlier values. The validation recording was therefore probably made before the "
+        "change, and the verdict does not apply to the new values.",
         "validate on another recording that was made after the change: --validate RECORDING.",
     )

@@ -22,10 +22,11 @@ from armid.validation.rollout_score import MotionScore, score_motion
 from armid.validation.torque_validation import Check, Validation
 
 MOST_LOST = 0.5
-"""Largest share of windows that may be lost; if more are lost, there is no median error."""
+"""Largest share of lost windows with which the check of the rollout passes; if more windows are lost, there is no
+median error."""
 
 LOST, INDEFINITE = ROLL_OUT_CODES = ("roll-out-lost", "roll-out-indefinite")
-"""Codes of findings about lost windows: the motion diverged, or the mass matrix became indefinite."""
+"""Codes of findings about lost windows: the simulated motion diverged, or the mass matrix became indefinite."""
 
 GAINS = ("proportional", "derivative", "integral")
 
@@ -76,7 +77,7 @@ def roll_out_run(
         paths: Recordings.
         reading: Fields of the log format that differ from that of the run's first recording.
         seconds: Length of a window [s].
-        tolerance: Position error from which a window counts as lost [rad or m].
+        tolerance: Tolerated position error [rad or m]; the time until the error exceeds it is part of the score.
         feedback: Feedback of the controller of the recordings; if not given, only the recorded torque acts.
 
     Raises:
@@ -116,7 +117,7 @@ def roll_out_run(
 
 
 def judged_by_motion(validation: Validation, scores: Sequence[MotionScore], *, closed: bool) -> Validation:
-    """Adds a check to a validation: at most half of the windows of the rollout may be lost.
+    """Adds a check to a validation: at most half of the windows of the rollout are lost.
 
     Args:
         validation: Validation of the torque.
@@ -125,14 +126,14 @@ def judged_by_motion(validation: Validation, scores: Sequence[MotionScore], *, c
     """
     lost = sum(score.lost for score in scores) / max(sum(score.windows for score in scores), 1)
     how = "the same controller" if closed else "the recorded torque alone"
-    name = f"windows of {scores[0].seconds:g} s lost under {how}, as a share"
+    name = f"share of windows of {scores[0].seconds:g} s lost under {how}"
     check = Check(name, lost, MOST_LOST, lost <= MOST_LOST)
     verdict = validation.verdict if check.ok else "fail"
     return replace(validation, verdict=verdict, checks=(*validation.checks, check))
 
 
 def _lost(score: MotionScore) -> list[Finding]:
-    """Findings on lost windows."""
+    """Findings about lost windows: the simulated motion diverged, or the mass matrix became indefinite."""
     windows_text = f"of {score.windows} windows of {score.seconds:g} s of {score.path}"
     found: list[Finding] = []
     if score.losses.ran_away:

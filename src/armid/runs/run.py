@@ -45,7 +45,7 @@ FORMAT = 1
 
 @dataclass(frozen=True, eq=False, slots=True, repr=False)
 class Run(Displayed):
-    """Contents of a run's folder that prediction needs.
+    """Contents of the folder of a run, as far as a prediction needs them.
 
     Attributes:
         folder: The folder.
@@ -53,7 +53,7 @@ class Run(Displayed):
         model: Arm and torque terms.
         estimate: The parameters.
         processing: Processing options.
-        log_format: Log format of the first training recording.
+        log_format: Log format of the first training recording, without guessed columns.
         trained_on: Digests of the training recordings (sha256).
         verdict: Verdict of the validation: `pass`, `fail` or `not judged`.
         made: Time, place and version.
@@ -167,7 +167,7 @@ def load_run(folder: Path | str) -> Run:
     folder = Path(folder)
     if not (folder / MARKER).is_file():
         raise ArmidError(f"{folder} is not a run of armid.", remedy="give the folder that armid identify made.")
-    kept = _kept(folder)
+    kept = _model_record(folder)
     try:
         robot, estimate = load(Robot, folder / "robot.npz"), load(Estimate, folder / "estimate.npz")
     except (KeyError, TypeError) as error:  # fields that another version did not have
@@ -192,8 +192,8 @@ def load_run(folder: Path | str) -> Run:
         raise _damaged(folder, error) from error
 
 
-def _kept(folder: Path) -> dict[str, Any]:
-    """Record in `model.json`, after a check that this version can read its format."""
+def _model_record(folder: Path) -> dict[str, Any]:
+    """Contents of `model.json`, after a check that this version of armid can read the format of the run."""
     try:
         kept: dict[str, Any] = json.loads((folder / "model.json").read_text(encoding="utf-8"))
         found = dict(kept).get("format", FORMAT)
@@ -228,7 +228,7 @@ def _verdict(folder: Path) -> str:
 
 
 def _model(robot: Robot, record: Mapping[str, Any]) -> DynamicsModel:
-    """Model as it was used, with the link parameters of its load torque, if it has one."""
+    """Model of a run, with the inertial parameters for the load torque, if the model has load-dependent friction."""
     model = build_model(robot, ModelChoice(tuple(record["terms"]), record["shapes"]))
     return dataclasses.replace(model, load_parameters=record.get("load_parameters"))
 

@@ -47,7 +47,7 @@ LOOSE = np.array([100.0, 50.0, 50.0, 50.0, 25.0, 25.0, 25.0, 25.0, 25.0, 25.0])
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """Sudden change of the parameters.
+    """Sudden change of the parameters, detected by the normalised innovation.
 
     Attributes:
         time: End of the block in which it was detected [s].
@@ -110,13 +110,17 @@ def track(
         memory: Time constant of forgetting [s]; if infinite, nothing is forgotten.
         block: Time from one estimate to the next [s].
         changed: Parameters that may change: friction and offsets; friction, offsets and a payload at the tip; or all.
-        progress: Called with each stage.
+        progress: Callback that is called with the name and the progress of each step.
 
     Raises:
         ArmidError: The recordings do not fit the run, or a time is not positive.
     """
     if not (memory > 0.0 and 0.0 < block < np.inf):
-        raise StudyError(f"The times `memory` and `block` must be above 0 s; found {memory:g} s and {block:g} s.")
+        raise StudyError(
+            f"The times --memory and --block must be above 0 s, and --block finite; found {memory:g} s "
+            f"and {block:g} s.",
+            remedy="give for instance --memory 30 --block 1.",
+        )
     tell = progress or no_progress
     tell("recordings", 0.0)
     recordings, read = read_new_recordings(run, paths, reading)
@@ -182,7 +186,7 @@ def _update_all(
     findings: tuple[Finding, ...],
     tell: Progress,
 ) -> TrackedRun:
-    """Updates the state with all blocks."""
+    """Updates the recursive state with one block after the other, and collects the parameters after each block."""
     start = state.values
     shape = (new.blocks, new.n)
     error, before, innovation = np.zeros(shape), np.zeros(shape), np.zeros(shape)
@@ -204,7 +208,7 @@ def _update_all(
 
 
 def _cut(run: ObservedRun, seconds: float) -> ObservedRun:
-    """Run that is divided into blocks of a given length."""
+    """Divides a contiguous run of observations into blocks of `seconds`."""
     time = run.motion.time[run.rows]
     block = np.floor((time - time[0]) / seconds + 1e-9).astype(np.int64)
     return replace(run, block=np.unique(block, return_inverse=True)[1])
@@ -252,7 +256,7 @@ def track_record(found: TrackedRun) -> dict[str, Any]:
 
 
 def track_table(found: TrackedRun) -> str:
-    """Tracked parameters as CSV: time, parameters with deviations, and normalised innovation of each joint."""
+    """Tracked parameters as CSV: time, parameters, standard deviations, and normalised innovation of each joint."""
     names = ["t"]
     for name in found.names:
         names += [name, f"{name}_deviation"]

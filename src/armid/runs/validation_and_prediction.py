@@ -67,7 +67,7 @@ def validate_run(
 
 
 def _like(run: Run, changes: Mapping[str, Any]) -> LogFormat:
-    """Log format of the run for another recording, without the excluded intervals of the run's recording."""
+    """Log format of the run for another recording, without the excluded intervals of the run, with `changes`."""
     return replace(run.log_format, **{"exclude": (), "start": None, **changes})
 
 

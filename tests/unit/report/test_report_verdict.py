@@ -54,7 +54,7 @@ def test_a_large_error_on_a_joint_comes_with_advice(material: PageData):
     score = material.validation.recordings[0]
     changed = replace(score, rms=score.spread * [0.4, 0.02, 0.02])
     words = judge_trust(scored(material, (changed,)))
-    assert any("Relative RMS above" in each and "joint_1" in each for each in words.doubted)
+    assert any("RMS error above" in each and "joint_1" in each for each in words.doubted)
     (advice,) = [each for each in words.wanted if "torque error of" in each]
     assert "joint_1" in advice and "joint_2" not in advice and "armid doctor" in advice
 
@@ -98,7 +98,7 @@ def test_an_error_where_joints_stand_asks_for_no_more_motions(material: PageData
         recordings = (*others, replace(unseen, dq=speed, predicted=predicted))
         words = judge_trust(scored(replace(material, recordings=recordings), (worse,)))
         doubted[standing] = " ".join(words.doubted)
-        assert any("More and different training motions" in each for each in words.wanted) is not standing
+        assert any("more and different training motions" in each for each in words.wanted) is not standing
     assert "in which joints stand still" in doubted[True] and "times the training error" not in doubted[True]
     assert "where joints stand" not in doubted[False] and "times the training error" in doubted[False]
 

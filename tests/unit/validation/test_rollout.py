@@ -261,7 +261,7 @@ def test_a_model_that_loses_most_windows_fails_its_verdict(lost: int, verdict: s
     judged = judged_by_motion(Validation(("a", "b", "c"), (), "pass", ()), [score], closed=False)
     assert (judged.verdict, judged.checks[-1].ok) == (verdict, verdict == "pass")
     assert judged.checks[-1].value == lost / 51
-    assert judged.checks[-1].name == "windows of 0.5 s lost under the recorded torque alone, as a share"
+    assert judged.checks[-1].name == "share of windows of 0.5 s lost under the recorded torque alone"
 
 
 def test_a_tolerance_that_is_never_left_is_said_to_last_longer_than_the_window():

@@ -12,12 +12,12 @@ NOT_ABOUT_MODEL = ("bodies-from-visuals", "bodies-unknown", "markers-unchecked",
 
 
 def serious(findings: Sequence[Finding], *severities: str) -> list[Finding]:
-    """Errors and warnings that concern the model."""
+    """Findings of the given severities that concern the model."""
     return [each for each in findings if each.severity in severities and each.code not in NOT_ABOUT_MODEL]
 
 
 def evidence_words(finding: Finding) -> str:
-    """Evidence of a finding, with its channel."""
+    """Evidence of a finding, preceded by the name of the joint or channel, if the finding has one."""
     return f"{finding.channel}: {finding.evidence}" if finding.channel else finding.evidence
 
 

@@ -17,15 +17,16 @@ HALF_WINDOW = 0.6
 STEPS = 41
 
 MOVING = 0.05
-"""Share of the largest speed that a joint must reach before and after a reversal; less is noise at standstill."""
+"""Smallest speed of a joint before and after a reversal, as a share of the largest speed of the joint. Sign changes
+of the velocity at lower speeds are noise at standstill."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Reversals:
-    """Friction of one joint around its R reversals, with signs such that the motion after each is positive.
+    """Friction of one joint around R reversals, at K instants; positive along the motion after the reversal.
 
-    The mean of the model's friction in each window is subtracted from measured and modelled friction, which removes
-    offsets between windows.
+    The mean of the model's friction around each reversal is subtracted from the measured friction and from the
+    model's friction. This removes offsets between reversals.
 
     Attributes:
         time: Time since the reversal, shape (K,) [s].
@@ -39,7 +40,7 @@ class Reversals:
 
 
 def find_reversals(recordings: Sequence[RecordingData], j: int) -> Reversals:
-    """Reversals of a joint whose windows have only valid rows of one contiguous run."""
+    """Friction of joint `j` around those reversals for which `HALF_WINDOW` before and after has only valid rows."""
     grid = np.linspace(-HALF_WINDOW, HALF_WINDOW, STEPS)
     fastest = max((float(np.abs(each.dq[:, j]).max()) for each in recordings), default=0.0)
     observed: list[Array] = []
@@ -72,7 +73,7 @@ def since_reversal(time: Array, dq: Array) -> Array:
 
 
 def _crossings(time: Array, dq: Array, least: float) -> list[tuple[float, float]]:
-    """Time of each sign change and direction after it, if the joint is faster than `least` before and after it."""
+    """Time of each reversal, and sign of the velocity after it; the speed reaches `least` before and after it."""
     crossings: list[tuple[float, float]] = []
     rows = np.flatnonzero(np.sign(dq[:-1]) * np.sign(dq[1:]) < 0.0)
     for k in rows:

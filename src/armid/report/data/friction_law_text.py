@@ -1,4 +1,4 @@
-"""Friction law of each joint as one line of text, and its selection."""
+"""Friction law of each joint as one line of text, and tables of the friction selection."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ from armid.robot import Joint
 def law_tables(page_data: PageData) -> tuple[Table, ...]:
     """Table of the friction law of each joint.
 
-    If the laws were selected by armid, the table also shows the relative error with the selected friction, and a
-    second table, closed at first, lists all candidates.
+    If armid selected the laws, the table also shows the relative error with the selected friction, and a second
+    table, which is folded, lists all candidate friction laws.
     """
     joints, selection = page_data.joints, page_data.records.friction
     laws = [law_text([law for law in _laws(page_data) if law.joint == j]) for j in range(len(joints))]
@@ -72,7 +72,7 @@ def law_text(laws: Sequence[Law]) -> str:
 
 
 def _without_hysteresis(law: Law) -> str:
-    """Formula of a law without hysteresis, with its joints if it acts on several."""
+    """Formula of a law without hysteresis; the joints are added if the law acts on several joints."""
     formula = f"{law.symbol} · {text(law.expression)}".removesuffix(" · 1")
     if len(law.coordinate) == 1:
         return formula
@@ -81,14 +81,14 @@ def _without_hysteresis(law: Law) -> str:
 
 
 def _laws(page_data: PageData) -> list[Law]:
-    """Friction laws of the model, joint by joint."""
+    """Friction laws of the model of a run, joint by joint."""
     model = page_data.run.model
     chosen = friction_columns(model)[model.law_columns].astype(bool)
     return [law for (_, law), is_friction in zip(model.laws, chosen, strict=True) if is_friction]
 
 
 def _candidate_table(evidence: Sequence[SelectionEvidence], joints: Sequence[Joint]) -> Table:
-    """Table of all candidates by joint."""
+    """Table of all candidate friction laws, joint by joint, with the relative error of each."""
     names = [joint.name for joint in joints]
     rows = [
         [
@@ -110,6 +110,6 @@ def _candidate_table(evidence: Sequence[SelectionEvidence], joints: Sequence[Joi
         Column("standard error"),
         Column("", words=True),
     )
-    title = f"All {len(evidence)} candidates"
-    note = "Error with the candidate, divided by the error without it."
+    title = f"All {len(evidence)} candidate friction laws"
+    note = "Relative error: error on held-out blocks with the candidate, divided by the error without it."
     return Table("ladder", title, columns, rows, note, folded=True, groups=groups)

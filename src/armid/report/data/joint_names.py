@@ -1,4 +1,4 @@
-"""Labels of joints by name and number; parameters by joint."""
+"""Labels of joints with name and number, and parameters grouped by joint."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def by_joint(parameters: Iterable[ParameterName], joints: Sequence[Joint]) -> st
 
 
 def groups_of(parameters: Sequence[ParameterName], joints: Sequence[Joint]) -> tuple[list[int], dict[int, str]]:
-    """Order of the parameters by joint, and the heading of each joint by the index of its first parameter."""
+    """Order of the parameters by joint, and the heading of each joint by the index of the joint's first parameter."""
     order = sorted(range(len(parameters)), key=lambda k: parameters[k].number or 0)
     groups: dict[int, str] = {}
     for place, k in enumerate(order):

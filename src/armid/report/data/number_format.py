@@ -25,7 +25,7 @@ def fixed(value: float, decimals: int) -> str:
 
 
 def decimals_of(uncertainty: float, digits: int = 2) -> int:
-    """Decimals that show the given number of digits of an uncertainty."""
+    """Number of decimals that show the given number of digits of an uncertainty."""
     if not 0.0 < uncertainty < math.inf:
         return 3
     return min(max(0, digits - 1 - math.floor(math.log10(uncertainty))), MOST_DECIMALS)
@@ -46,7 +46,7 @@ def short(value: float, digits: int = 3) -> str:
 
 
 def share(value: float) -> str:
-    """Share in whole percent; below two percent with one decimal, to distinguish small shares."""
+    """Share as text in percent; one decimal below two percent, otherwise no decimals."""
     if not math.isfinite(value):
         return MISSING
     if 0.0 < abs(value) < SMALLEST_SHARE:
@@ -55,7 +55,7 @@ def share(value: float) -> str:
 
 
 def percent(value: float) -> str:
-    """Relative deviation given in percent; `> 999` from a thousand on."""
+    """Relative standard deviation [%] as text; `> 999` from a thousand on."""
     if not value < 1000.0:
         return "> 999"
     return fixed(value, 1) if value >= 1.0 else short(value, 2)

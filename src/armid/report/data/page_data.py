@@ -31,7 +31,7 @@ class PageData:
     Attributes:
         run: The run.
         records: Study, validation, friction selection and comparison of methods.
-        recordings: Recordings of the run, processed again.
+        recordings: Measured and predicted torque of the recordings of the run.
         missing: Messages about recordings that could not be read.
         verdict: Physical consistency of the parameters; `None` if the model has no rigid bodies.
     """
@@ -63,20 +63,20 @@ class PageData:
 
     @property
     def drawn(self) -> tuple[RecordingData, ...]:
-        """Recordings to plot: the first few of each role, validation first."""
+        """Plotted recordings: the first `MAX_DRAWN` for validation, then the first `MAX_DRAWN` for training."""
         return (*self.of_role("validate")[:MAX_DRAWN], *self.of_role("train")[:MAX_DRAWN])
 
     def training_rms(self) -> Array:
-        """RMS error per joint in training (n,) [N·m or N]."""
+        """RMS torque error of each joint in training, shape (n,) [N·m or N]."""
         return self.run.estimate.fit.residual_rms
 
     def validation_rms(self) -> Array:
-        """RMS error of each joint over all validation recordings (n,) [N·m or N]; NaN if there are none."""
+        """RMS torque error of each joint over all validation recordings (n,) [N·m or N]; NaN without recordings."""
         rows = [each.rms for each in self.validation.recordings]
         return np.sqrt(np.mean(np.square(rows), axis=0)) if rows else np.full(len(self.joints), np.nan)
 
     def validation_column(self, of: Callable[[Score], Array | None]) -> Array:
-        """Mean of a number over all validation recordings for each joint (n,); NaN if there are none."""
+        """Mean of `of(score)` over all validation recordings, for each joint, shape (n,); NaN without recordings."""
         rows = [row for each in self.validation.recordings if (row := of(each)) is not None]
         return np.mean(rows, axis=0) if rows else np.full(len(self.joints), np.nan)
 
@@ -115,9 +115,9 @@ def with_recordings(
     recordings: Sequence[tuple[ProcessedRecording, PredictedRecording]] | None = None,
     data: Path | str | None = None,
 ) -> PageData:
-    """Gathers the records and recordings of a run, without the certificate, which plots do not need.
+    """Gathers the records and recordings of a run; the certificate, which plots do not need, is left out.
 
-    Arguments and errors as in `gather`.
+    The arguments and errors are those of `gather`.
     """
     records = records or read_records(run)
     processed: list[RecordingData] = []

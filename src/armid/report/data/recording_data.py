@@ -48,13 +48,14 @@ class RecordingData:
     """Data of a recording on its output grid (M rows), in the band of the study.
 
     Attributes:
-        choice: Path, role and part.
+        choice: Path and role of the recording, and the part of it that is used.
         time: Time since the first row, shape (M,) [s]; the number of the row if rows are not consecutive.
         q: Positions, shape (M, n) [rad or m].
         dq: Velocities, shape (M, n).
         measured: Measured torque, shape (M, n) [N·m or N]; NaN in masked rows.
         predicted: Torque predicted by the estimate, shape (M, n) [N·m or N]; NaN in masked rows.
-        friction: Part of `predicted` that depends neither on acceleration nor on the links, shape (M, n) [N·m or N].
+        friction: Torque of all laws of the model that do not depend on the acceleration, that is, friction and
+            offset, shape (M, n) [N·m or N].
         half_band: Half width of the 95 % prediction interval, shape (M, n).
         starts: First row of each contiguous run, followed by M.
         spectrum: Spectrum of the longest run; `None` if rows are not consecutive.
@@ -95,14 +96,14 @@ class RecordingData:
 def concatenated(
     recordings: Sequence[RecordingData], what: Literal["q", "dq", "measured", "friction", "residual"], j: int
 ) -> Array:
-    """One quantity of one joint, concatenated over several recordings."""
+    """Values of one quantity of joint `j`, concatenated over several recordings."""
     return np.concatenate([np.zeros(0), *(getattr(each, what)[:, j] for each in recordings)])
 
 
 def evaluate_recording(
     run: Run, recording: ProcessedRecording, prediction: PredictedRecording | None = None
 ) -> RecordingData:
-    """Measured and predicted torque of a processed recording; `prediction` is computed if it is not given."""
+    """Computes the data of a processed recording for a page; `prediction` is computed if it is not given."""
     observations = recording.observations
     model, estimate, runs, band = run.model, run.estimate, observations.runs, observations.band
     theta = torque_parameters(estimate.base, estimate.fit)
@@ -150,7 +151,7 @@ def _half_band(prediction: PredictedRecording) -> Array:
 
 
 def _spectrum(model: DynamicsModel, theta: Array, run: ObservedRun) -> Spectrum:
-    """Spectra of torque and residual at full rate, as recorded, including frequencies outside the band."""
+    """Spectra of measured torque and residual at the full rate of the recording, without the band's filter."""
     part = slice(0, SPECTRUM_SAMPLES)
     measured = run.torque[part]
     both = np.hstack([measured, measured - model.torque(run.motion[part], theta)])
@@ -162,7 +163,7 @@ def amplitude_density(signals: Array, rate: float) -> tuple[Array, Array]:
     """Frequencies (K,) above zero [Hz] and one-sided amplitude density (K, c) by Welch's averaged segments.
 
     Args:
-        signals: Shape (N, c).
+        signals: N samples of c signals, shape (N, c).
         rate: Sample rate [Hz].
     """
     samples = min(len(signals), max(8, round(SEGMENT_SECONDS * rate)))
@@ -176,5 +177,5 @@ def amplitude_density(signals: Array, rate: float) -> tuple[Array, Array]:
 
 
 def _segments(total: int, samples: int) -> Sequence[int]:
-    """Starts of segments that overlap by half."""
+    """First sample of each segment of a spectrum; consecutive segments overlap by half."""
     return range(0, total - samples + 1, max(1, samples // 2))

@@ -1,4 +1,4 @@
-"""Dependence of a joint's residual on velocity, position and reversals, as shares of its variance."""
+"""Shares of the variance of a joint's residual that depend on velocity, position and reversals."""
 
 from __future__ import annotations
 
@@ -20,13 +20,14 @@ BINS = 12
 
 
 LARGE_SHARE = 0.2
-"""Share of the residual's variance above which a further law is suggested."""
+"""Share of the residual's variance above which a further friction law is suggested."""
 
 
 REPEATED_SHARE = 0.03
-"""Share of the variance of each half of a residual, predicted from the other half, from which the residual depends on
-the velocity. On simulated logs of a UR5e with the right friction it is below 0.02; with a Stribeck peak of 35 %
-and 2 % of load-dependent friction that the model lacks, it is 0.04 to 0.1 on five of six joints."""
+"""Share of the variance of each half of a residual, predicted from the other half, above which the residual counts as
+dependent on the velocity. On simulated logs of a UR5e with the right friction model the share is below 0.02. With a
+Stribeck peak of 35 % and load-dependent friction of 2 % that the model lacks, the share is 0.04 to 0.1 on five of six
+joints."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,9 +35,10 @@ class ResidualShares:
     """Shares of the variance of a residual, 0 to 1; NaN if there are too few rows.
 
     Attributes:
-        velocity: Share that depends on the velocity.
-        position: Share that depends on position and direction of motion.
-        reversal: Share that depends on the time since the last reversal, signed by the direction of motion.
+        velocity: Share of the variance that depends on the velocity.
+        position: Share of the variance that depends on position and direction of motion.
+        reversal: Share of the variance of the residual, with the sign of the direction of motion, that depends on the
+            time since the last reversal.
     """
 
     velocity: float
@@ -45,7 +47,7 @@ class ResidualShares:
 
 
 def residual_shares(recordings: Sequence[RecordingData], processing: ProcessingOptions, j: int) -> ResidualShares:
-    """Shares of the variance of a joint's residual over several recordings."""
+    """Shares of the variance of the residual of joint `j` over several recordings."""
     if not recordings:
         return ResidualShares(np.nan, np.nan, np.nan)
     residual, dq, q = (

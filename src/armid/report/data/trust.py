@@ -22,23 +22,24 @@ POOR_COVERAGE = 0.85
 """Share of rows inside the 95 % prediction interval below which the interval counts as too narrow."""
 
 MANY_BLOCKS = 20
-"""Number of blocks from which the scatter between blocks has a relative error of at most a sixth, so that more blocks
-would hardly change it."""
+"""Number of blocks above which the scatter between blocks has a relative error of at most a sixth, so that more
+blocks would hardly change the scatter."""
 
 MAX_ERROR_RATIO = 2.0
 """Ratio of validation error to training error above which more motions are recommended."""
 
 STANDSTILL_SHARE = 0.01
-"""Share of the RMS speed of a joint below which it counts as standing still, because noise determines the sign of
-its velocity."""
+"""Share of the RMS speed of a joint below which the joint counts as standing still, because noise determines the sign
+of the velocity."""
 
 SLOW_SHARE = 0.3
-"""Share of the velocity limit that a joint must reach; viscous friction is hard to identify from slower motion."""
+"""Smallest speed that a joint must reach, as a share of its velocity limit; slower motion hardly shows viscous
+friction."""
 
 STICKING = (
-    "A motion with higher accelerations and less time at low speed, or a stiffer controller: the residual "
-    "after reversals of {joints} is caused by sticking, during which static friction can have any value up "
-    "to its bound; neither friction with hysteresis nor more of the same data reduces it."
+    "Record a motion with higher accelerations and less time at low speed, or use a stiffer controller: the residual "
+    "after reversals of {joints} is caused by sticking, during which static friction can have any value up to its "
+    "bound; neither friction with hysteresis nor more of the same data reduces it."
 )
 """Remedy for joints that stick and start again, which looks like hysteresis in the residual."""
 
@@ -103,11 +104,14 @@ def _torque(page_data: PageData) -> Sentences:
     relative = page_data.validation_column(lambda score: score.relative)
     fine = [j for j, x in enumerate(relative) if x <= GOOD_SHARE]
     if fine:
-        good.append(f"Relative RMS of at most {share(GOOD_SHARE)} on {_joints(page_data, fine)}.")
+        good.append(
+            f"RMS error of at most {share(GOOD_SHARE)} of the standard deviation of the torque on "
+            f"{_joints(page_data, fine)}."
+        )
     poor = [j for j, x in enumerate(relative) if x > GOOD_SHARE]
     if poor:
         joints = _listed(f"{label_of(page_data.joints, j)} ({share(float(relative[j]))})" for j in poor)
-        bad.append(f"Relative RMS above {share(GOOD_SHARE)} on {joints}.")
+        bad.append(f"RMS error above {share(GOOD_SHARE)} of the standard deviation of the torque on {joints}.")
     if poor or failed:
         next_.append(CHECK_ERROR.format(joints=_joints(page_data, poor) if poor else "every joint"))
     if total > MAX_ERROR_RATIO * training:
@@ -121,14 +125,14 @@ def _torque(page_data: PageData) -> Sentences:
         else:
             bad.append(f"The validation error is {short(total / training, 2)} times the training error.")
             next_.append(
-                "More and different training motions: the model predicts held-out motions worse than "
+                "Record more and different training motions: the model predicts held-out motions worse than "
                 "training motions."
             )
     return good, bad, next_
 
 
 def _moving(page_data: PageData) -> tuple[float, float]:
-    """Validation error of all joints while they move, and the share of rows in which they stand."""
+    """Validation error of all joints without rows at standstill, and the share of rows at standstill."""
     held_out = page_data.of_role("validate")
     if not held_out:
         return np.inf, 0.0
@@ -152,7 +156,7 @@ def _intervals(page_data: PageData) -> Sentences:
     if not poor:
         return (
             [
-                "The 95 % prediction intervals of the torque: they contain "
+                "The 95 % prediction intervals of the torque contain "
                 f"{share(float(np.nanmean(coverage)))} of the held-out rows."
             ],
             [],
@@ -164,14 +168,14 @@ def _intervals(page_data: PageData) -> Sentences:
     return (
         [],
         [
-            "The 95 % prediction intervals of the torque are too narrow on "
+            "The 95 % prediction intervals of the torque are too narrow (they contain too few held-out rows) on "
             f"{joints}; the intervals of parameters may be too narrow, too."
         ],
         [
             "Repeat the motion, or record longer: intervals are computed from the scatter between only "
             f"{fit.report.parts} blocks of rows."
             if few
-            else "Another law of friction, or terms that the model lacks: intervals include the noise of the "
+            else "Try another friction law, or add terms that the model lacks: intervals include the noise of the "
             "training motion, but the error in validation is larger; more recordings of the same motion do "
             "not change this."
         ],
@@ -184,7 +188,7 @@ def _parameters(page_data: PageData) -> Sentences:
     names = estimate.fit.names
     low, high = estimate.intervals.T
     significant = (low > 0.0) | (high < 0.0)
-    good = [f"{int(significant.sum())} of {len(names)} parameters: their 95 % intervals do not include zero."]
+    good = [f"{int(significant.sum())} of {len(names)} parameters have 95 % intervals that do not include zero."]
     insignificant = [name for name, yes in zip(names, significant, strict=True) if not yes]
     bad = (
         [
@@ -199,13 +203,13 @@ def _parameters(page_data: PageData) -> Sentences:
     next_: list[str] = []
     if negative and not any(each.code == "not-physical" for each in estimate.findings):
         bad.append(
-            "Negative together with their whole intervals, which is physically impossible: "
+            "These parameters and their whole intervals are negative, which is physically impossible: "
             f"{by_joint(negative, page_data.joints)}."
         )
     rotors = [name for name in insignificant + negative if name.symbol == "IA"]
     if rotors:
         next_.append(
-            "Fast reversals of single joints while the other joints rest, to separate "
+            "Record fast reversals of single joints while the other joints rest, to separate "
             f"{by_joint(rotors, page_data.joints)} from link inertias."
         )
     return good, bad, next_
@@ -234,18 +238,20 @@ def _bodies(page_data: PageData) -> Sentences:
     certificate, smallest = page_data.verdict.certificate, page_data.verdict.pose.min_eigenvalue
     bad: list[str] = []
     if smallest <= 0.0:
-        bad.append("The mass matrix is not positive definite in every pose; do not use these values in a simulation.")
+        bad.append(
+            "The mass matrix is not positive definite in every pose; do not use the parameters in a simulation."
+        )
     if certificate.feasible:
         return ["The parameters are physically consistent: a real body can have them."], bad, []
     away = f"{short(certificate.distance)} ({share(certificate.relative_distance)}) away"
     if outside_intervals(page_data):
         bad.append(
-            f"Not physically consistent: the nearest consistent values lie {away}, outside the intervals. Do "
-            "not use these values in a simulation or an export."
+            f"Not physically consistent: the nearest consistent values lie {away}, outside the 95 % intervals. Do "
+            "not use the parameters in a simulation or an export."
         )
     else:
         bad.append(
-            f"Not exactly physically consistent: the nearest consistent values lie {away}, within the intervals."
+            f"Not exactly physically consistent: the nearest consistent values lie {away}, within the 95 % intervals."
         )
     return [], bad, []
 
@@ -278,11 +284,11 @@ def _motion(page_data: PageData) -> Sentences:
                 f"{label_of(page_data.joints, j)} ({short(fastest, 2)} of "
                 f"{short(joint.velocity_limit, 2)} {velocity_unit(joint)})"
             )
-    return [], [], [f"Faster motion, to identify viscous friction: {_listed(slow)}."] if slow else []
+    return [], [], [f"Record faster motion, to identify viscous friction: {_listed(slow)}."] if slow else []
 
 
 def _laws(page_data: PageData) -> Sentences:
-    """Request for friction laws that could explain structure in the residual."""
+    """Request for friction laws that could explain a dependence of the residual on position or reversals."""
     dependent: dict[str, list[int]] = {"position": [], "reversals": []}
     for j in range(len(page_data.joints)):
         shares = residual_shares(page_data.drawn, page_data.run.processing, j)
@@ -291,10 +297,10 @@ def _laws(page_data: PageData) -> Sentences:
                 dependent[what].append(j)
     sticking = [j for j in dependent["reversals"] if _sticks(page_data, j)]
     dependent["reversals"] = [j for j in dependent["reversals"] if j not in sticking]
-    better = {"position": "A richer law of friction", "reversals": "A law of friction with hysteresis"}
+    better = {"position": "Use a richer friction law", "reversals": "Use a friction law with hysteresis"}
     next_ = [STICKING.format(joints=_joints(page_data, sticking))] if sticking else []
     next_ += [
-        f"{better[what]} instead of more data: the residual depends on {what} on {_joints(page_data, joints)}."
+        f"{better[what]} instead of more data: the residual of {_joints(page_data, joints)} depends on {what}."
         for what, joints in dependent.items()
         if joints
     ]
@@ -302,7 +308,7 @@ def _laws(page_data: PageData) -> Sentences:
 
 
 def _sticks(page_data: PageData, j: int) -> bool:
-    """True if a joint mostly rests, or if its rows at standstill are masked while those of other joints are not."""
+    """True if a joint mostly rests, or if its rows at standstill are masked and rows of other joints are not."""
     channels = {each.channel for each in page_data.run.estimate.findings if each.code == "sticking"}
     if page_data.joints[j].name in channels:
         return True

@@ -16,13 +16,13 @@ SIZE = 240.0
 """Edge of the picture [px]."""
 
 MARGIN = 26.0
-"""Margin around the arm for the marks of its joints [px]."""
+"""Margin around the arm for the marks of the joints [px]."""
 
 AZIMUTH, ELEVATION = np.radians(35.0), np.radians(18.0)
 """Direction of view: slightly from above, so that all three axes are visible."""
 
 POSES = 200
-"""Number of poses of each recording among which the most extended view is chosen."""
+"""Number of poses of each recording among which the pose with the largest projected area is chosen."""
 
 RADIUS = 8.0
 """Radius of the mark of a joint [px]; joints whose marks would overlap have a common mark."""

@@ -49,7 +49,7 @@ ROW_HEIGHT = 260
 """Height of a row of plots with its titles [pixels]."""
 
 BETWEEN_ROWS = 90
-"""Part of the row height that titles take [pixels]."""
+"""Height of the titles between two rows of plots, a part of `ROW_HEIGHT` [pixels]."""
 
 Rows = Sequence[tuple[str, Sequence[Plot]]]
 """Headings and their plots, row by row, as in a section."""
@@ -201,7 +201,7 @@ def _require(value: object, kinds: tuple[type, ...], what: str, example: str) ->
 
 
 def _of_joint(section: Section, joint: str | None, robot: Robot) -> Rows:
-    """Rows of a section, or only the plots of one joint, found by the headings and titles.
+    """Rows of plots of a section, or only the plots of one joint, found by the headings of rows and titles of plots.
 
     Raises:
         ArmidError: The joint does not exist, or the section has no plot of it.
@@ -229,7 +229,7 @@ def _of_joint(section: Section, joint: str | None, robot: Robot) -> Rows:
 
 
 def _placed(rows: Rows, columns: int) -> list[tuple[int, int, str, Plot]]:
-    """Row, column, heading and plot of each place, counted from 1; a heading belongs to the first of its plots."""
+    """Row and column (from 1), heading and plot of each place; only the first plot of a row has a heading."""
     placed: list[tuple[int, int, str, Plot]] = []
     line = 0
     for heading, plots in rows:

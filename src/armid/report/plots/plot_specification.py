@@ -30,7 +30,7 @@ class PlotTrace:
         x: Abscissas (K,).
         y: Ordinates (K,); NaN is a gap.
         name: Name shown when the pointer rests on it.
-        cloud: True for separate points, false for a line.
+        cloud: True if the points are drawn separately, false if a line joins them.
     """
 
     role: str
@@ -44,8 +44,8 @@ VISIBLE_SHARE = 0.995
 """Share of the values that is inside the range of a residual plot, so that a few spikes do not flatten the curves."""
 
 BULK_SHARE, BULK_FACTOR = 0.95, 4.0
-"""Share of the values, and factor: the range is at most the factor times the quantile of the absolute values for this
-share. This limits the range of plots with spikes in each period, which are too many for `VISIBLE_SHARE` alone."""
+"""Share of the values, and factor. The range is at most the factor times the quantile of the absolute values at this
+share. This limits the range of a plot with spikes in each period, for which `VISIBLE_SHARE` alone is too large."""
 
 RANGE_MARGIN = 1.1
 """Factor from the largest visible value to the end of the axis."""
@@ -112,7 +112,11 @@ class PlotRange:
 
     @classmethod
     def of(cls, values: Array) -> PlotRange:
-        """Range for values of any shape: it contains 99.5 % of them, fewer with many spikes, all without spikes."""
+        """Range of a plot for values of any shape.
+
+        The range contains all values if there are no spikes, 99.5 % of the values if there are few spikes, and fewer
+        values if there are many spikes.
+        """
         size = np.abs(values[np.isfinite(values)])
         if not len(size):
             return cls(np.inf, 0.0, np.nan)
@@ -125,7 +129,7 @@ class PlotRange:
 
     @property
     def span(self) -> tuple[float, float] | None:
-        """Ends of the ordinate; `None` if all values are inside."""
+        """Lowest and highest ordinate of the initial view; `None` if all values are inside the range."""
         return (-RANGE_MARGIN * self.limit, RANGE_MARGIN * self.limit) if np.isfinite(self.limit) else None
 
     def cut(self, x: Array, y: Array, name: str) -> tuple[PlotTrace, ...]:
@@ -145,7 +149,7 @@ class PlotRange:
 
 
 def line(role: str, x: Array, y: Array, name: str) -> PlotTrace:
-    """Line with no more points than a plot can show; its extremes are kept."""
+    """Line with no more points than a plot can show, among them the extremes."""
     indices = envelope(y, LINE_INTERVALS)
     return PlotTrace(role, x[indices], y[indices], name)
 
@@ -158,7 +162,7 @@ def points(role: str, x: Array, y: Array, name: str, most: int = MAX_POINTS) -> 
 
 
 def spread(x: Array, low: Array, high: Array, name: str) -> PlotTrace:
-    """Area between two lines: a polygon for each segment without gaps, thinned so that it keeps its extremes."""
+    """Area between two lines: a polygon for each segment without gaps, with few points, among them the extremes."""
     known = np.isfinite(x) & np.isfinite(low) & np.isfinite(high)
     ends = np.flatnonzero(np.diff(known, prepend=False, append=False)).reshape(-1, 2)
     sides: list[tuple[Array, Array]] = []
@@ -182,7 +186,7 @@ def crest(role: str, x: Array, y: Array, name: str) -> PlotTrace:
 
 
 def envelope(y: Array, buckets: int) -> NDArray[np.intp]:
-    """Sorted indices of the smallest and largest value of each interval and of gaps; all indices if there are few."""
+    """Sorted indices of gaps, and of the smallest and largest value in each of `buckets` intervals of the rows."""
     if len(y) <= 2 * buckets:
         return np.arange(len(y))
     edges = np.linspace(0, len(y), buckets + 1).astype(np.intp)

@@ -45,15 +45,15 @@ class MassLayer:
 
 
 def layer_of_description(robot: Robot) -> MassLayer | None:
-    """Layer of the description's inertias; `None` if it has none."""
+    """Layer of the inertias of the description; `None` if the description has no inertias."""
     vector = robot.inertial_vector
     return None if vector is None else MassLayer("description", vector)
 
 
 def ellipsoid_of(vector: Array) -> tuple[Array, Array] | None:
-    """Half axes (3,) [m] of the ellipsoid of uniform density, and their directions, the columns of a matrix (3, 3).
+    """Half axes (3,) [m] and directions (columns, (3, 3)) of an ellipsoid of uniform density with a link's inertia.
 
-    Its inertia about the axis i is m (a_j² + a_k²) / 5.
+    For the mass m and the half axes a_i, a_j and a_k, the moment of inertia about the axis i is m (a_j² + a_k²) / 5.
 
     Returns:
         Half axes and directions; `None` if no body can have this inertia.

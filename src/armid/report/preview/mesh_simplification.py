@@ -17,7 +17,7 @@ CELLS = (512, 384, 256, 192, 128, 96, 64, 48, 32, 24, 16, 8, 4)
 """Numbers of cells along the longest edge of a mesh, tried one after the other."""
 
 STEPS = 65535
-"""Number of quantisation steps along each edge of a mesh's bounding box."""
+"""Number of quantisation steps of a coordinate along each edge of the bounding box of a mesh."""
 
 
 def simplified(corners: Array, triangles: NDArray[np.intp], most: int) -> tuple[Array, NDArray[np.intp]]:
@@ -26,8 +26,8 @@ def simplified(corners: Array, triangles: NDArray[np.intp], most: int) -> tuple[
     Vertices in one cell of a grid are replaced by their mean; degenerate and duplicate triangles are removed.
 
     Args:
-        corners: Shape (v, 3) [m].
-        triangles: Indices of three corners each, shape (t, 3).
+        corners: Positions of the v corners, shape (v, 3) [m].
+        triangles: Indices of the three corners of each of the t triangles, shape (t, 3).
         most: Largest number of triangles.
     """
     corners, triangles = _merged(corners, triangles, np.unique(corners, axis=0, return_inverse=True)[1])

@@ -67,12 +67,12 @@ def write_preview(preview: Preview, path: Path | str) -> tuple[Path, tuple[Findi
 
 
 def render_preview(preview: Preview) -> str:
-    """HTML of the page."""
+    """HTML of the page of a preview."""
     return _page(preview)[0]
 
 
 def _page(preview: Preview) -> tuple[str, tuple[Finding, ...]]:
-    """HTML of the page, and findings about bodies that are not drawn."""
+    """HTML of the page of a preview, and findings about bodies that are not drawn."""
     robot, clip = preview.robot, preview.clip
     approach = None if preview.collision is None else closest(robot, clip, preview.collision)
     record, missing = _scene(preview, approach)

@@ -1,4 +1,4 @@
-"""Scene of the page: joints, bodies, meshes with a limited number of triangles, and surroundings."""
+"""Scene of a preview: joints, bodies, meshes with a limited number of triangles, and surroundings."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ MIN_TRIANGLES = 300
 """Number of triangles that every mesh may have, regardless of the sizes of other meshes."""
 
 BESIDE_BODY = 0.1
-"""Horizontal distance of the first joint from the centre of the fixed bodies, as a share of the length of the arm.
-Beyond it, the arm is beside a body that can hide it."""
+"""Horizontal distance of the first joint from the centre of the fixed bodies, as a share of the length of the arm,
+above which the arm is beside a body that can hide the arm."""
 
 Bodies = tuple[list[dict[str, Any]], list[dict[str, Any]], tuple[Finding, ...]]
 """Bodies for the page's script, their meshes, and findings about bodies that could not be drawn."""
@@ -72,7 +72,7 @@ def bodies_of(robot: Robot) -> Bodies:
 
 
 def _within_budget(meshes: Sequence[tuple[Array, Any]]) -> list[dict[str, Any]]:
-    """Simplified meshes; the triangles of a page are distributed in proportion to the sizes of the meshes."""
+    """Simplified meshes, which keep the same share of their triangles: together at most about `MAX_TRIANGLES`."""
     total = sum(len(triangles) for _, triangles in meshes)
     share = min(1.0, MAX_TRIANGLES / total) if total else 1.0
     return [
@@ -91,7 +91,7 @@ def reach_of(path: Array, origins: Array) -> float:
     """Largest distance of the arm from the base's origin [m], at least 0.1.
 
     Args:
-        path: Places of the tip, shape (K, 3) [m].
+        path: Positions of the tip in K poses, shape (K, 3) [m].
         origins: Origins of the links, shape (K, n, 3) [m].
     """
     far = max(float(np.linalg.norm(points, axis=-1).max(initial=0.0)) for points in (path, origins))

@@ -12,7 +12,7 @@ from armid.report.section import Section, one_of
 from armid.report.tables import Column, Table, TableCell
 
 MAX_BLAMED = 10
-"""Largest number of listed values; further values hardly change."""
+"""Largest number of parameters in the table of changes; further parameters hardly change."""
 
 
 def show_consistency(page_data: PageData) -> Section | None:
@@ -89,7 +89,7 @@ def _blame(page_data: PageData) -> Table:
     columns = (
         Column("parameter", words=True),
         Column("value"),
-        Column("change to the nearest"),
+        Column("change to the nearest consistent value"),
         Column("change / half interval"),
     )
     note = "▲ marks changes beyond the 95 % interval, which noise alone does not explain."

@@ -63,7 +63,7 @@ def _table(page_data: PageData) -> Table:
 
 
 def _share(value: float) -> TableCell:
-    """Cell of a share of a limit; a dash if the limit is not known."""
+    """Cell of the used share of a limit; a dash if the limit is not known."""
     if not math.isfinite(value) or value == 0.0:
         return TableCell("–", "")
     return TableCell(fixed(100.0 * value, 0), 100.0 * value)

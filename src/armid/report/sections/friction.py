@@ -26,10 +26,10 @@ CURVE_POINTS = 241
 
 BINS = 14
 MIN_BIN_ROWS = 5
-"""Smallest number of rows of a bin; with fewer, its mean is noise."""
+"""Smallest number of rows in a bin; the mean of fewer rows is noise."""
 
 MAX_SYMBOLS = 5
-"""Largest number of friction symbols with a column; others are in the table of parameters."""
+"""Largest number of friction parameters with a column; further parameters are in the table of parameters."""
 
 MAX_REVERSALS = 25
 """Largest number of single reversals that are plotted; the means include all reversals."""
@@ -107,7 +107,7 @@ def _table(page_data: PageData, recordings: Sequence[RecordingData], reversals: 
 
 
 def _parameter(ends: dict[str, Array], symbol: str, number: int) -> TableCell:
-    """Cell of a friction parameter with half of its interval, also if it is grouped with a gravity parameter."""
+    """Cell of a friction parameter, or of the base parameter into which it is grouped, with half its interval."""
     for name in (f"{symbol}_{number}", f"{symbol}R_{number}"):
         if name in ends:
             low, high = ends[name]
@@ -167,7 +167,7 @@ def _over_velocity(page_data: PageData, recordings: Sequence[RecordingData], j: 
 
 
 def _law(page_data: PageData, recordings: Sequence[RecordingData], j: int, fastest: float) -> PlotTrace:
-    """Fitted law for constant velocities; if it depends on more than the velocity, its mean along the motion."""
+    """Fitted friction law over velocity; if the law depends on more than the velocity, its mean along the motion."""
     laws = [law for _, law in page_data.run.model.laws if j in dict(law.coordinate)]
     if any(law.memory is not None or symbols(law.expression) - {"dq", "ddq"} for law in laws):
         return _means(
@@ -184,7 +184,7 @@ def _law(page_data: PageData, recordings: Sequence[RecordingData], j: int, faste
 
 
 def _over_position(page_data: PageData, recordings: Sequence[RecordingData], j: int) -> Plot:
-    """Plot over position: torque minus friction laws of velocity, by direction, and the law of position, if any."""
+    """Plot over position: torque minus the friction laws of velocity, for each direction, and the law of position."""
     joint = page_data.joints[j]
     q, dq = concatenated(recordings, "q", j), concatenated(recordings, "dq", j)
     grid = np.linspace(q.min(), q.max(), CURVE_POINTS)
@@ -222,7 +222,7 @@ def _position_law(page_data: PageData, j: int, q: Array) -> Array:
 
 
 def _around_reversals(page_data: PageData, reversals: Reversals, j: int) -> tuple[Plot, ...]:
-    """Plot of friction around reversals, with signs such that the motion after each is positive."""
+    """Plot of friction around reversals; the sign of friction is positive along the motion after the reversal."""
     joint, count = page_data.joints[j], len(reversals.observed)
     if not count:
         return ()

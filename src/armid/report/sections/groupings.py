@@ -23,6 +23,8 @@ def show_groupings(page_data: PageData) -> Section | None:
             head = TableCell(names[k], latex=f"${latex[k]}$", kind="name")
             rows.append([head, TableCell(shown.replace("-", "−"), text, f"${tex}$", "formula")])
     columns = (Column("parameter", words=True), Column("acts on the torque as", words=True))
-    table = Table("groupings", "Standard parameters that are contained in others", columns, rows, folded=True)
+    table = Table(
+        "groupings", "Standard parameters that are grouped into other parameters", columns, rows, folded=True
+    )
     content = {"standard": len(names), "base": base.count, "idle": sorted(idle, key=names.index)}
     return Section("Base groupings", content, (table,) if rows else ())

@@ -55,7 +55,7 @@ def _table(links: LinkTable) -> Table:
 
 
 def _values(body: LinkProperties) -> list[tuple[str, list[TableCell]]]:
-    """Cells of a link's one or two rows, with their source."""
+    """Rows of a link in the table: source of the values (description or estimate), and cells of the values."""
     links: list[tuple[str, list[TableCell]]] = []
     if np.isfinite(body.description).any():
         links.append(("CAD/URDF", [_plain(float(body.description[k])) for k in ORDER]))
@@ -70,7 +70,7 @@ def _plain(value: float, kind: str = "") -> TableCell:
 
 
 def _estimated(value: float, ends: Array) -> TableCell:
-    """Cell of a value with half its interval, or of the value alone if it has no interval."""
+    """Cell of a value with the half width of its interval, or of the value alone if it has no interval."""
     if not np.isfinite(ends).all():
         return _plain(value, GUESSED)
     half = 0.5 * float(np.ptp(ends))

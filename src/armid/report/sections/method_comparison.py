@@ -1,4 +1,4 @@
-"""Section of all methods on the run's data, if `identify --compare` tried them."""
+"""Section of the comparison of all estimation methods on the data of a run, made by `identify --compare`."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from armid.study.compare_methods import MethodScore
 
 
 def show_methods(page_data: PageData) -> Section | None:
-    """Section of the comparison of methods; `None` if there was none."""
+    """Section of the comparison of estimation methods; `None` if the run has no comparison."""
     table_of_methods = page_data.records.methods
     if table_of_methods is None:
         return None

@@ -36,7 +36,7 @@ BINS = 16
 """Number of velocity bins; most have tens of rows."""
 
 MIN_BIN_ROWS = 8
-"""Smallest number of rows of a bin; with fewer, its mean is noise."""
+"""Smallest number of rows in a bin; the mean of fewer rows is noise."""
 
 MIN_DENSITY_SHARE = 1e-6
 """Share of the largest density below which a spectrum shows only rounding or the filter's stop-band."""
@@ -45,7 +45,7 @@ ROLES = {"train": ("training", "training"), "validate": ("validation", "validati
 
 
 def show_residuals(page_data: PageData) -> Section | None:
-    """Section of the residuals of the available recordings; `None` if there are none."""
+    """Section of the residuals of the available recordings; `None` if no recording is available."""
     drawn = page_data.drawn
     if not drawn:
         return None
@@ -103,7 +103,7 @@ def _pooled(recordings: Sequence[RecordingData], j: int) -> Array:
 
 
 def _level(recordings: Sequence[RecordingData], j: int) -> float:
-    """A tenth of the range of the measured torque."""
+    """Tenth of the range of the measured torque of joint `j` [N·m or N]."""
     measured = concatenated(recordings, "measured", j)
     known = measured[np.isfinite(measured)]
     return RANGE_SHARE * float(np.ptp(known)) if len(known) else np.nan

@@ -1,4 +1,4 @@
-"""Section of the standard parameters, with the share of the data, for methods that estimate them."""
+"""Section of the standard parameters, for methods that estimate them, with the share that the data determine."""
 
 from __future__ import annotations
 
@@ -70,8 +70,8 @@ def _table(page_data: PageData, fit: StandardFit) -> Table:
         )
         rows[-1].insert(2, TableCell(fit.units[k]))
     note = (
-        "Parameters about the origin of the link frame. Share of the data: part of a value that the data "
-        "determine; the prior determines the rest. ○ mostly the prior, × almost no information in the data: "
-        "such values are one of many possible choices and have no interval."
+        "Parameters about the origin of the link frame. Share of the data: share of a value that the data "
+        "determine; the prior determines the rest. ○: mostly from the prior; ×: almost no information in the "
+        "data, so the value is one of many possible choices and has no interval."
     )
     return Table("links", "Standard parameters, joint by joint", columns, rows, note, folded=True, groups=groups)

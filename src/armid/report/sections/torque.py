@@ -78,8 +78,8 @@ def _table(page_data: PageData) -> Table:
     ]
     note = (
         "RMS in the band of the study, unless stated otherwise. CAD/URDF model: inertial parameters of the "
-        "description, without friction. Relative RMS: divided by the standard deviation of the torque. ▼ "
-        "marks intervals that contain far fewer rows than 95 %."
+        "description, without friction. Relative RMS: RMS error divided by the standard deviation of the measured "
+        "torque. ▼ marks intervals that contain far fewer rows than 95 %."
     )
     return Table("torque", "Torque error of each joint", columns, rows, note)
 

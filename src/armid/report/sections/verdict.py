@@ -54,7 +54,7 @@ def show_verdict(page_data: PageData) -> Section:
 
 
 def _badge(page_data: PageData) -> dict[str, str]:
-    """Colour, badge and sentence of the most serious fault of a run; a failed validation is the most serious."""
+    """Colour, badge and sentence for the verdict, or for an error or impossible bodies of a run that did not fail."""
     verdict = page_data.validation.verdict
     sentence = SENTENCES.get(verdict, "")
     if verdict == "fail" and not page_data.validation.recordings:
