@@ -22,25 +22,26 @@ BEGIN, END = "<!-- real arms -->", "<!-- end of real arms -->"
 
 HEAD = """# Eight real arms
 
-Plain weighted least squares with rigid links, rotor inertia, viscous and Coulomb friction (tanh of the velocity
-over 0.02 rad/s) and offset, on published recordings. Each study stands in `tests/real/studies`;
-`scripts/results.py` writes this page. Numbers are RMS torque errors in N·m in the study's band, joint by joint.
+Errors of plain weighted least squares on published recordings. The model has rigid links, rotor inertia, viscous and
+Coulomb friction (tanh of the velocity divided by 0.02 rad/s) and offset. The studies are in `tests/real/studies`;
+`scripts/results.py` writes this page. Numbers are RMS torque errors of each joint in N·m, in the band of the study.
 
-- *validation* is motion held out from the estimate: another run of the same arm where there is one, else the last
-  30 %.
-- *CAD model* is what the description predicts before identification, on the same motion: its inertial parameters, no
-  friction.
-- *in band* is the share of validation rows inside the 95 % band of parameters and residual.
-- *friction chosen* is the same motion with `terms = "auto"` and no method named: friction joint by joint, bodies
-  under a prior towards the description. *Consistent bodies* adds `method = "physical"` with `prior = "log-det"`:
-  physically consistent links.
+- *validation* is motion that was held out from the estimate: another run of the same arm if there is one, otherwise
+  the last 30 % of the recording.
+- *CAD model* is the error of the prediction with the inertial parameters of the description and without friction, on
+  the same motion.
+- *relative RMS* is the RMS error divided by the standard deviation of the measured torque.
+- *coverage* is the share of validation rows inside the 95 % prediction interval.
+- *friction chosen* is the error on the same motion with `terms = "auto"` and no method named: friction is selected for
+  each joint, and the bodies have a prior towards the description. *Consistent bodies* adds `method = "physical"` with
+  `prior = "log-det"`: the links are physically consistent.
 
-What the tables show: where the motion excites the arm, the error on validation motion is close to the training
-error. The Med 7 (trained on 12 s) and the LWR4+ (one run each way) are not excited enough for an estimate without a
-prior, and armid says so: their verdict fails. Bands made of training residuals cover too little wherever the model
-lacks something that other motion brings out. On the iiwa 14, whose motion is slow, no possible bodies come near the
-error of plain least squares on joints 1 and 2: its inertias there are far below zero, so they stand for something
-else.
+Where the motion excites the arm, the error on validation motion is close to the training error. The recordings of the
+Med 7 (12 s of training) and of the LWR4+ (one run each for training and validation) do not excite the arm enough for
+an estimate without a prior; their verdict fails. Prediction intervals that follow from training residuals are too
+narrow where the model lacks an effect that only the other motion shows. The motion of the iiwa 14 is slow. On its
+joints 1 and 2, the error with consistent bodies is much larger than that of plain least squares: the inertias of
+plain least squares are far below zero there, so they represent another effect than inertia.
 """
 
 
@@ -67,7 +68,7 @@ def table(result: Result, others: dict[str, Result]) -> list[str]:
         *((f"validation, {name}", other.validation.recordings[0].rms, "{:.3f}") for name, other in others.items()),
         ("validation, raw torque", score.rms_raw, "{:.3f}"),
         ("validation, relative RMS", 100 * score.relative, "{:.0f} %"),
-        ("validation, in band", 100 * score.coverage95, "{:.0f} %"),
+        ("validation, coverage", 100 * score.coverage95, "{:.0f} %"),
     ]
     if score.prior_rms is not None:
         rows.insert(2, ("CAD model", score.prior_rms, "{:.3f}"))

@@ -376,7 +376,9 @@ def test_what_is_built_on_a_failed_run_says_so(armid: Armid, tmp_path: Path):
 
 @pytest.mark.parametrize("code", ["current-without-gain", "motor-side", "torque-unit"])
 @pytest.mark.parametrize(
-    ("others", "severity"), [((), "info"), (("NRMSE of every joint below 1",), "warning")], ids=["gains", "more"]
+    ("others", "severity"),
+    [((), "info"), (("relative RMS of every joint below 1",), "warning")],
+    ids=["gains", "more"],
 )
 def test_a_known_load_repairs_a_run_that_failed_for_its_gains_alone(
     armid: Armid, tmp_path: Path, code: str, others: tuple[str, ...], severity: str

@@ -195,7 +195,7 @@ def validate(joints: Sequence[str], scores: Sequence[Score], estimate: Estimate)
         name = f"total error within {CLOSE_TO_TRAINING:g} x training or {SMALL_SHARE:.0%} of the torque{where}"
         checks.append(Check(name, total, bound, total <= bound))
         worst = float(each.relative[known].max(initial=0.0))
-        checks.append(Check(f"NRMSE of every joint below 1{where}", worst, 1.0, worst < 1.0))
+        checks.append(Check(f"relative RMS of every joint below 1{where}", worst, 1.0, worst < 1.0))
     if scores:
         compared = np.any([np.isfinite(each.rms) for each in scores], axis=0)
         lacking = [joint for joint, known in zip(joints, compared, strict=True) if not known]

@@ -109,7 +109,7 @@ def test_what_friction_was_chosen_comes_before_all_that_was_looked_at(run: Run, 
         html.index(mark)
         for mark in (
             'id="table-laws"',
-            f"<summary>All {2 * len(names)} candidates",
+            f"<summary>All {2 * len(names)} candidate friction laws",
             'id="table-ladder"',
             'data-plot="friction',
         )

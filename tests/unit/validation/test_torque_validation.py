@@ -214,7 +214,7 @@ def verdict(*scores: Score, training: float = 0.1) -> tuple[str, dict[str, bool]
 
 DESCRIPTION = "total error below the description's"
 CLOSE = "total error within 3 x training or 2% of the torque"
-MEAN = "NRMSE of every joint below 1"
+MEAN = "relative RMS of every joint below 1"
 
 
 def test_a_model_passes_that_is_good_by_every_check():

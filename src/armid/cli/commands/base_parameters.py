@@ -78,9 +78,9 @@ def base(
     else:
         zero = [base_parameters.standard_names[k] for k in base_parameters.zero_columns]
         output_console().print(
-            f"[bold]{arm.name}[/]: {base_parameters.count} base parameters of "
-            f"{len(base_parameters.standard_names)} standard parameters ({count_text(base_parameters.names)}); "
-            f"{len(zero)} standard parameters have no effect" + (f" ({', '.join(zero)})" if zero else "")
+            f"[bold]{arm.name}[/]: {base_parameters.count} base parameters "
+            f"({count_text(base_parameters.names)}) of {len(base_parameters.standard_names)} standard parameters, "
+            f"{len(zero)} of them without effect" + (f" ({', '.join(zero)})" if zero else "")
         )
         lines = _group_by_joint(base_parameters, formulas, arm.joint_names)
     sys.stdout.write("\n".join((*lines, *dependencies)) + "\n")
