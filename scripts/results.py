@@ -32,9 +32,9 @@ Coulomb friction (tanh of the velocity divided by 0.02 rad/s) and offset. The st
   the same motion.
 - *relative RMS* is the RMS error divided by the standard deviation of the measured torque.
 - *coverage* is the share of validation rows inside the 95 % prediction interval.
-- *friction chosen* is the error on the same motion with `terms = "auto"` and no method named: friction is selected for
-  each joint, and the bodies have a prior towards the description. *Consistent bodies* adds `method = "physical"` with
-  `prior = "log-det"`: the links are physically consistent.
+- *friction chosen* is the error on the same motion with `terms = "auto"` and no method named: friction is selected
+  for each joint, and the bodies have a prior towards the description. *Consistent bodies* adds `method = "physical"`
+  with `prior = "log-det"`: the links are physically consistent.
 
 Where the motion excites the arm, the error on validation motion is close to the training error. The recordings of the
 Med 7 (12 s of training) and of the LWR4+ (one run each for training and validation) do not excite the arm enough for

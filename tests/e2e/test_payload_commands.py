@@ -216,7 +216,7 @@ def test_drive_gains_from_a_known_mass(armid: Armid):
     assert code == 0 and "Drive gains" in out and "known" in out
     words = " ".join(out.split())
     assert f"{WIDE}drive_gain_deviation, --gain-deviation)" in words
-    assert "the drive gain of this joint keeps nearly its whole deviation" in words
+    assert "the drive gain of this joint keeps nearly its whole standard deviation" in words
 
 
 def test_uncertain_gains_are_told_where_intervals_are(armid: Armid, tmp_path: Path):

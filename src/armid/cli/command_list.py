@@ -1,4 +1,4 @@
-"""List of the commands of the command line, in the order of the help."""
+"""List of all commands of `armid`, in the order of the help."""
 
 from __future__ import annotations
 

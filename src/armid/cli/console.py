@@ -29,7 +29,7 @@ from armid.study.progress import Progress as ReportProgress
 from armid.validation.torque_validation import Check, Score, Validation
 
 WIDTH_IN_A_PIPE = 120
-"""Width of output that does not go to a terminal, unless the variable `COLUMNS` gives one [characters]."""
+"""Width of output that does not go to a terminal, unless the environment variable `COLUMNS` is set [characters]."""
 
 SHAPE_FINDINGS = (
     "bodies-from-visuals",
@@ -44,11 +44,11 @@ SHAPE_FINDINGS = (
 SHORT_FORMS = {
     "columns-guessed": "Columns and units were guessed from the names of the columns; armid doctor lists them.",
 }
-"""Short texts, by the code of a finding. They replace findings of severity `info` that name all columns; the page of
-a run gives the whole text."""
+"""Short texts, by the code of a finding. They replace the texts of findings of severity `info` that list all columns;
+the page of a run gives the whole text."""
 
 SHORT_TITLES = {"validation": "valid.", "earlier run": "earlier"}
-"""Short titles for tables with a column for each recording; with them a table fits 80 characters."""
+"""Short column titles for tables with a column for each recording, which then fit into 80 characters."""
 
 MESH_MESSAGE_INTERVAL = 2.0
 """Time until the first message that meshes are being read, and between two such messages [s]."""
@@ -57,11 +57,11 @@ OPTION = re.compile(r"(?<!\S)--[a-z]|\barmid [a-z]|\b[a-z_]+ = \S")
 """Pattern of an option, a command or a key of a study in a remedy."""
 
 MAX_RECORDING_COLUMNS = 2
-"""Largest number of recordings with one column each; more recordings have a common column, their root mean square."""
+"""Largest number of recordings with a column each; more recordings have one column with their root mean square."""
 
 
 def output_console() -> Console:
-    """Console on standard output; it writes plain text if that is not a terminal."""
+    """Console on standard output, which writes plain text if standard output is not a terminal."""
     return Console(file=sys.stdout, width=_width(sys.stdout), highlight=False)
 
 
@@ -71,7 +71,7 @@ def error_console() -> Console:
 
 
 def _width(stream: TextIO) -> int | None:
-    """Width of a stream: a terminal reports its own; for a pipe the variable `COLUMNS` gives it."""
+    """Width of a stream that is not a terminal [characters]; `None` for a terminal, whose width is measured."""
     requested = os.environ.get("COLUMNS", "")
     if stream.isatty():
         return None
@@ -91,8 +91,8 @@ def print_error(error: ArmidError) -> None:
 def print_findings(findings: Sequence[Finding], *, shapes: bool = False, whole: bool = False) -> None:
     """Prints findings, errors first, without duplicates, after flushing standard output.
 
-    A remedy to copy is printed below the finding, in lines that are not wrapped. If several findings have the same
-    remedy, it is printed once below all of them.
+    A remedy that the user can copy is printed below the finding, in lines that are not wrapped. If several findings
+    have the same remedy, the remedy is printed once, below all these findings.
 
     Args:
         findings: Findings of the command.
@@ -129,7 +129,7 @@ def _shortened(finding: Finding) -> Finding:
 
 
 def to_paste(remedy: str) -> bool:
-    """Tests whether a remedy contains lines of a study or options, which must not be wrapped."""
+    """True if a remedy contains lines of a study or options, which must not be wrapped."""
     parts = remedy.parts if isinstance(remedy, Remedy) else Remedy.read(remedy).parts
     return any(not isinstance(part, str) for part in parts) or OPTION.search(remedy) is not None
 
@@ -309,14 +309,14 @@ def print_verdict(console: Console, validation: Validation) -> None:
 
 
 def print_contradictions(console: Console, contradictions: Sequence[Check]) -> None:
-    """Prints the failed verdict on recordings that have errors; nothing if they have none."""
+    """Prints the failed verdict on the recordings with its checks; prints nothing without failed checks."""
     if contradictions:
         console.print("verdict on the recordings: [bold red]fail[/]")
         _print_checks(console, contradictions)
 
 
 def _print_checks(console: Console, checks: Sequence[Check]) -> None:
-    """Prints checks, failed ones first."""
+    """Prints the checks of a verdict, failed checks first."""
     table = Table.grid(padding=(0, 1))
     for check in sorted(checks, key=lambda check: check.ok):
         mark = "[green]ok[/]" if check.ok else "[red]fail[/]"

@@ -1,4 +1,4 @@
-"""Layout of a command's help: arguments as a user writes them, switches without a type."""
+"""Layout of the help of a command: arguments as a user writes them, and switches without a type."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class Command(TyperCommand):
             _without_type(param)
 
     def invoke(self, ctx: Any) -> Any:
-        """Run the command; its context is stored meanwhile, because hints name the command's options."""
+        """Run the command. Its context is stored while it runs, because remedies name options of the command."""
         token = CONTEXT.set(ctx)
         try:
             return super().invoke(ctx)
@@ -26,7 +26,7 @@ class Command(TyperCommand):
             CONTEXT.reset(token)
 
     def get_help_option(self, ctx: Any) -> Any:
-        """Option for help, shown as a switch without a type."""
+        """The option --help, shown as a switch without a type."""
         return _without_type(super().get_help_option(ctx))
 
     def collect_usage_pieces(self, ctx: Any) -> list[str]:

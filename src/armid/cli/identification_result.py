@@ -82,7 +82,7 @@ def print_result(result: Result, *, verbose: bool = False) -> None:
 
 
 def _assumption(result: Result) -> str:
-    """Line with the assumption of the intervals."""
+    """Line with the assumption under which the intervals are valid."""
     other = "" if result.friction_selection is not None else "; --terms auto selects among more friction laws"
     return f"the intervals are valid if the model, with its friction laws, is right{other}"
 
@@ -123,7 +123,7 @@ def _method_line(result: Result) -> str:
 def print_next(
     result: Result, folder: Path, *, page: bool, replaced: bool = False, inputs: Sequence[str] = ()
 ) -> None:
-    """Print the run's folder, its page, and commands to continue with.
+    """Print the folder of the run, its page, and possible next commands.
 
     Args:
         result: Result of the identification.

@@ -1,4 +1,4 @@
-"""Errors as JSON objects on standard output, for commands with `--json`; also those of a wrong command line."""
+"""Errors as JSON objects on standard output, for commands with `--json`, also errors of a wrong command line."""
 
 from __future__ import annotations
 

@@ -29,7 +29,7 @@ class _StoppedError(Exception):
 
 
 def _interruptible(command: Callable[..., None]) -> Callable[..., None]:
-    """Wraps a command: Ctrl-C becomes an exception that `main` handles, and hints name the command's options."""
+    """Wraps a command, so that Ctrl-C raises an exception that `main` handles, and remedies name its options."""
 
     @wraps(command)
     def run(**options: Any) -> None:
@@ -80,7 +80,7 @@ for command in COMMANDS:
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Run the command line; errors of armid become one message and exit code 2."""
+    """Run the command line; an error of armid is printed as one message and gives exit code 2."""
     prefer_one_thread()
     keep_freed_memory()
     raw_arguments = sys.argv[1:] if arguments is None else arguments
@@ -136,4 +136,4 @@ def _join_numbers(arguments: list[str]) -> list[str]:
 
 
 NUMBERS = re.compile(r"[-+.\deE]+(,[-+.\deE]*)*,?")
-"""One number, or several with commas between them."""
+"""Pattern of one number, or of several numbers separated by commas."""

@@ -21,7 +21,7 @@ from armid.report.tables import Column, Table, TableCell
 from armid.runs.recalibration_record import recorded_changes
 
 BY_CHANCE = 0.05
-"""Expected share of unchanged parameters whose estimates differ by more than the 95 % interval."""
+"""Share of parameters without a change whose two estimates differ by more than the 95 % interval of the change."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -60,7 +60,7 @@ class RunChange:
 
     @property
     def difference(self) -> float:
-        """Later value minus earlier value."""
+        """Value in the later run minus value in the earlier run."""
         return self.change.change
 
     @property
@@ -192,9 +192,9 @@ def _show_changes(pair: Pair) -> Section:
 
 
 def _only(page_data: PageData, shared: Collection[str]) -> list[str]:
-    """Parameters of a run that the other run lacks.
+    """Parameters of a run that the comparison with the other run does not contain.
 
-    A value for a single recording is left out if the parameter itself is compared.
+    If a parameter is compared, its separate values for single recordings are left out.
     """
     names = page_data.run.estimate.fit.names
     return [name for name in names if name not in shared and name.of_all not in shared]
@@ -246,4 +246,4 @@ COMPARISON: Mapping[str, Callable[[Pair], Section]] = {
     "errors": _show_errors,
     "sources": _show_sources,
 }
-"""Sections of a comparison, in order."""
+"""Sections of the page that compares two runs, in the order of the page."""

@@ -17,7 +17,7 @@ from armid.report.plots.arm_picture import picture_of
 from armid.robot.robot import Robot
 
 MAX_RECORDINGS = 4
-"""Largest number of recordings of a role that the head names; the provenance section names all."""
+"""Largest number of recordings of a role that the head of the page names; the section about provenance names all."""
 
 EDITED = (".urdf", ".xacro", ".xml", ".mjcf")
 """Suffixes of descriptions that an export edits. For other descriptions, an export writes a new file, which may lack
@@ -33,10 +33,10 @@ NEXT_COMMANDS = (
 
 @dataclass(frozen=True, slots=True)
 class Heading:
-    """Facts and picture next to a page's title.
+    """Facts and picture at the head of a page.
 
     Attributes:
-        facts: Names and values.
+        facts: Name and value of each fact, such as date or recordings.
         picture: A picture as SVG; empty if there is none.
         caption: Caption of the picture.
     """
@@ -123,7 +123,7 @@ def _recordings(page_data: PageData, role: str) -> str:
 
 
 def _date(at: str) -> str:
-    """A date, for instance 3 May 2025, 14:07 (UTC+02:00); the text unchanged if it is not an ISO date."""
+    """Date such as 3 May 2025, 14:07 (UTC+02:00); a text that is not an ISO date is returned unchanged."""
     try:
         when = datetime.fromisoformat(at)
     except ValueError:

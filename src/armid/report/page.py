@@ -69,7 +69,7 @@ def write_comparison(before: Run, after: Run, path: Path | str) -> Path:
 
 
 def render(page_data: PageData) -> str:
-    """HTML of a run's page."""
+    """HTML of the page of a run."""
     sections = {name: section for name, show in SECTIONS.items() if (section := show(page_data)) is not None}
     estimate = page_data.run.estimate
     subtitle = (
@@ -121,7 +121,7 @@ def assemble(
 
 
 def _data(sections: Iterable[Section]) -> dict[str, Any]:
-    """Data for the page's script: plots, and the tables as CSV and LaTeX."""
+    """Data for the script of the page: all plots, and all tables as CSV and LaTeX."""
     sections = list(sections)
     plots = {plot.key: plot_record(plot) for section in sections for _, row in section.plots for plot in row}
     tables = {t.key: {"csv": t.csv(), "latex": t.latex()} for section in sections for t in section.tables}

@@ -32,7 +32,7 @@ def write_html(path: Path | str, html: str) -> Path:
 
 
 def _is_page(path: Path) -> bool:
-    """True if a file begins as an HTML page, or is empty."""
+    """True if a file begins like an HTML page, or is empty."""
     if not path.is_file():
         return False
     with open(path, "rb") as stream:

@@ -20,7 +20,7 @@ from armid.report.plots.plot_specification import Plot, PlotTrace, line
 from armid.report.section import Section
 
 PLOT_RATE = 100.0
-"""Sampling rate of the plots [Hz]; 40 samples in a period of the highest harmonics that arms can follow."""
+"""Sampling rate of the plots [Hz]; a period of the fastest harmonic that arms can follow has 40 samples."""
 
 PLOT_POINTS = 4000.0
 """Largest number of samples of a long motion in a plot."""
@@ -47,7 +47,7 @@ def motion_section(
 
 
 def _plots(motion: Motion, torque: Array | None, model: DynamicsModel, limits: Limits, j: int) -> list[Plot]:
-    """Plots of one joint."""
+    """Plots of position, velocity, acceleration and torque of one joint over time, with the limits."""
     joint = model.robot.joints[j]
     unit = joint.unit
     shown: list[tuple[str, str, Array, tuple[float, float]]] = [

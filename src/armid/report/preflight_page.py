@@ -94,7 +94,7 @@ def show_limits(designed: Checked) -> Section:
 def _worst_rows(report: Preflight) -> list[tuple[str, str, str, str]]:
     """Rows of a table: limit, joint or pair, value and time of the smallest margin of each kind of limit.
 
-    The search uses distances of capsules or hulls; the distances shown here are those of the closest approaches.
+    Distances in these rows are those of the closest approaches, not the distances of capsules or hulls in the search.
     """
     rows = [
         (m.limit, m.label, _reached(m), "" if math.isnan(m.time) else fixed(m.time, 2))
@@ -145,7 +145,7 @@ def _value_and_bound(margin: Margin, designed: Checked) -> tuple[TableCell, Tabl
 
 
 def show_approaches(designed: Checked) -> Section | None:
-    """Section of the closest approach of each pair; `None` if collisions were not checked."""
+    """Section of the closest approach of each pair of links; `None` if collisions were not checked."""
     report = designed.preflight
     if not report.approaches and not report.skipped:
         return None
@@ -205,7 +205,7 @@ def nearest_of_links(approaches: Sequence[ClosestApproach]) -> list[ClosestAppro
 
 
 def show_expected(designed: Checked) -> Section | None:
-    """Section of the predicted standard deviations after the recording of a series."""
+    """Section of the standard deviations that are predicted for an estimate from the planned motion."""
     if not isinstance(designed, Designed):
         return None
     expected, goal = designed.expected, designed.problem.goal
@@ -274,4 +274,4 @@ PREFLIGHT: Mapping[str, Callable[[Checked], Section | None]] = {
     "motion": show_motion,
     "expected": show_expected,
 }
-"""Sections of the page, in order; each has a template of its name."""
+"""Sections of the preflight page, in the order of the page; each section has a template of the same name."""

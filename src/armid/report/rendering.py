@@ -47,14 +47,14 @@ def environment() -> Environment:
 
 
 def _breakable(name: str) -> str:
-    """Name as HTML that a narrow screen breaks after a separator, not inside a word."""
+    """Name as HTML in which a line break is possible after a separator, but not inside a word."""
     from markupsafe import Markup, escape
 
     return Markup(re.sub(r"(?<=[_.])(?=[^_.])", "<wbr>", str(escape(name))))
 
 
 def _coded(text: str) -> str:
-    """Text as HTML; parts in backticks become code, lines and long parts a block that scrolls sideways."""
+    """Text as HTML, in which text in backticks is code; long code or code with several lines is a scrolling block."""
     from markupsafe import Markup, escape
 
     inline, block = Markup("<code>{}</code>"), Markup('<pre tabindex="0"><code>{}</code></pre>')

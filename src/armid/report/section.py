@@ -21,7 +21,7 @@ class Section:
         content: Values for its template, by name.
         tables: Tables of the section.
         plots: Plots of the section, row by row: the heading of the row and its plots.
-        legend: Roles of the traces, and their descriptions.
+        legend: Roles of the lines and points in the plots, each with its description.
         template: Name of its template; if empty, the name of the section on the page.
     """
 
@@ -44,7 +44,7 @@ def one_of(units: list[str]) -> str:
 
 
 def clipped_caption(plot_range: PlotRange, unit: str) -> str:
-    """Caption of the rows outside a plot's range; empty if all rows are inside."""
+    """Caption about the rows outside the range of a plot; empty if all rows are inside the range."""
     if plot_range.span is None:
         return ""
     return f"▲ ▼ {share(plot_range.share)} of the rows are outside the plot, up to {short(plot_range.peak)} {unit}"

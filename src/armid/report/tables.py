@@ -119,7 +119,7 @@ class Table:
     groups: Mapping[int, str] = field(default_factory=dict[int, str])
 
     def csv(self) -> str:
-        """Comma-separated values at full precision, units in the titles; the last value of a row is its group."""
+        """Table as CSV at full precision, with units in the titles; the last value of a row is its group."""
         stream = io.StringIO()
         writer = csv.writer(stream, lineterminator="\n")
         head = [f"{column.title} [{column.unit}]" if column.unit else column.title for column in self.columns]
@@ -131,7 +131,7 @@ class Table:
         return stream.getvalue()
 
     def latex(self) -> str:
-        """LaTeX tabular with booktabs rules."""
+        """Table as a LaTeX `tabular` with rules of booktabs."""
         head = [latex_text(f"{c.title} [{c.unit}]" if c.unit else c.title) for c in self.columns]
         rows: list[str] = []
         for k, row in enumerate(self.rows):
@@ -151,7 +151,7 @@ class Table:
 
 
 def latex_text(text: str) -> str:
-    """Text with LaTeX's special characters escaped."""
+    """Text for LaTeX, in which special characters are escaped."""
     parts = re.split(r"(.[\u0302\u0307\u0308])", text)
     return "".join(
         rf"${ACCENTS[part[1]]}{{{LATEX.get(part[0], part[0]).strip('$')}}}$"

@@ -1,7 +1,6 @@
 """Callable model of a run: computes torque, gravity, friction and mass matrix of one sample in microseconds.
 
-    model = Model.of(load_run("runs/iiwa"))
-    tau = model.torque(q, dq, ddq)
+    model = CallableModel.of(load_run("runs/iiwa")) tau = model.torque(q, dq, ddq)
 
 The functions are the same as in the generated code and are run by the kernel. A call never changes a model, so
 several threads may use the same model. The hysteresis states of a motion are stored in a separate `CallableMemory`.
@@ -56,7 +55,7 @@ class CallableModel:
 
     @classmethod
     def of(cls, run: Run) -> CallableModel:
-        """The model of a run, with the parameters of its estimate."""
+        """Callable model of a run, with the parameters of its estimate."""
         base = run.estimate.base
         return cls(run.model, base, base.values_of(torque_parameters(base, run.estimate.fit)))
 
@@ -67,7 +66,7 @@ class CallableModel:
             q: Joint positions [rad or m].
             dq: Joint velocities [rad/s or m/s].
             ddq: Joint accelerations [rad/s² or m/s²].
-            memory: Hysteresis states, which are updated with this q; needed if the model has hysteresis.
+            memory: Hysteresis states, already updated with this q; needed if the model has hysteresis.
 
         Raises:
             ArmidError: A shape is wrong, values are not finite, or the memory is missing.
@@ -80,7 +79,7 @@ class CallableModel:
         return self._calls["gravity_torque"].run(q)
 
     def mass_matrix(self, q: ArrayLike) -> Array:
-        """Mass matrix of links and rotors, shape (n, n)."""
+        """Mass matrix of links and rotors, shape (n, n) [kg·m² or kg]."""
         return self._calls["mass_matrix"].run(q)
 
     def friction(
@@ -100,7 +99,7 @@ class CallableModel:
         return call.run(*inputs, *([self._state(memory)] if self.memories else []))
 
     def memory(self, q: ArrayLike) -> CallableMemory:
-        """Makes the hysteresis states of a motion that begins at positions q (n,)."""
+        """Creates the hysteresis states of a motion that begins at the joint positions q, shape (n,)."""
         if not self.memories:
             return CallableMemory(np.zeros(0), None)
         return CallableMemory(self._calls["state_start"].run(q), self._calls["state_update"])
@@ -129,7 +128,7 @@ class CallableMemory:
         self._update = update
 
     def update(self, q: ArrayLike) -> None:
-        """Updates the states with the positions q (n,) of the next sample; invalid positions leave them unchanged."""
+        """Updates the states with the positions q (n,) of the next sample; invalid positions change nothing."""
         if self._update is not None:
             self.state = self._update.run(q, self.state)
 
@@ -179,7 +178,7 @@ class _Call:
         return run
 
     def _converted(self, vectors: tuple[ArrayLike, ...]) -> list[Array]:
-        """Vectors converted for the kernel.
+        """Input vectors, converted to arrays for the kernel.
 
         Raises:
             ArmidError: A shape is wrong, or values are not numbers.
@@ -188,7 +187,7 @@ class _Call:
         return [array(x, (length,), name) for x, length, name in wanted]
 
     def _error(self, wrong: int, vectors: tuple[ArrayLike, ...]) -> ArmidError:
-        """Error for a code of the kernel: k if vector k (from 1) has a wrong length, -k if it is not finite."""
+        """Error for a code of the kernel: k if input vector k (from 1) has a wrong length, -k if it is not finite."""
         k = abs(wrong) - 1
         name, length = self.inputs[k], self.lengths[k]
         if wrong < 0:

@@ -45,7 +45,7 @@ PLAN_RATE = 100.0
 
 @dataclass(frozen=True, eq=False, slots=True, repr=False)
 class Verdict(Displayed):
-    """Verdict on a set of parameters.
+    """Verdict on the physical consistency of a set of parameters.
 
     Attributes:
         kind: Kind of the parameters: `base`, `standard` or `physical`.
@@ -236,7 +236,7 @@ def _meaning(run: Run, verdict: Verdict) -> Finding:
 
 
 def verdict_record(verdict: Verdict) -> dict[str, Any]:
-    """The contents of `certify --json`."""
+    """JSON object that `armid certify --json` prints."""
     certificate = verdict.certificate
 
     def pose(of: Pose) -> dict[str, Any]:
@@ -278,14 +278,14 @@ def verdict_record(verdict: Verdict) -> dict[str, Any]:
 
 
 def _model_of(robot: Robot, values: Mapping[str, float]) -> DynamicsModel:
-    """Model with the terms that the names of parameters imply."""
+    """Model of the arm with the torque terms to which the names of the given parameters belong."""
     symbols = {name.symbol for name in parameter_names(values)}
     terms: list[Term] = [RigidBody(), *(term() for symbol, term in TERM_OF_SYMBOL.items() if symbol in symbols)]
     return DynamicsModel(robot, tuple(terms))
 
 
 def _physical(robot: Robot, values: Mapping[str, float], motion: Motion | None, heaviest: float | None) -> Verdict:
-    """Certifies physical parameters, converted to standard ones about the link frames."""
+    """Certifies physical parameters, after their conversion to standard parameters about the link frames."""
     friction = {name.upper(): values[name] for name in parameter_names(values) if name.symbol not in PHYSICAL}
     wanted = [f"{symbol}_{k + 1}" for k in range(robot.n) for symbol in PHYSICAL]
     missing = [name for name in wanted if name not in values]

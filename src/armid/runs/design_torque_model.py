@@ -1,4 +1,4 @@
-"""Torque model of a run for the design of a motion."""
+"""Torque model of a run, for the torque limits in the design of a motion."""
 
 from __future__ import annotations
 

@@ -97,7 +97,7 @@ def _result(
 
 
 def _pinocchio(model: DynamicsModel) -> tuple[Any, Any]:
-    """Pinocchio model and data of the same arm."""
+    """Model and data of the arm in Pinocchio."""
     pin: Any = import_module("pinocchio")
 
     arm: Any = pin.Model()
@@ -109,7 +109,7 @@ def _pinocchio(model: DynamicsModel) -> tuple[Any, Any]:
 
 
 def _regressor(model: DynamicsModel, base: BaseParameters, motion: Motion) -> dict[str, Any]:
-    """Base regressor, computed in tiles that fit the processor cache, compared with a loop of Pinocchio calls."""
+    """Times of the base regressor: in tiles that fit the processor cache, and by a loop of Pinocchio calls."""
     pin: Any = import_module("pinocchio")
 
     source = column_source(model, base)
@@ -132,7 +132,7 @@ def _regressor(model: DynamicsModel, base: BaseParameters, motion: Motion) -> di
 
 
 def _least_squares(model: DynamicsModel, base: BaseParameters, motion: Motion, torque: Array) -> list[dict[str, Any]]:
-    """Least squares with standard deviations: unfiltered compared with NumPy, filtered compared with unfiltered."""
+    """Times of least squares: armid and NumPy without a filter, and armid with and without a filter."""
     pin: Any = import_module("pinocchio")
 
     arm, data = _pinocchio(model)
@@ -180,10 +180,10 @@ def _least_squares(model: DynamicsModel, base: BaseParameters, motion: Motion, t
 
 
 def _design_gradient(model: DynamicsModel, base: BaseParameters) -> dict[str, Any]:
-    """Value and gradient of the condition number along Table A.1, compared with forward differences by Pinocchio.
+    """Times of value and gradient of the condition number along Table A.1 of the thesis: armid, Pinocchio.
 
-    The time of one value with Pinocchio is measured and multiplied by 141, because forward differences need one value
-    and one more for each of the 140 coefficients.
+    For Pinocchio, the time of one value is multiplied by 141, because a gradient by forward differences needs one
+    value, and one more for each of the 140 coefficients.
     """
     pin: Any = import_module("pinocchio")
 

@@ -53,7 +53,7 @@ def find_recording(path: str, sha256: str, folder: Path | str, data: Path | str 
         data: Folder that is searched first, by path and then by name in all its sub-folders.
 
     Raises:
-        ArmidError: There is no such file; the message lists files with the same name and other bytes.
+        ArmidError: No file has this name and the same bytes. The message lists files with this name and other bytes.
     """
     others: list[Path] = []
     for place in dict.fromkeys(_places(Path(path), Path(folder), None if data is None else Path(data))):

@@ -180,7 +180,7 @@ def check_new_recordings(
     """Findings of the readers and of the doctor on new recordings of the arm of a run.
 
     The doctor compares the recordings with the links of the run, which may carry a load, and not with the
-    description: the run knows the arm better, and no description contains the load.
+    description: the run describes the arm more accurately, and no description contains the load.
 
     Args:
         run: The run.
@@ -268,7 +268,10 @@ def new_recording_findings(run: Run) -> list[Finding]:
 
 
 def load_columns(run: Run) -> tuple[Array, Array]:
-    """Matrices that map payload parameters in the tip frame to base parameters (b, 10) and link frame (10, 10).
+    """Matrices that map the ten parameters of a payload in the tip frame to other parameters.
+
+    The first matrix (b, 10) gives base parameters, the second (10, 10) the ten parameters in the frame of the last
+    link.
 
     Raises:
         RobotError: The tip is fixed to the base, or its link carries further joints.

@@ -33,14 +33,15 @@ GAIN_CODES = (CURRENT, MOTOR, UNIT)
 
 FAR_GAIN = 4.0
 """Correction of a drive gain, divided by the stated standard deviation, above which a finding is reported. With
-random gains of the stated deviation, 2 of 15 logs of a simulated arm of six joints exceeded 3, and none 4."""
+random gains of the stated deviation, the largest correction was above 3 in 2 of 15 logs of a simulated arm of six
+joints, and above 4 in none."""
 
 NOTHING = 1e-5
-"""Largest lower end of the mass interval at which the mass counts as zero [kg]. It is above zero, because
-the estimate is physically consistent and its mass therefore positive."""
+"""Largest lower end of the interval of a mass at which the mass counts as zero [kg]. It is above zero, because a
+physically consistent estimate always has a positive mass."""
 
 INERTIA = ("xx", "xy", "yy", "xz", "yz", "zz")
-"""Elements of an inertia matrix, in the order of the parameters."""
+"""Elements of an inertia matrix, in the order in which armid stores the parameters of a body."""
 
 PRINTED = (0, 1, 2, 3, 4, 5, 7, 6, 8, 9)
 """Indices that put the parameters of a payload in the usual order XX XY XZ YY YZ ZZ."""
@@ -48,12 +49,12 @@ PRINTED = (0, 1, 2, 3, 4, 5, 7, 6, 8, 9)
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Payload:
-    """Estimated payload.
+    """Estimated payload, or drive gains estimated from a known payload.
 
     Attributes:
         new_recordings: New recordings and the run.
         place: Link that carries the payload, and frame of its parameters.
-        load: The payload.
+        load: Parameters of the payload, with intervals.
         misfit: Residuals of the recordings with the payload, compared with the residuals of a fit of these recordings
             alone.
         known: Mask of the parameters of the payload that were given, shape (10,).
@@ -71,7 +72,7 @@ class Payload:
 
     @property
     def in_link(self) -> Array:
-        """The ten parameters in the frame of the link, shape (10,)."""
+        """The ten parameters of the payload in the frame of the link that carries it, shape (10,)."""
         return self.place.to_link @ self.load.values
 
     @property
@@ -274,7 +275,7 @@ def _gains_beyond(new_recordings: NewRecordings, gains: DriveGains) -> list[Find
 
 
 def payload_record(payload: Payload) -> dict[str, Any]:
-    """The contents of `payload.json`."""
+    """JSON object for the file `payload.json`."""
     load, run = payload.load, payload.new_recordings.run
     units = rigid_body_units()
     parameters = [
@@ -317,7 +318,7 @@ def payload_record(payload: Payload) -> dict[str, Any]:
 
 
 def _gains_record(payload: Payload) -> list[dict[str, Any]]:
-    """Given and estimated drive gain of each joint."""
+    """JSON objects with the given and the estimated drive gain of each joint."""
     gains, reading = payload.gains, payload.new_recordings.recordings[0].choice.reading
     assert gains is not None and reading.drive_gain is not None  # as `find_payload` made sure
     names = payload.new_recordings.run.robot.joint_names

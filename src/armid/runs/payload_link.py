@@ -23,8 +23,9 @@ class PayloadLink:
     Attributes:
         link: Name of the link.
         frame: Name of the frame.
-        columns: Matrix from the ten parameters in the frame to the base parameters, shape (b, 10).
-        to_link: Matrix from the ten parameters in the frame to those in the frame of the link, shape (10, 10).
+        columns: Matrix that maps the ten parameters of a payload in this frame to base parameters, shape (b, 10).
+        to_link: Matrix that maps the ten parameters in this frame to the ten parameters in the frame of the link,
+            shape (10, 10).
     """
 
     link: str

@@ -44,7 +44,7 @@ class RunRecords:
 
 
 def records_of(result: Result, methods: MethodTable | None = None) -> RunRecords:
-    """Records of a result in memory."""
+    """Records of a run, from the result of its identification in memory."""
     study = replace(result.study, folder=str(Path(result.study.folder).resolve()))
     selection = result.friction_selection
     summary = None if selection is None else selection_summary(selection)
@@ -94,7 +94,7 @@ def _read(run: Run, name: str) -> dict[str, Any]:
 
 
 def _study(record: Mapping[str, Any]) -> Study:
-    """Study of `study.json`."""
+    """Study from the record `study.json` of a run."""
     recordings = tuple(
         RecordingChoice(each["path"], each["role"], LogFormat(**each["reading"]), tuple(each["part"]))
         for each in record["recordings"]
@@ -110,7 +110,7 @@ def _study(record: Mapping[str, Any]) -> Study:
 
 
 def _validation(record: Mapping[str, Any]) -> Validation:
-    """Validation of `validation.json`."""
+    """Validation from the record `validation.json` of a run."""
     scores = tuple(
         Score(
             each["path"],
@@ -136,7 +136,7 @@ def _spread(rms: Array, relative: Array) -> Array:
 
 
 def _selection(record: Mapping[str, Any]) -> SelectionSummary:
-    """Friction selection of `friction.json`."""
+    """Friction selection from the record `friction.json` of a run."""
     evidence = tuple(
         SelectionEvidence(
             each["joint"],
@@ -153,7 +153,7 @@ def _selection(record: Mapping[str, Any]) -> SelectionSummary:
 
 
 def _methods(record: Mapping[str, Any]) -> MethodTable:
-    """Comparison of methods of `compare.json`."""
+    """Comparison of methods from the record `compare.json` of a run."""
     scores = tuple(
         MethodScore(
             each["name"],

@@ -83,7 +83,7 @@ def recalibrate(
         run: The earlier run.
         paths: New recordings.
         reading: Fields of the log format that differ from that of the run's first recording.
-        changed: Parameters that may have changed.
+        changed: Set of the parameters that may have changed.
         held_out: Recordings for validation.
 
     Raises:
@@ -239,7 +239,7 @@ def _unexplained(
 
 
 def _least_error_in_motion(new_recordings: NewRecordings, seen: NDArray[np.bool_]) -> float:
-    """Torque error as of `_least_error`, without rows near reversals and rests; infinite if few rows are left."""
+    """Error as in `_least_error`, without rows near reversals and rests [N·m or N]; infinite if few rows remain."""
     run, observed = new_recordings.run, joined_observations(new_recordings.recordings)
     cutoff = np.inf if observed.band.is_open else observed.band.cutoff
     near = rows_near_reversals(observed.runs, cutoff)
@@ -300,7 +300,7 @@ def _error(scores: Sequence[Score]) -> float:
 
 
 def _older_validation(error: float, earlier: float, new: float, unit: str) -> Finding:
-    """Finding about a validation recording that was made before the change."""
+    """Finding about a validation recording that was probably made before the arm changed."""
     return Finding(
         "recalibration-worse",
         "warning",

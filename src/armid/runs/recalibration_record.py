@@ -17,11 +17,11 @@ if TYPE_CHECKING:
     from armid.runs.recalibration import Recalibration
 
 CHANGES = "changes.json"
-"""File in the folder of a recalibrated run with every base parameter before and after."""
+"""File in the folder of a recalibrated run, with the value of every base parameter before and after."""
 
 
 def changes_record(recalibration: Recalibration) -> dict[str, Any]:
-    """The contents of `changes.json`: every base parameter before and after."""
+    """JSON object for `changes.json`: value of every base parameter before and after the recalibration."""
     base = recalibration.result.estimate.base
     units: dict[str, str] = dict(zip(base.names, base.units, strict=True))
     return {

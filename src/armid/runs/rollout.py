@@ -70,7 +70,7 @@ def roll_out_run(
     tolerance: float = 0.01,
     feedback: Feedback | None = None,
 ) -> tuple[tuple[MotionScore, ...], tuple[Finding, ...]]:
-    """Simulates a run's model over windows of recordings.
+    """Simulates the model of a run over windows of recordings, and compares the simulated with the recorded motion.
 
     Args:
         run: The run.
@@ -163,7 +163,7 @@ def _lost(score: MotionScore) -> list[Finding]:
 
 
 def motion_record(scores: Sequence[MotionScore], *, closed: bool) -> dict[str, Any]:
-    """Scores as a JSON object."""
+    """Scores of a rollout as a JSON object."""
     return {
         "closed_loop": closed,
         "recordings": [

@@ -40,7 +40,7 @@ from armid.study.storage.records import (
 MARKER = "estimate.json"
 
 FORMAT = 1
-"""Format of a run's folder, in `model.json`. Runs without a number have format 1."""
+"""Number of the format of the folder of a run, stored in `model.json`. A run without this number has format 1."""
 
 
 @dataclass(frozen=True, eq=False, slots=True, repr=False)
@@ -56,7 +56,7 @@ class Run(Displayed):
         log_format: Log format of the first training recording, without guessed columns.
         trained_on: Digests of the training recordings (sha256).
         verdict: Verdict of the validation: `pass`, `fail` or `not judged`.
-        made: Time, place and version.
+        made: Time and computer of the identification, and version of armid.
     """
 
     folder: str
@@ -106,7 +106,7 @@ def save_run(
         result: Result of an identification.
         folder: Output folder.
         further_records: Further records to write as JSON, by the name of their file.
-        made: Time, place and version; if not given, now and this machine.
+        made: Time and computer of the identification, and version of armid; if not given, the present ones.
 
     Raises:
         OutputError: The folder cannot be written, or its contents are not a run.
@@ -119,7 +119,7 @@ def save_run(
 
 
 def refuse_folder(folder: Path | str) -> None:
-    """Refuses a folder that a run cannot or must not replace, before any work is done.
+    """Raises an error if the folder of a run cannot or must not be written there; called before the computation.
 
     Raises:
         OutputError: The folder has contents that are not a run, is the current working folder, or is not writable.
@@ -134,7 +134,7 @@ def saved_run(result: Result, folder: Path | str, *, further_records: Mapping[st
 
 
 def run_of(result: Result, folder: Path | str, made: RunOrigin) -> Run:
-    """Run as `save_run` writes it, made without reading the folder."""
+    """Run with the values that `save_run` writes, made from the result without reading the folder."""
     return Run(
         str(folder),
         result.robot,
@@ -154,7 +154,7 @@ def _format_given(result: Result) -> LogFormat:
 
 
 def _trained_on(result: Result) -> tuple[str, ...]:
-    """Digests of the training recordings."""
+    """Digests (sha256) of the recordings on which a run was trained."""
     return tuple(each.sha256 for each in result.training)
 
 
@@ -223,7 +223,7 @@ def failed_checks(run: Run) -> list[str]:
 
 
 def _verdict(folder: Path) -> str:
-    """Verdict of a run's validation."""
+    """Verdict of the validation of a run, from `validation.json`."""
     return str(json.loads((folder / "validation.json").read_text(encoding="utf-8"))["verdict"])
 
 

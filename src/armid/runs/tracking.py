@@ -110,7 +110,7 @@ def track(
         memory: Time constant of forgetting [s]; if infinite, nothing is forgotten.
         block: Time from one estimate to the next [s].
         changed: Parameters that may change: friction and offsets; friction, offsets and a payload at the tip; or all.
-        progress: Callback that is called with the name and the progress of each step.
+        progress: Callback that is called with the name of each step and its progress from 0 to 1.
 
     Raises:
         ArmidError: The recordings do not fit the run, or a time is not positive.

@@ -1,1 +1,1 @@
-"""Commands; each module contains one command."""
+"""Commands of `armid`; each module contains one command."""

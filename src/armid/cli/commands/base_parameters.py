@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 
 class Style(StrEnum):
-    """Notation of formulas."""
+    """Notation in which the formulas of base parameters are printed."""
 
     text = "text"
     latex = "latex"

@@ -101,7 +101,7 @@ def certify(
 
 
 def _report(verdict: Verdict, motion: str | None) -> None:
-    """Print the verdict on standard output and the findings on standard error."""
+    """Print the verdict on the parameters on standard output, and the findings on standard error."""
     from armid.cli.console import output_console, print_findings
 
     console, certificate = output_console(), verdict.certificate

@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 
 
 class LogPreset(StrEnum):
-    """Named sets of options for processing and estimation."""
+    """Named sets of options for processing and estimation, for the option --preset."""
 
     thesis = "thesis"
 
@@ -244,7 +244,7 @@ def _study(
 
 
 ARM = ("gravity", "lock", "tip", "only")
-"""Properties of an arm that the command line may override in a study."""
+"""Properties of an arm that the command line may change in a study."""
 
 
 def _changed_study(
@@ -300,7 +300,7 @@ def _cutoff(text: str | None) -> float | str | None:
 def _overridden(
     study: Study, preset: LogPreset | None, given_processing: dict[str, Any], method: str | None
 ) -> Study:
-    """Study with the processing and estimation given on the command line; `None` keeps the study's value."""
+    """Study with the processing and estimation that the command line gives; an option with `None` changes nothing."""
     from armid.measurement.processing.options import THESIS
     from armid.study.config import EstimationChoice
 

@@ -131,7 +131,7 @@ def _report(payload: Payload) -> None:
     if deviation.any():
         console.print(
             "if the load hardly affects the torque of a joint, the drive gain of this joint keeps nearly its whole "
-            "deviation"
+            "standard deviation"
         )
     table = Table(title="Drive gains")
     for name in ("joint", "given", "found", "correction", "95 % interval"):
@@ -196,7 +196,7 @@ def _parameters(record: dict[str, Any]) -> Table:
 
 
 def _interval(ends: Array, decimals: int = 4) -> str:
-    """Both ends of an interval; a dash if there is none."""
+    """Text with both ends of an interval; a dash if there is no interval."""
     from armid.notebook_display import interval_text
 
     return interval_text(*map(float, ends), decimals=decimals)

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 PAGE = "report.html"
 
 MISSING_REMEDY = "give the folder of the recording with --data FOLDER; without it the page has tables, but no plots."
-"""Remedy for a recording that could not be read for the plots of a page."""
+"""Remedy if a recording cannot be read again for the plots of a page."""
 
 NoReport = Annotated[bool, typer.Option("--no-report", help=f"Do not write {PAGE} into the folder of the run.")]
 
@@ -100,7 +100,7 @@ def write_page(
 
 
 def attempt(page: str, write: Callable[[], object]) -> bool:
-    """Write a page that is not needed for the results; if it is not written, print the reason and return false."""
+    """Write a page beside the results; if this fails or is interrupted, print the reason and return false."""
     try:
         return try_page(page, write)
     except KeyboardInterrupt:
@@ -109,10 +109,10 @@ def attempt(page: str, write: Callable[[], object]) -> bool:
 
 
 def try_page(page: str, write: Callable[[], object]) -> bool:
-    """Write a page that is not needed for the results; if this fails, print the reason and return false.
+    """Write a page beside the results; if this fails, print the reason and return false.
 
     Raises:
-        KeyboardInterrupt: The user has stopped it.
+        KeyboardInterrupt: The user has stopped the writing of the page.
     """
     from armid.errors import ArmidError
 

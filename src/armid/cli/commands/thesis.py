@@ -30,11 +30,11 @@ def thesis(
     out: Out = None,
     json: Json = False,
 ) -> None:
-    """Reproduce the study of the thesis on a virtual arm, with corrections, and write it as a page.
+    """Repeat the study of the thesis [Halper2024] on a virtual arm, with corrections, and write a page of results.
 
-    The arm hangs. Frames, base parameters, excitation and estimates follow the thesis, first as printed, then with
-    each correction in turn; the published tables are checked. The folder holds `thesis.html`, `thesis.json` with
-    every number, and the tables as CSV and LaTeX. The command needs the extras lab, nlp and report.
+    The virtual arm hangs. Frames, base parameters, excitation and estimates follow the thesis, first as printed, then
+    with each correction in turn; the published tables are checked. The folder contains `thesis.html`, `thesis.json`
+    with every number, and the tables as CSV and LaTeX. The command needs the extras lab, nlp and report.
 
     Examples:
         armid thesis
@@ -63,7 +63,7 @@ def thesis(
 
 
 def _report(done: Thesis) -> None:
-    """Print the steps of Algorithm 3 and the main results."""
+    """Print the steps of Algorithm 3 of the thesis, and the main results."""
     from rich.table import Table
 
     from armid.cli.console import output_console

@@ -17,10 +17,10 @@ if TYPE_CHECKING:
     from armid.runs.tracking import TrackedRun
 
 MAX_TABLE_ROWS = 20
-"""Largest number of rows of the table over time."""
+"""Largest number of rows of the printed table of estimates over time."""
 
 MAX_CHANGED = 12
-"""Largest number of parameters listed as changed."""
+"""Largest number of parameters in the printed table of the largest changes."""
 
 
 def track(

@@ -24,7 +24,7 @@ def roll_out(
     tolerance: float,
     controller: Path | None,
 ) -> tuple[MotionScore, ...]:
-    """Roll out a model, print the findings on standard error, and return the scores."""
+    """Simulate the model of a run over recordings, print the findings on standard error, and return the scores."""
     from armid.cli.console import print_findings
     from armid.runs.rollout import ROLL_OUT_CODES, load_feedback, roll_out_run
 
@@ -35,7 +35,7 @@ def roll_out(
 
 
 def motion_table(robot: Robot, scores: Sequence[MotionScore], *, closed: bool) -> Table:
-    """Table of position errors, joint by joint, averaged over recordings."""
+    """Table of the position errors of a rollout, joint by joint, averaged over the recordings."""
     first = scores[0]
     condition = "under the same controller" if closed else "under the recorded torque alone"
     table = Table(title=f"Position error of the rolled-out model, {condition}", header_style="bold")

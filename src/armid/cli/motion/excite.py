@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 def _option(
     kind: Any, default: Any, help: str, *names: str, metavar: str | None = None, complete: Any = None
 ) -> tuple[Any, Any]:
-    """Annotation and default value of an option."""
+    """Annotation and default value of an option, for the table `OPTIONS`."""
     return Annotated[kind, typer.Option(*names, help=help, metavar=metavar, autocompletion=complete)], default
 
 
@@ -152,7 +152,7 @@ STEPS = {
     "files": "files: write the motions",
     "preview": "preview: draw the arm",
 }
-"""Line for each stage of a design if standard error is not a terminal."""
+"""Text that is printed at the beginning of each stage of a design if standard error is not a terminal."""
 
 
 @contextmanager
@@ -250,7 +250,7 @@ def _write_pages(designed: Checked, folder: Path, stage: Stage) -> None:
     """Write preflight.html and preview.html into the folder of a plan, which is complete without these pages.
 
     Raises:
-        Exit: The user has stopped it.
+        Exit: The user has stopped the writing of the pages.
     """
     from armid.report.preflight_page import write_preflight
     from armid.report.preview.make_preview import preview_of_design

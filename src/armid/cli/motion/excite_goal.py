@@ -30,7 +30,7 @@ NO_EFFECT = 1e-9
 
 
 def design_model(robot: Robot, options: Mapping[str, Any]) -> DynamicsModel:
-    """Model with the given terms, otherwise with those of the last run of this arm, otherwise with the default."""
+    """Model with the terms of --terms, or else of the last run of this arm in --after, or else the default terms."""
     if options["terms"] is None:
         for _, model in _runs_of(robot, options):
             return model
@@ -125,7 +125,7 @@ def prior_of_run(folder: str, goal: CriterionGoal) -> Array:
     estimated, too.
 
     Raises:
-        ArmidError: The run has none of these parameters.
+        ArmidError: The run has none of the base parameters of the goal.
     """
     terms = ",".join(term.name for term in load_run(folder).model.terms)
     information = load(Information, Path(folder) / "information.npz")

@@ -61,7 +61,7 @@ def run_request(
 
 
 def design_constraints(options: Mapping[str, Any], robot: Robot) -> DesignConstraints:
-    """Constraints of a design: joint limits, torque margin, collisions, workspace, envelope."""
+    """Constraints of a design from its options: joint limits, torque margin, collisions, workspace, envelope."""
     surroundings = surroundings_of(options, robot)
     margin = options["torque_margin"]
     return DesignConstraints(

@@ -36,7 +36,7 @@ def parse_limits(given: Sequence[str]) -> dict[tuple[str, str], Limit]:
     """Limits by joint and kind, from `JOINT.KIND=VALUE` or `JOINT.position=LOW:HIGH`, separated by commas.
 
     Raises:
-        ArmidError: A text has another form.
+        ArmidError: A text has neither of the two forms.
     """
     result: dict[tuple[str, str], Limit] = {}
     for text in (part.strip() for each in given for part in each.split(",")):

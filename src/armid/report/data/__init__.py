@@ -1,1 +1,1 @@
-"""Contents of a page, computed from a run."""
+"""Contents of the page of a run, computed from the run and its recordings."""

@@ -1,4 +1,4 @@
-"""Findings as text of a page."""
+"""Findings as text of the page of a run."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from armid.errors import Finding
 from armid.remedy import Assignment, Remedy
 
 NOT_ABOUT_MODEL = ("bodies-from-visuals", "bodies-unknown", "markers-unchecked", "mesh-missing", "visual-missing")
-"""Codes of findings that do not concern the model; the provenance lists all findings."""
+"""Codes of findings that do not concern the model. Only the section about provenance lists these findings, too."""
 
 
 def serious(findings: Sequence[Finding], *severities: str) -> list[Finding]:
@@ -22,9 +22,10 @@ def evidence_words(finding: Finding) -> str:
 
 
 def remedy_words(finding: Finding) -> str:
-    """Remedy as a sentence with code in backticks; it may consist of lines of a study, with a note after `#`.
+    """Remedy of a finding as a sentence; lines of a study are in backticks, and their note is in the sentence.
 
-    The code is at the end, because long code becomes a separate block, after which a sentence cannot continue.
+    The lines are at the end, because the page shows long code as a separate block, after which a sentence cannot
+    continue.
     """
     remedy = finding.remedy
     if not isinstance(remedy, Remedy) or not remedy.keys:

@@ -12,7 +12,7 @@ from armid.checked_array import Array
 from armid.report.data.recording_data import RecordingData
 
 HALF_WINDOW = 0.6
-"""Time shown before and after a reversal [s]; several times the duration of presliding in a gear."""
+"""Time that a plot shows before and after a reversal [s]; several times the duration of presliding in a gear."""
 
 STEPS = 41
 
@@ -40,7 +40,7 @@ class Reversals:
 
 
 def find_reversals(recordings: Sequence[RecordingData], j: int) -> Reversals:
-    """Friction of joint `j` around those reversals for which `HALF_WINDOW` before and after has only valid rows."""
+    """Friction of joint `j` around each reversal whose rows within `HALF_WINDOW` are all valid."""
     grid = np.linspace(-HALF_WINDOW, HALF_WINDOW, STEPS)
     fastest = max((float(np.abs(each.dq[:, j]).max()) for each in recordings), default=0.0)
     observed: list[Array] = []
@@ -63,7 +63,7 @@ def find_reversals(recordings: Sequence[RecordingData], j: int) -> Reversals:
 
 
 def since_reversal(time: Array, dq: Array) -> Array:
-    """Time since the last change of a velocity's sign (M,) [s]; NaN before the first."""
+    """Time since the last reversal of a joint at M instants, shape (M,) [s]; NaN before the first reversal."""
     turned = np.flatnonzero(np.diff(np.sign(dq)) != 0) + 1
     last = np.searchsorted(turned, np.arange(len(dq)), side="right") - 1
     elapsed = np.full(len(dq), np.nan)

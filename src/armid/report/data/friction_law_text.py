@@ -50,7 +50,7 @@ def law_tables(page_data: PageData) -> tuple[Table, ...]:
 
 
 def law_text(laws: Sequence[Law]) -> str:
-    """Laws of one joint as a sum; play elements that differ only in width are written as one sum with an index.
+    """Text of the friction laws of one joint as a sum; hysteresis elements of several widths have a common term.
 
     For instance `FV · dq + FS · tanh(50 dq) + Σ FHₖ · slip(q, rₖ), k = 1…3, r = 0.001, 0.003, 0.01`.
     """

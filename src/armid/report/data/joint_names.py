@@ -19,7 +19,7 @@ def heading_of(joints: Sequence[Joint], j: int) -> str:
 
 
 def label_of(joints: Sequence[Joint], j: int) -> str:
-    """Label of a joint for a cell or a sentence: `3 · elbow`; the name alone if it ends in the number."""
+    """Label of a joint for a cell or a sentence: `3 · elbow`, or only the name if the name ends in the number."""
     name = joints[j].name
     suffix = re.search(r"(\d+)$", name)
     return name if suffix is not None and int(suffix[1]) == j + 1 else f"{j + 1} · {name}"
@@ -31,7 +31,7 @@ def residual_title(heading: str) -> str:
 
 
 def by_joint(parameters: Iterable[ParameterName], joints: Sequence[Joint]) -> str:
-    """Text that lists the first parameters, grouped by joint, and the number of the other parameters."""
+    """Text that lists the first parameters, grouped by joint, and the number of the remaining parameters."""
     all_names = list(parameters)
     shown = all_names[:MAX_NAMES] if len(all_names) > MAX_NAMES + 1 else all_names
     parts: list[str] = []

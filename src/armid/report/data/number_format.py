@@ -1,4 +1,4 @@
-"""Formatting of numbers: digits by the width of the interval, and a typographic minus sign."""
+"""Text of numbers for a page: the interval determines the digits, and the minus sign is typographic."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ LARGEST_PLAIN, SMALLEST_PLAIN = 1e6, 1e-4
 """Largest and smallest absolute value that is written without a power of ten."""
 
 SMALLEST_SHARE = 0.001
-"""Smallest share that is shown as a number; smaller shares are shown as "less than"."""
+"""Smallest share that is shown as a number; a smaller share is shown as "less than 0.1 %"."""
 
 
 def fixed(value: float, decimals: int) -> str:
-    """Number with the given decimals; a dash if it is not finite."""
+    """Text of a number with the given decimals; a dash if the number is not finite."""
     if not math.isfinite(value):
         return MISSING
     text = f"{value:.{decimals}f}"
@@ -32,7 +32,7 @@ def decimals_of(uncertainty: float, digits: int = 2) -> int:
 
 
 def short(value: float, digits: int = 3) -> str:
-    """Number with the given significant digits, for instance 0.0839 or 2.4 · 10⁻⁶."""
+    """Text of a number with the given significant digits, for instance 0.0839 or 2.4 · 10⁻⁶."""
     if not math.isfinite(value):
         return MISSING
     if value == 0.0:

@@ -58,7 +58,7 @@ class PageData:
         return self.run.robot.joints
 
     def of_role(self, role: str) -> tuple[RecordingData, ...]:
-        """Recordings of a role, `train` or `validate`."""
+        """Recordings of the run that have a role, `train` or `validate`."""
         return tuple(each for each in self.recordings if each.choice.role == role)
 
     @property
@@ -98,7 +98,7 @@ def gather(
     Args:
         run: The run.
         records: Records of the run; if not given, they are read from its folder.
-        recordings: Recordings from which the run was made, with its predictions, if they are in memory.
+        recordings: Processed recordings of the run, each with the predicted torque, if they are in memory.
         data: Folder that is searched first for recordings, by their path in the study or by their name.
 
     Raises:

@@ -33,7 +33,7 @@ class Spectrum:
     """Amplitude density at K frequencies.
 
     Attributes:
-        frequency: Shape (K,) [Hz].
+        frequency: The frequencies, shape (K,) [Hz].
         measured: Amplitude density of the recorded torque, shape (K, n) [N·m/√Hz].
         residual: Amplitude density of measured minus predicted torque without filter, shape (K, n) [N·m/√Hz].
     """
@@ -88,7 +88,7 @@ class RecordingData:
         return "time [s]" if self.is_consecutive else "row"
 
     def gapped(self, values: Array) -> tuple[Array, Array]:
-        """Time and values with a gap between contiguous runs, for lines."""
+        """Time and values for a line, with a NaN between contiguous runs, at which the line is interrupted."""
         cuts = self.starts[1:-1]
         return np.insert(self.time, cuts, np.nan), np.insert(values, cuts, np.nan, axis=0)
 
@@ -138,7 +138,7 @@ def friction_columns(model: DynamicsModel) -> Array:
 
 
 def _half_band(prediction: PredictedRecording) -> Array:
-    """Half width (M, n) of the 95 % prediction interval, interpolated between the rows in which it is known."""
+    """Half width (M, n) of the 95 % prediction interval, interpolated between the rows for which it was computed."""
     counts = [len(run.mask) for run in prediction.runs]
     known = [np.arange(0, count, prediction.every) for count in counts]
     half_widths = np.split(prediction.half_widths, np.cumsum([len(rows) for rows in known])[:-1])
@@ -160,7 +160,7 @@ def _spectrum(model: DynamicsModel, theta: Array, run: ObservedRun) -> Spectrum:
 
 
 def amplitude_density(signals: Array, rate: float) -> tuple[Array, Array]:
-    """Frequencies (K,) above zero [Hz] and one-sided amplitude density (K, c) by Welch's averaged segments.
+    """Frequencies (K,) above zero [Hz], and one-sided amplitude density (K, c) of signals by Welch's method.
 
     Args:
         signals: N samples of c signals, shape (N, c).

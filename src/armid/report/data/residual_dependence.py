@@ -16,7 +16,7 @@ from armid.report.data.friction_at_reversals import HALF_WINDOW, since_reversal
 from armid.report.data.recording_data import RecordingData, concatenated
 
 BINS = 12
-"""Number of classes of velocity, position and time, so that each class has a dozen rows in short recordings."""
+"""Number of classes of velocity, of position and of time; each class has about a dozen rows in short recordings."""
 
 
 LARGE_SHARE = 0.2
@@ -77,16 +77,17 @@ def depends_on_velocity(recordings: Sequence[RecordingData], j: int) -> bool:
 
 
 def repeated_share(values: Array, label: NDArray[np.intp]) -> float:
-    """Share of the variance of each half of values (M,) that the class means of the other half predict.
+    """Share of the variance of one half of the values (M,) that the class means of the other half predict.
 
-    Slow noise, which looks like a dependence in one half, does not repeat in the other.
+    Slow noise can look like a dependence on the class in one half, but has no such effect in the other half.
 
     Args:
         values: Values; NaN is ignored.
         label: Class of each value, shape (M,).
 
     Returns:
-        The smaller share of the two halves, negative if the prediction is worse than the mean; NaN without values.
+        The smaller one of the shares of the two halves; negative if the class means predict worse than the mean; NaN
+        without values.
     """
     known = np.isfinite(values)
     _, label = np.unique(label[known], return_inverse=True)
@@ -127,7 +128,7 @@ def explained(values: Array, label: NDArray[np.intp], independent: float) -> flo
 
 
 def classes(x: Array) -> NDArray[np.intp]:
-    """Class of each value, from equal parts of the range; values that are not finite have a separate class."""
+    """Class of each value: classes of equal width over the range, and one class for values that are not finite."""
     known = x[np.isfinite(x)]
     if not len(known) or np.ptp(known) == 0.0:
         return np.zeros(len(x), dtype=np.intp)
@@ -143,7 +144,7 @@ def _time_since_reversal(recording: RecordingData, j: int) -> Array:
 
 
 def _independent_share(recording: RecordingData, processing: ProcessingOptions) -> float:
-    """Share of rows that are independent after filtering: two in each cycle of the cut-off frequency."""
+    """Share of rows that are independent after filtering: two rows in each cycle of the cut-off frequency."""
     if processing.family == "none" or not recording.is_consecutive:
         return 1.0
     return min(1.0, 2.0 * float(processing.cutoff) * float(median(np.diff(recording.time))))

@@ -15,18 +15,18 @@ from armid.report.data.residual_dependence import LARGE_SHARE, residual_shares
 from armid.report.section import effort_unit
 
 GOOD_SHARE = 0.1
-"""Largest relative RMS error (divided by the standard deviation of the torque) of a well predicted joint, as in
-Figure 4.3 of the thesis."""
+"""Largest relative RMS of a well predicted joint, as in Figure 4.3 of the thesis."""
 
 POOR_COVERAGE = 0.85
-"""Share of rows inside the 95 % prediction interval below which the interval counts as too narrow."""
+"""Coverage (share of rows inside the 95 % prediction interval) below which the interval counts as too narrow."""
 
 MANY_BLOCKS = 20
 """Number of blocks above which the scatter between blocks has a relative error of at most a sixth, so that more
 blocks would hardly change the scatter."""
 
 MAX_ERROR_RATIO = 2.0
-"""Ratio of validation error to training error above which more motions are recommended."""
+"""Ratio of the torque error in validation to the torque error in training above which more motions are
+recommended."""
 
 STANDSTILL_SHARE = 0.01
 """Share of the RMS speed of a joint below which the joint counts as standing still, because noise determines the sign
@@ -83,7 +83,7 @@ Sentences = tuple[list[str], list[str], list[str]]
 
 
 def _torque(page_data: PageData) -> Sentences:
-    """Sentences about the torque error in validation, of all joints together and of each."""
+    """Sentences about the torque error in validation: of all joints together, and of each joint."""
     if not page_data.validation.recordings:
         return (
             [],
@@ -132,7 +132,7 @@ def _torque(page_data: PageData) -> Sentences:
 
 
 def _moving(page_data: PageData) -> tuple[float, float]:
-    """Validation error of all joints without rows at standstill, and the share of rows at standstill."""
+    """RMS validation error of all joints together without rows at standstill, and share of rows at standstill."""
     held_out = page_data.of_role("validate")
     if not held_out:
         return np.inf, 0.0
@@ -183,7 +183,7 @@ def _intervals(page_data: PageData) -> Sentences:
 
 
 def _parameters(page_data: PageData) -> Sentences:
-    """Sentences about parameters that differ from zero, that may be zero, and that have an impossible sign."""
+    """Sentences about parameters whose interval excludes zero, contains zero, or has an impossible sign."""
     estimate = page_data.run.estimate
     names = estimate.fit.names
     low, high = estimate.intervals.T
@@ -232,7 +232,7 @@ def forbids_simulation(page_data: PageData) -> bool:
 
 
 def _bodies(page_data: PageData) -> Sentences:
-    """Sentences about physical consistency."""
+    """Sentences about the physical consistency of the parameters."""
     if page_data.verdict is None:
         return [], [], []
     certificate, smallest = page_data.verdict.certificate, page_data.verdict.pose.min_eigenvalue

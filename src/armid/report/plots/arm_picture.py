@@ -13,13 +13,13 @@ from armid.robot import Robot
 from armid.robot.kinematics import forward_kinematics, frame_pose
 
 SIZE = 240.0
-"""Edge of the picture [px]."""
+"""Width and height of the picture [px]."""
 
 MARGIN = 26.0
 """Margin around the arm for the marks of the joints [px]."""
 
 AZIMUTH, ELEVATION = np.radians(35.0), np.radians(18.0)
-"""Direction of view: slightly from above, so that all three axes are visible."""
+"""Azimuth and elevation of the direction of view [rad]: slightly from above, so that all three axes are visible."""
 
 POSES = 200
 """Number of poses of each recording among which the pose with the largest projected area is chosen."""
@@ -28,7 +28,7 @@ RADIUS = 8.0
 """Radius of the mark of a joint [px]; joints whose marks would overlap have a common mark."""
 
 RULERS = (0.05, 0.1, 0.2, 0.5, 1.0, 2.0)
-"""Possible lengths of the scale bar [m]; the longest one below a third of the picture is drawn."""
+"""Possible lengths of the scale bar [m]; the largest length below a third of the width of the picture is used."""
 
 
 def picture_of(page_data: PageData) -> tuple[str, str]:
@@ -45,8 +45,7 @@ def skeleton(robot: Robot, poses: Array) -> str:
 
     Args:
         robot: The arm.
-        poses: Joint positions to choose from, shape (K, n) [rad or m]; the one with the largest
-            projected area is drawn.
+        poses: K poses, shape (K, n) [rad or m]; the pose with the largest projected area is drawn.
     """
     view = _view(robot)
     _, origins = forward_kinematics(robot, poses)
@@ -60,7 +59,7 @@ def skeleton(robot: Robot, poses: Array) -> str:
 
 
 def _drawn(robot: Robot, points: Array, pairs: list[tuple[int, int]]) -> str:
-    """SVG of points (n + 2, 3), base first and tip last; coordinates to the right, up and towards the viewer [m]."""
+    """SVG of base, n joints and tip at points (n + 2, 3) [m], whose axes are right, up and towards the viewer."""
     low, high = points[:, :2].min(axis=0), points[:, :2].max(axis=0)
     scale = (SIZE - 2.0 * MARGIN) / max(float((high - low).max()), 1e-3)
     middle = 0.5 * (low + high)
@@ -108,7 +107,7 @@ def _marks(robot: Robot, place: Array) -> list[str]:
 
 
 def _view(robot: Robot) -> Array:
-    """Rotation (3, 3) from the base frame to the picture: right, up, towards the viewer; up is against gravity."""
+    """Rotation (3, 3) from the base frame to the axes right, up (against gravity) and towards the viewer."""
     size = float(np.linalg.norm(robot.gravity))
     up = -robot.gravity / size if size > 0.0 else np.array([0.0, 0.0, 1.0])
     aside = np.eye(3)[int(np.argmin(np.abs(up)))]
@@ -123,7 +122,7 @@ def _view(robot: Robot) -> Array:
 
 
 def _middle(robot: Robot) -> Array:
-    """Middle of each joint's range (n,), shifted away from a stretched pose; 0 for a joint without limits."""
+    """Middle of the range of each joint (n,), changed if the arm would be stretched; 0 for a joint without limits."""
     limits = np.array([joint.position_limits for joint in robot.joints])
     known = np.isfinite(limits).all(axis=1)
     half = np.where(known, 0.5 * np.ptp(np.where(np.isfinite(limits), limits, 0.0), axis=1), np.pi)

@@ -17,7 +17,7 @@ from armid.excitation.collision.cache import read_entry, write_entry
 
 
 def packed(values: ArrayLike, kind: str = "f4") -> dict[str, str]:
-    """Numbers as little-endian binary data in base 64, a form that plotly.js reads.
+    """Encodes numbers as little-endian binary data in base 64, a form that plotly.js reads.
 
     Args:
         values: The numbers, in C order.
@@ -28,13 +28,13 @@ def packed(values: ArrayLike, kind: str = "f4") -> dict[str, str]:
 
 
 def embedded(record: Mapping[str, Any]) -> str:
-    """JSON for a script element, with the characters escaped that could end the element."""
+    """JSON text for a script element of HTML; characters that could end the element are escaped."""
     text = json.dumps(record, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
     return text.replace("&", "\\u0026").replace("<", "\\u003c").replace(">", "\\u003e")
 
 
 def compressed(text: str) -> str:
-    """Compressed script in base 64; equal scripts give equal bytes."""
+    """Compresses a script and encodes it in base 64; equal scripts give equal texts."""
     return base64.b64encode(_gzipped(text)).decode()
 
 

@@ -52,7 +52,7 @@ BETWEEN_ROWS = 90
 """Height of the titles between two rows of plots, a part of `ROW_HEIGHT` [pixels]."""
 
 Rows = Sequence[tuple[str, Sequence[Plot]]]
-"""Headings and their plots, row by row, as in a section."""
+"""Heading and plots of each row, as in a section of a page."""
 
 
 def plot_torque(
@@ -93,7 +93,7 @@ def plot_plan(
     Args:
         plan: The plan, or the motion that it repeats.
         robot: The arm that moves; torque is shown if its description has inertias.
-        limits: Limits of its joints; by default the limits of the description.
+        limits: Limits of the joints; by default the limits of the description.
         joint: Name of a joint, to plot only this one.
         theme: `light` or `dark`.
 
@@ -171,7 +171,7 @@ def _of_run(
     data: Path | str | None,
     theme: Theme,
 ) -> Figure:
-    """Figure of a section of a run's page."""
+    """Figure with the plots of one section of the page of a run, or with those of one joint."""
     require_extra("plotly")
     _require(run, (Run,), "A run", 'load_run("runs/today")')
     _require(data, (Path, str, NoneType), "A folder as data", 'a folder, "recordings"')
@@ -190,7 +190,7 @@ def _of_run(
 
 
 def _require(value: object, kinds: tuple[type, ...], what: str, example: str) -> None:
-    """Checks the type of an argument.
+    """Checks that an argument has one of the given types.
 
     Raises:
         ArmidError: The value has none of these types.
@@ -240,7 +240,7 @@ def _placed(rows: Rows, columns: int) -> list[tuple[int, int, str, Plot]]:
 
 
 def _titles(placed: Sequence[tuple[int, int, str, Plot]], lines: int, columns: int) -> list[str]:
-    """Titles of all places, row by row; empty for places without a plot."""
+    """Titles of the places of a figure, row by row; the title of a place without a plot is empty."""
     titles = [""] * (lines * columns)
     for row, column, heading, plot in placed:
         above = f"<b>{heading}</b><br>" if heading else ""

@@ -1,4 +1,4 @@
-"""Plots as plain data: traces with a role.
+"""Plots as plain data: lines and points (traces), each with a role.
 
 A role is the meaning of a trace. The style of a role is in `armid.report.plots.style`, and its colour is in the style
 sheet. Pages and notebooks therefore show the same plot, in light and dark mode and on paper.
@@ -15,21 +15,22 @@ from numpy.typing import NDArray
 from armid.checked_array import Array
 
 LINE_INTERVALS = 700
-"""Number of intervals of a line. The smallest and largest value of each are kept, enough for the width of a plot."""
+"""Number of intervals of a line, sufficient for the width of a plot. A line contains the extremes of each
+interval."""
 
 MAX_POINTS = 800
-"""Largest number of points of a cloud; more points would cover each other."""
+"""Largest number of separate points in a plot; more points would cover each other."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class PlotTrace:
-    """Line or cloud of points.
+    """Line or separate points of a plot.
 
     Attributes:
         role: Meaning of the trace, for instance `measured`; it determines the style.
         x: Abscissas (K,).
         y: Ordinates (K,); NaN is a gap.
-        name: Name shown when the pointer rests on it.
+        name: Name that is shown when the pointer rests on the line or on a point.
         cloud: True if the points are drawn separately, false if a line joins them.
     """
 
@@ -48,7 +49,7 @@ BULK_SHARE, BULK_FACTOR = 0.95, 4.0
 share. This limits the range of a plot with spikes in each period, for which `VISIBLE_SHARE` alone is too large."""
 
 RANGE_MARGIN = 1.1
-"""Factor from the largest visible value to the end of the axis."""
+"""Ratio of the end of the axis to the largest visible value."""
 
 MAX_CLIPPED = 60
 """Largest number of marks for values outside a plot."""
@@ -155,7 +156,7 @@ def line(role: str, x: Array, y: Array, name: str) -> PlotTrace:
 
 
 def points(role: str, x: Array, y: Array, name: str, most: int = MAX_POINTS) -> PlotTrace:
-    """Cloud of the finite points, thinned evenly."""
+    """Separate points where both coordinates are finite; at most `most` points, selected uniformly."""
     known = np.flatnonzero(np.isfinite(x) & np.isfinite(y))
     indices = known[every(len(known), most)]
     return PlotTrace(role, x[indices], y[indices], name, cloud=True)
@@ -177,7 +178,7 @@ def spread(x: Array, low: Array, high: Array, name: str) -> PlotTrace:
 
 
 def crest(role: str, x: Array, y: Array, name: str) -> PlotTrace:
-    """Line for logarithmic axes: the largest value in each of many logarithmically spaced intervals."""
+    """Line for logarithmic axes: the largest value in each of many logarithmically spaced intervals of x."""
     starts = np.unique(np.geomspace(1, len(y), LINE_INTERVALS).astype(np.intp)) - 1
     stops = [*starts[1:], len(y)]
     height = np.where(np.isfinite(y), y, -np.inf)
@@ -202,12 +203,12 @@ def envelope(y: Array, buckets: int) -> NDArray[np.intp]:
 
 
 def every(count: int, most: int) -> NDArray[np.intp]:
-    """Indices of at most `most` of `count` points, evenly spaced."""
+    """Uniformly spaced indices of at most `most` of `count` points."""
     return np.linspace(0, count - 1, min(count, most)).astype(np.intp)
 
 
 def binned(x: Array, y: Array, edges: Array, fewest: int) -> tuple[Array, Array, NDArray[np.intp]]:
-    """Mean of x, mean of y and number of points in each bin; means are NaN for fewer than `fewest` points."""
+    """Mean of x, mean of y and number of points in each bin of x; means of fewer than `fewest` points are NaN."""
     known = np.isfinite(x) & np.isfinite(y)
     x, y = x[known], y[known]
     index = np.clip(np.digitize(x, edges) - 1, 0, len(edges) - 2)

@@ -40,10 +40,10 @@ LINES: Mapping[str, Line] = {
     "joint-7": ("joint-7", 1.6, "6px,2px,1px,2px,1px,2px"),
     "limit": ("orange", 1.4, "5px,3px"),
 }
-"""Lines by role; they differ in colour and also in dash."""
+"""Style of the line of each role; the styles differ in colour and in dash."""
 
 MARKED = ("mean",)
-"""Roles of lines with marked points."""
+"""Roles whose lines have a mark at each point."""
 
 CLOUDS: Mapping[str, tuple[str, str, int]] = {
     "training": ("blue", "circle-open", 4),
@@ -60,16 +60,16 @@ CLOUDS: Mapping[str, tuple[str, str, int]] = {
     "joint-6": ("joint-6", "x-thin-open", 8),
     "joint-7": ("joint-7", "triangle-down", 8),
 }
-"""Points by role: colour, symbol and size."""
+"""Style of the separate points of each role: colour, symbol and size [px]."""
 
 DENSE_SIZE = 4
-"""Largest size of points that are drawn half transparent, so that dense regions are visible."""
+"""Largest size [px] of points that are drawn half transparent, so that regions with many points are darker."""
 
 RULED = {"gridcolor": "--grid", "linecolor": "--rule", "zerolinecolor": "--rule", "tickcolor": "--rule"}
 
 
 def plot_record(plot: Plot) -> dict[str, Any]:
-    """Plot as plotly JSON for the page's script: group, traces and axes, with names of colours."""
+    """Plot as plotly JSON for the script of the page: group, traces and axes; colours are given by name."""
     return {
         "group": plot.group,
         "data": [trace_style(trace, packed) for trace in plot.traces],
@@ -78,11 +78,11 @@ def plot_record(plot: Plot) -> dict[str, Any]:
 
 
 def trace_style(trace: PlotTrace, numbers: Callable[[Array], Any]) -> dict[str, Any]:
-    """Trace as plotly JSON, with names of colours.
+    """Line or points as plotly JSON; colours are given by name.
 
     Args:
         trace: The trace.
-        numbers: Converts the coordinates to the required form.
+        numbers: Function that converts coordinates to the form that the page or the notebook needs.
     """
     record: dict[str, Any] = {
         "type": "scatter",
@@ -139,7 +139,7 @@ def axes_of(plot: Plot) -> dict[str, Any]:
 
 
 def levels_of(plot: Plot) -> list[dict[str, Any]]:
-    """Levels and marks of a plot as plotly shapes across the whole plot."""
+    """Thin dotted lines of a plot at given ordinates and abscissas, as plotly shapes."""
     dotted = {"type": "line", "layer": "below", "line": {"color": "--soft", "width": 1, "dash": "1px,3px"}}
     across = [{**dotted, "xref": "paper", "x0": 0, "x1": 1, "y0": float(y), "y1": float(y)} for y in plot.axes.levels]
     upright = [{**dotted, "yref": "paper", "y0": 0, "y1": 1, "x0": float(x), "x1": float(x)} for x in plot.axes.marks]
@@ -147,7 +147,7 @@ def levels_of(plot: Plot) -> list[dict[str, Any]]:
 
 
 def colours(theme: Theme) -> dict[str, str]:
-    """Colours of a theme by name, from `theme.css`.
+    """Colour values of a theme from `theme.css`, by the names of the colours.
 
     Raises:
         ArmidError: The theme is unknown.
@@ -160,7 +160,7 @@ def colours(theme: Theme) -> dict[str, str]:
 
 
 def resolved(style: Any, palette: Mapping[str, str]) -> Any:
-    """Style with the names of colours replaced by colours."""
+    """Replaces names of colours in a style by the colours of a palette."""
     if isinstance(style, dict):
         return {key: resolved(value, palette) for key, value in style.items()}
     if isinstance(style, list):

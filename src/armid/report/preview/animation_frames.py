@@ -1,4 +1,4 @@
-"""Motion sampled for a screen: positions and velocities thirty times a second."""
+"""Motion of the preview: positions and velocities at thirty frames per second."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ MAX_FRAMES = 9000
 """Largest number of frames of a clip, five minutes; longer motions have a lower frame rate."""
 
 ROWS = 10.0
-"""Rate at which separate rows of a recording are shown [Hz]."""
+"""Rate at which rows of a recording without consecutive times are shown [Hz]."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Clip:
-    """Motion sampled for a screen, K frames of n joints.
+    """Motion of a preview: K frames of n joints.
 
     Attributes:
         title: Short title.
@@ -46,7 +46,7 @@ def clip_of_plan(plan: Plan | Moves, title: str) -> Clip:
 
 
 def clip_of_motion(motion: Motion, title: str) -> Clip:
-    """Clip of a sampled motion, by interpolation of positions and velocities."""
+    """Clip of a sampled motion; positions and velocities are interpolated."""
     since = motion.time - motion.time[0]
     time = _times(float(since[-1]))
     q, dq = (np.column_stack([np.interp(time, since, x) for x in values.T]) for values in (motion.q, motion.dq))
@@ -54,7 +54,7 @@ def clip_of_motion(motion: Motion, title: str) -> Clip:
 
 
 def clip_of_recording(recording: Recording, title: str) -> Clip:
-    """Clip of a recording, gaps interpolated linearly; rows without consecutive times follow each other at 10 Hz."""
+    """Clip of a recording; gaps are interpolated linearly, and rows without consecutive times are shown at 10 Hz."""
     rows = np.arange(recording.samples, dtype=np.float64)
     if recording.time is None or recording.consecutive is False:
         rate = ROWS if recording.consecutive is False or recording.rate is None else recording.rate

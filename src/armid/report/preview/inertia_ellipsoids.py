@@ -31,7 +31,7 @@ class MassLayer:
     note: str = ""
 
     def record(self, names: Sequence[str]) -> dict[str, Any]:
-        """The layer for the page's script; links without mass are left out."""
+        """JSON object of this layer for the script of the page; links without mass are left out."""
         bodies: list[dict[str, Any]] = []
         for k, (vector, name) in enumerate(zip(self.links, names, strict=True)):
             if not vector[0] > LIGHTEST:
@@ -51,12 +51,13 @@ def layer_of_description(robot: Robot) -> MassLayer | None:
 
 
 def ellipsoid_of(vector: Array) -> tuple[Array, Array] | None:
-    """Half axes (3,) [m] and directions (columns, (3, 3)) of an ellipsoid of uniform density with a link's inertia.
+    """Ellipsoid of uniform density with the mass and inertia of a link.
 
     For the mass m and the half axes a_i, a_j and a_k, the moment of inertia about the axis i is m (a_j² + a_k²) / 5.
 
     Returns:
-        Half axes and directions; `None` if no body can have this inertia.
+        Half axes, shape (3,) [m], and their directions, the columns of a matrix (3, 3); `None` if no body can have
+        this inertia.
     """
     mass, _, about = vector_to_com_inertia(vector)
     inertia, turn = np.linalg.eigh(about)

@@ -95,13 +95,13 @@ def _collision_options(robot: Robot, around: tuple[Shape, ...]) -> tuple[Collisi
 
 
 def estimate_layer(theta: Array, run: Run, note: str = "") -> MassLayer:
-    """Layer of the link inertias in standard parameters (p,) of a run."""
+    """Layer of the link inertias that standard parameters (p,) of a run contain."""
     columns = run.model.inertial_columns
     return MassLayer("estimate", theta[columns].reshape(-1, 10), note)
 
 
 def _of_file(path: str, robot: Robot, reading: LogFormat) -> Clip:
-    """Clip of a motion in a controller's format, or else of a recording."""
+    """Clip of the motion in a file: a motion in the format of a controller, or a recording."""
     motion = motion_of_plan(path, robot, 1000.0)
     if motion is not None:
         return clip_of_motion(motion, Path(path).name)
@@ -135,7 +135,7 @@ def _layers(robot: Robot, estimate: MassLayer | None) -> tuple[MassLayer, ...]:
 
 
 def _rest(robot: Robot) -> Array:
-    """Pose at rest: zero, or the middle of the range of a joint whose range excludes zero."""
+    """Pose of an arm without a motion: 0 for each joint, or the middle of its range if the range excludes 0."""
     low, high = np.array([joint.position_limits for joint in robot.joints]).T
     bounded = np.isfinite(low) & np.isfinite(high) & ((low > 0.0) | (high < 0.0))
     return np.where(bounded, 0.5 * (np.where(bounded, low, 0.0) + np.where(bounded, high, 0.0)), 0.0)

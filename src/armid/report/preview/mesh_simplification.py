@@ -11,7 +11,7 @@ from armid.checked_array import Array
 from armid.report.plots.encoding import packed
 
 MAX_TRIANGLES = 80_000
-"""Largest number of triangles of a page: about one megabyte, which a phone can draw."""
+"""Largest number of triangles of all meshes of a page: about one megabyte, which a phone can draw."""
 
 CELLS = (512, 384, 256, 192, 128, 96, 64, 48, 32, 24, 16, 8, 4)
 """Numbers of cells along the longest edge of a mesh, tried one after the other."""
@@ -54,7 +54,7 @@ def _merged(corners: Array, triangles: NDArray[np.intp], label: NDArray[np.intp]
 
 
 def mesh_record(corners: Array, triangles: NDArray[np.intp]) -> dict[str, Any]:
-    """Mesh for the page's script, with coordinates of two bytes: a resolution of 15 micrometres for one metre."""
+    """JSON object of a mesh for the script of the page; coordinates of two bytes (15 µm for a mesh of 1 m)."""
     low = corners.min(axis=0)
     step = np.maximum(np.ptp(corners, axis=0), 1e-9) / STEPS
     kind = "u2" if len(corners) <= STEPS else "u4"

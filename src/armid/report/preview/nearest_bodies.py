@@ -65,7 +65,7 @@ def bodies_to_watch(robot: Robot, surroundings: tuple[Shape, ...] = ()) -> Colli
 
 
 def closest(robot: Robot, clip: Clip, collision: CollisionOptions) -> NearestBodies | None:
-    """Nearest bodies along a motion; `None` if no pair is checked.
+    """Nearest pair of bodies at each moment of a motion; `None` if no pair is checked.
 
     Args:
         robot: The arm.

@@ -37,7 +37,7 @@ class Preview:
         clip: The motion.
         surroundings: Bodies that do not move.
         collision: Bodies and pairs to check for collisions; `None` if collisions are not checked.
-        layers: Inertias of the links, by source.
+        layers: Inertias of the links, one layer for each source (description or run).
         collision_note: Verdict of the collision check of a plan, or the reason why there was no check.
         limits: Limits of the joints with which a plan was designed; `None` for the limits of the description.
     """

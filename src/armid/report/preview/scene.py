@@ -28,11 +28,11 @@ BESIDE_BODY = 0.1
 above which the arm is beside a body that can hide the arm."""
 
 Bodies = tuple[list[dict[str, Any]], list[dict[str, Any]], tuple[Finding, ...]]
-"""Bodies for the page's script, their meshes, and findings about bodies that could not be drawn."""
+"""JSON objects of bodies and of their meshes for the script of the page, and findings about missing bodies."""
 
 
 def joint_records(robot: Robot, limits: Limits) -> list[dict[str, Any]]:
-    """Joints for the page's script; unknown limits are null."""
+    """JSON objects of the joints for the script of the page; unknown limits are null."""
     return [
         {
             "name": joint.name,
@@ -82,7 +82,7 @@ def _within_budget(meshes: Sequence[tuple[Array, Any]]) -> list[dict[str, Any]]:
 
 
 def surroundings_of(robot: Robot, given: Sequence[Shape]) -> list[dict[str, Any]]:
-    """Fixed bodies for the page's script: the given bodies, and planes of the description."""
+    """JSON objects of fixed bodies for the script of the page: the given bodies, and planes of the description."""
     planes = [shape for shape in robot.visuals if shape.kind == "half-space"]
     return [_record(shape) | {"size": shape.size.tolist()} for shape in (*given, *planes) if shape.kind != "mesh"]
 
@@ -101,8 +101,9 @@ def reach_of(path: Array, origins: Array) -> float:
 def open_side(robot: Robot, origins: Array) -> list[float] | None:
     """Horizontal direction from the fixed bodies to the first joint, shape (3,), in the base frame.
 
-    From this side the arm of a humanoid is visible, which its trunk or head hides from other sides. `None` if the
-    first joint is above or below the fixed bodies, as that of an arm on a pedestal is: it is visible from all sides.
+    From this side the arm of a humanoid is visible; from other sides the trunk or head can hide the arm. The result
+    is `None` if the first joint is above or below the fixed bodies, for instance on a pedestal, because the arm is
+    then visible from all sides.
 
     Args:
         robot: The arm.

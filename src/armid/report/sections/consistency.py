@@ -16,7 +16,7 @@ MAX_BLAMED = 10
 
 
 def show_consistency(page_data: PageData) -> Section | None:
-    """Section of the certificate; `None` if the model has no rigid bodies."""
+    """Section of the certificate of a run; `None` if the model has no rigid bodies."""
     if page_data.verdict is None:
         return None
     verdict, certificate = page_data.verdict, page_data.verdict.certificate

@@ -22,11 +22,12 @@ from armid.report.section import Section, effort_unit
 from armid.report.tables import Column, Table, TableCell
 
 CURVE_POINTS = 241
-"""Number of points of a plotted law; enough to show a sign change within a hundredth of the range as a slope."""
+"""Number of points of a plotted friction law, so that a sign change over a hundredth of the range is a visible
+slope."""
 
 BINS = 14
 MIN_BIN_ROWS = 5
-"""Smallest number of rows in a bin; the mean of fewer rows is noise."""
+"""Smallest number of rows in a bin of velocity or position; the mean of fewer rows is mostly noise."""
 
 MAX_SYMBOLS = 5
 """Largest number of friction parameters with a column; further parameters are in the table of parameters."""
@@ -139,7 +140,7 @@ def _measured_friction(recordings: Sequence[RecordingData], j: int) -> Array:
 
 
 def _clouds(x: Array, dq: Array, friction: Array) -> list[PlotTrace]:
-    """Traces of the measured friction, one for each direction of motion."""
+    """Points of the measured friction, as one trace for each direction of motion."""
     return [
         points(role, np.where(sign * dq > 0.0, x, np.nan), friction, f"moving {role}")
         for role, sign in (("forward", 1.0), ("backward", -1.0))
@@ -207,7 +208,7 @@ def _over_position(page_data: PageData, recordings: Sequence[RecordingData], j: 
 
 
 def _position_law(page_data: PageData, j: int, q: Array) -> Array:
-    """Torque (K,) of the fitted laws that depend only on the position; zero if there are none."""
+    """Torque of the fitted friction laws that depend only on the position, at K positions, shape (K,) [N·m or N]."""
     run, n = page_data.run, len(page_data.joints)
     theta = np.zeros(len(run.model.parameters))
     for column, (_, law) in zip(run.model.law_columns, run.model.laws, strict=True):

@@ -12,10 +12,10 @@ from armid.report.section import Section
 from armid.report.tables import Column, Table, TableCell
 
 ORDER = (0, 1, 2, 3, 4, 6, 9, 5, 7, 8)
-"""Quantities in the order of the columns: the moments of inertia before the products."""
+"""Indices of the quantities of a link in the order of the columns: moments of inertia before products of inertia."""
 
 GUESSED = "guessed"
-"""Style of values that the data do not determine."""
+"""Style of the cells of values that the data do not determine."""
 
 
 ROUNDING = 1e-12

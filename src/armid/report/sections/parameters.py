@@ -16,7 +16,7 @@ from armid.report.tables import Column, Table, TableCell
 
 
 def show_parameters(page_data: PageData) -> Section:
-    """Section of all base parameters."""
+    """Section of all base parameters of a run, joint by joint."""
     fit = page_data.run.estimate.fit
     content = {
         "covariance": fit.covariance_kind,
@@ -30,13 +30,13 @@ def show_parameters(page_data: PageData) -> Section:
 
 
 def _with_other_friction(page_data: PageData) -> list[str]:
-    """Joints whose residual depends on the velocity in both halves of the training motion."""
+    """Labels of the joints whose residual depends on the velocity in both halves of the training motion."""
     train = page_data.of_role("train")
     return [label_of(page_data.joints, j) for j in range(len(page_data.joints)) if depends_on_velocity(train, j)]
 
 
 def _kinds(page_data: PageData) -> str:
-    """Number of inertial, rotor inertia and friction parameters, as text."""
+    """Text with the numbers of inertial parameters, rotor inertias and friction parameters."""
     model, base = page_data.run.model, page_data.run.estimate.base
     which = [base.names.index(name.of_all) for name in page_data.run.estimate.fit.names]
     inertial = np.isin(base.kept, model.inertial_columns)[which]

@@ -26,17 +26,17 @@ from armid.report.section import Section, clipped_caption, effort_unit
 from armid.report.tables import Column, Table, TableCell
 
 RANGE_SHARE = 0.1
-"""Share of the torque's range with which residuals are compared, as in Figure 4.3 of the thesis."""
+"""Share of the range of the measured torque with which residuals are compared, as in Figure 4.3 of the thesis."""
 
 MAX_LEVEL_RATIO = 1.5
-"""Ratio of a level line to the largest residual above which the line is not drawn, because it would flatten the
-curves."""
+"""Ratio of a level line to the largest residual above which the line is not drawn, because the residuals would look
+flat."""
 
 BINS = 16
 """Number of velocity bins; most have tens of rows."""
 
 MIN_BIN_ROWS = 8
-"""Smallest number of rows in a bin; the mean of fewer rows is noise."""
+"""Smallest number of rows in a velocity bin; the mean of fewer rows is mostly noise."""
 
 MIN_DENSITY_SHARE = 1e-6
 """Share of the largest density below which a spectrum shows only rounding or the filter's stop-band."""
@@ -160,7 +160,7 @@ def _over_velocity(page_data: PageData, drawn: Sequence[RecordingData], j: int) 
 
 
 def _spectra(page_data: PageData, j: int) -> tuple[Plot, ...]:
-    """Plot of the spectrum of the first recording that has one, validation before training."""
+    """Plot of the spectra of joint `j`, from the first recording with a spectrum, validation before training."""
     shown = next((each for each in page_data.drawn if each.spectrum is not None), None)
     if shown is None or shown.spectrum is None:
         return ()

@@ -42,7 +42,7 @@ def show_torque(page_data: PageData) -> Section:
 
 
 def _heading(recording: RecordingData, name: str) -> str:
-    """Heading of a recording's plots: role, name and part."""
+    """Heading of the plots of a recording: role and name of the recording, and the part that is used."""
     choice = recording.choice
     part = "" if choice.part == (0.0, 1.0) else f", {share(choice.part[0])} to {share(choice.part[1])} of it"
     role = "Validation" if choice.role == "validate" else "Training"
@@ -90,7 +90,7 @@ def _coverage(value: float) -> TableCell:
 
 
 def _plots(page_data: PageData, number: int, recording: RecordingData, j: int) -> tuple[Plot, Plot]:
-    """Plots of torque and residual over the same time axis."""
+    """Plots of torque and residual of joint `j` in a recording, over the same time axis."""
     joint, title = page_data.joints[j], heading_of(page_data.joints, j)
     unit = joint.effort_unit
     time, values = recording.gapped(

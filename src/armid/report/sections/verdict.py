@@ -13,7 +13,7 @@ from armid.report.section import Section, effort_unit
 from armid.report.tables import Column, Table, TableCell
 
 FIRST = 5
-"""Number of sentences that are shown at first in each column, so that the numbers below stay visible."""
+"""Number of sentences in each column that are not folded, so that the numbers below stay visible."""
 
 SENTENCES = {
     "pass": "Every check on validation motion passed.",
@@ -68,7 +68,7 @@ def _badge(page_data: PageData) -> dict[str, str]:
 
 
 def _figures(page_data: PageData) -> list[tuple[str, str, str]]:
-    """Main numbers of the run: number, unit, meaning."""
+    """Main numbers of a run, each with its unit and its meaning."""
     fit, unit = page_data.run.estimate.fit, effort_unit(page_data)
     figures: list[tuple[str, str, str]] = []
     error = "RMS error, root of the sum of squares over joints" if len(page_data.joints) > 1 else "RMS error"
