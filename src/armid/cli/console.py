@@ -295,7 +295,7 @@ def print_methods(comparison: MethodTable, units: Sequence[str]) -> None:
 
 
 def print_verdict(console: Console, validation: Validation) -> None:
-    """Prints the verdict, the number of passed checks and all checks, failed ones first."""
+    """Prints the verdict, the number of passed checks, and all checks of the verdict, failed checks first."""
     colour = {"pass": "green", "fail": "red"}.get(validation.verdict, "yellow")
     passed = sum(check.ok for check in validation.checks)
     count = f" ({passed} of {len(validation.checks)} checks passed)" if validation.checks else ""

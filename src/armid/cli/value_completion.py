@@ -96,7 +96,7 @@ def moving_links(incomplete: str) -> list[str]:
 
 
 def _names(find: Callable[[Path, str], list[str]]) -> list[str]:
-    """Names in the description of the arm on the command line; empty if none can be read."""
+    """Names that `find` returns for the description of the arm on the command line; empty without a description."""
     for path in _descriptions(_words()):
         try:
             with path.open(encoding="utf-8") as stream:
@@ -130,7 +130,7 @@ def _descriptions(words: Iterable[str]) -> Iterable[Path]:
 
 
 def _of_study(path: Path) -> Iterable[Path]:
-    """The given file, or, if it is a study, the description that the study names."""
+    """The given path, or, if it is the path of a study, the path of the description that the study names."""
     if path.suffix == ".toml":
         try:
             description = tomllib.loads(path.read_text(encoding="utf-8")).get("robot", {}).get("description")

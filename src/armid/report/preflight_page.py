@@ -136,7 +136,7 @@ def _margin_row(margin: Margin, designed: Checked) -> tuple[TableCell, ...]:
 
 
 def _value_and_bound(margin: Margin, designed: Checked) -> tuple[TableCell, TableCell]:
-    """Cells of the largest value and of its bound; for positions, cells of the two ranges."""
+    """Cells of one limit in the table: largest value in the plan, and its bound; for positions, the two ranges."""
     spread = designed.spread(margin)
     if spread is None:
         return TableCell(fixed(margin.value, 4), margin.value), TableCell(fixed(margin.bound, 4), margin.bound)

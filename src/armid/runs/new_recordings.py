@@ -284,7 +284,7 @@ def load_columns(run: Run) -> tuple[Array, Array]:
 
 
 def link_columns(run: Run, link: int | None = None) -> tuple[int, Array]:
-    """Link that carries a load, and matrix from the ten parameters of the load to base parameters, shape (b, 10).
+    """Link that carries a load, and matrix (b, 10) that maps the ten parameters of the load to base parameters.
 
     Args:
         run: Run of the arm.

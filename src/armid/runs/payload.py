@@ -26,7 +26,8 @@ from armid.study.storage.records import judgement_record
 from armid.validation.torque_validation import Check
 
 FAR = 3.0
-"""Distance between the estimate and the nearest real body above which a finding is reported [standard deviations]."""
+"""Distance of the estimated payload from the nearest real body above which a finding is reported [standard
+deviations]."""
 
 GAIN_CODES = (CURRENT, MOTOR, UNIT)
 """Codes of findings on a torque that does not agree with the described masses; wrong drive gains are one cause."""
@@ -218,7 +219,8 @@ def _payload_findings(
                 "load-not-real",
                 "warning",
                 "",
-                f"The nearest real body is {load.distance:.1f} standard deviations from the best fit to the torques.",
+                f"The distance of the nearest real body from the best fit to the torques is {load.distance:.1f} "
+                "standard deviations.",
                 "check that the arm had no contact, that the load was attached all the time, and that the drive "
                 "gains are right.",
             )

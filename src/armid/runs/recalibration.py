@@ -229,7 +229,7 @@ def _unexplained(
             f", but {moving:.3g} {unit} without the rows in which a joint is slow, reverses or rests. Friction at "
             f"rest and at reversals, which the model lacks, has a larger share in these recordings. {unchanged}"
         )
-        remedy = "record without rests, or leave them out (`exclude`); the errors of both runs are then comparable."
+        remedy = "record without rests, or leave out rests (key `exclude`); both errors are then comparable."
         return Finding("noisier-recordings", "info", "", text, remedy)
     text += (
         ". The cause is larger noise in the band, for instance because of a lower rate or fewer periods, or an "

@@ -133,7 +133,7 @@ def write_torque(
     if path.suffix != ".csv":
         raise ArmidError(
             f"Torque cannot be written to {path}, because its suffix is neither .csv nor .npz.",
-            remedy="choose one of these suffixes.",
+            remedy="give a file with one of these suffixes.",
         )
     text = io.StringIO()
     several = [torque] if band is None else [torque, band]

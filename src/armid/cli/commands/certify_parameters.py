@@ -123,7 +123,9 @@ def _report(verdict: Verdict, motion: str | None) -> None:
         f"{verdict.pose.unit} at q = {_list(verdict.pose.q)}"
     )
     if verdict.along is not None:
-        console.print(f"  along {motion}: {verdict.along.min_eigenvalue:.5g} {verdict.along.unit}")
+        console.print(
+            f"  smallest eigenvalue along {motion}: {verdict.along.min_eigenvalue:.5g} {verdict.along.unit}"
+        )
     _report_rules([each for each in verdict.constraints if not each.ok])
     print_findings(verdict.findings)
 

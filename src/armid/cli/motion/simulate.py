@@ -25,7 +25,9 @@ def simulate(
             help="A plan.json, the folder of a plan, or a motion file in this folder; thesis-a1 or thesis-a2.",
         ),
     ],
-    options: Annotated[Path | None, typer.Option(metavar="FILE", help="A lab.toml with all other options.")] = None,
+    options: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="A lab.toml with further options (docs/lab.md).")
+    ] = None,
     mode: Annotated[
         str | None,
         typer.Option(
@@ -95,7 +97,7 @@ def _lab_options(
     repetitions: int | None,
     rate: float | None,
 ) -> LabOptions:
-    """Options of the file, overridden by those of the command line."""
+    """Options of the simulation: those of the file, changed by those of the command line."""
     from dataclasses import replace
 
     from armid.lab.options import LabOptions, load_options

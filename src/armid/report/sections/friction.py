@@ -108,7 +108,7 @@ def _table(page_data: PageData, recordings: Sequence[RecordingData], reversals: 
 
 
 def _parameter(ends: dict[str, Array], symbol: str, number: int) -> TableCell:
-    """Cell of a friction parameter, or of the base parameter into which it is grouped, with half its interval."""
+    """Cell of a friction parameter with half its interval, or of the base parameter into which it is grouped."""
     for name in (f"{symbol}_{number}", f"{symbol}R_{number}"):
         if name in ends:
             low, high = ends[name]
