@@ -115,12 +115,7 @@ def track(
     Raises:
         ArmidError: The recordings do not fit the run, or a time is not positive.
     """
-    if not (memory > 0.0 and 0.0 < block < np.inf):
-        raise StudyError(
-            f"The times --memory and --block must be above 0 s, and --block finite; found {memory:g} s "
-            f"and {block:g} s.",
-            remedy="give for instance --memory 30 --block 1.",
-        )
+    _check_times(memory, block)
     tell = progress or no_progress
     tell("recordings", 0.0)
     recordings, read = read_new_recordings(run, paths, reading)
@@ -155,6 +150,17 @@ def track(
         return _update_all(run, state, new, ends, lengths, units, told, tell)
     except EstimationError as error:
         raise diagnosed_error(error, told) from error
+
+
+def _check_times(memory: float, block: float) -> None:
+    """Checks that the time constant of forgetting and the time between estimates are positive [s].
+
+    Raises:
+        StudyError: A time is not positive, or the time between estimates is infinite.
+    """
+    if not (memory > 0.0 and 0.0 < block < np.inf):
+        problem = f"The times --memory and --block must be above 0 s; found {memory:g} s and {block:g} s."
+        raise StudyError(problem, remedy="give for instance --memory 30 --block 1.")
 
 
 def _observed(

@@ -30,8 +30,7 @@ def demo(
     """Identify and validate a virtual, hanging KUKA LBR iiwa 14 with the motions of the thesis [Halper2024].
 
     The motion of Table A.1 of the thesis, with a period of 27 s, is repeated five times and recorded at 8 kHz. The
-    arm has the friction of Table 4.1; the standard deviation of the noise is 1e-5 rad and 0.3 N·m. The model is
-    validated on the motion of Table A.2.
+    arm has the friction of Table 4.1, and noise of 1e-5 rad and 0.3 N·m. The model is validated on Table A.2.
 
     Example:
         armid demo --preset thesis

@@ -11,6 +11,14 @@ import typer
 from armid.cli.log_format_options import Columns, Rate, ReadingLines, TorqueSign, changed_reading
 from armid.cli.options import Json
 
+Controller = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="FILE",
+        help="JSON file with the gains of the controller, such as a truth.json; the simulation has this feedback.",
+    ),
+]
+
 
 def validate(
     run: Annotated[str, typer.Argument(help="Folder that armid identify made.")],
@@ -29,14 +37,7 @@ def validate(
     tolerance: Annotated[
         float, typer.Option(help="Largest tolerated position error of a simulated joint, rad or m.")
     ] = 0.01,
-    controller: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE",
-            help="JSON file with the gains of the controller, such as a truth.json; the "
-            "simulation then has this feedback.",
-        ),
-    ] = None,
+    controller: Controller = None,
     json: Json = False,
 ) -> None:
     """Validate a run on held-out recordings, which are read and processed like those of the run.

@@ -15,26 +15,29 @@ if TYPE_CHECKING:
     from armid.lab.options import LabOptions
     from armid.study.plans.simulation_files import WrittenSimulation
 
+PlannedMotion = Annotated[
+    str,
+    typer.Argument(
+        metavar="PLAN",
+        help="A plan.json, the folder of a plan, or a motion file in this folder; thesis-a1 or thesis-a2.",
+    ),
+]
+Mode = Annotated[
+    str | None,
+    typer.Option(
+        metavar="closed-loop|inverse-dynamics",
+        help="closed-loop: arm under a controller in MuJoCo; inverse-dynamics: motion exactly as planned.",
+    ),
+]
+
 
 def simulate(
     robot: RobotName,
-    plan: Annotated[
-        str,
-        typer.Argument(
-            metavar="PLAN",
-            help="A plan.json, the folder of a plan, or a motion file in this folder; thesis-a1 or thesis-a2.",
-        ),
-    ],
+    plan: PlannedMotion,
     options: Annotated[
         Path | None, typer.Option(metavar="FILE", help="A lab.toml with further options (docs/lab.md).")
     ] = None,
-    mode: Annotated[
-        str | None,
-        typer.Option(
-            metavar="closed-loop|inverse-dynamics",
-            help="closed-loop: arm under a controller in MuJoCo; inverse-dynamics: motion exactly as planned.",
-        ),
-    ] = None,
+    mode: Mode = None,
     controller: Annotated[
         str | None, typer.Option(metavar="computed-torque|pd-gravity|pid", help="The controller.")
     ] = None,
