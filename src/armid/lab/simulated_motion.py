@@ -104,8 +104,8 @@ def closed_loop(
 ) -> tuple[TrueMotion, ControllerGains]:
     """True motion of an arm that a controller moves along a plan; the arm begins at rest with a smooth lead-in.
 
-    In the lead-in, the reference changes smoothly from rest in the first pose of the plan to the plan. The time of
-    the plan runs from the beginning of the lead-in, and from time 0 on the reference is the plan.
+    In the lead-in, which ends at time 0, the reference changes smoothly from rest in the first pose of the plan to
+    the motion of the plan. From time 0 on the reference is the plan.
 
     Args:
         truth: The arm.

@@ -302,7 +302,7 @@ def has_errors(diagnoses: tuple[Diagnosis, ...]) -> bool:
 
 
 def _finding(error: RecordingError) -> Finding:
-    """Finding for the error of a fault that prevented the reading of a recording."""
+    """Converts the error that a fault of a recording caused during reading to a finding."""
     evidence = error.evidence
     if error.code != "value-missing":  # that sentence begins with the name of a channel
         evidence = f"{evidence[0].upper()}{evidence[1:]}"

@@ -29,7 +29,8 @@ OPTIONS = (*OF_READING, "gravity", "terms", "cutoff", "edges", "slow", "standsti
 """Keys for which commands have options with the same names."""
 
 READING = "reading"
-"""Option for any line of a `[[recording]]` table, for commands that read new recordings of the arm of a run."""
+"""Name of the option `--reading` of commands that read new recordings for a run; it takes any line of a
+`[[recording]]` table."""
 
 
 def tables_of(remedy: str) -> dict[str, dict[str, Any]]:

@@ -174,7 +174,7 @@ def _both_sides(rows: _Rows, recording: Recording, printed: Fitted) -> Fitted:
 
 
 def _others(rows: _Rows, recording: Recording, printed: Fitted, corrected: Fitted) -> Estimates:
-    """Adds results for slow rows left out, weights, the sign of gravity, and physically consistent links."""
+    """Adds results of variants: slow rows left out, joints weighted, printed sign of gravity, consistent links."""
     setting, group = rows.setting, "one-sided filter, other remedies"
     rows.run(group, "printed-fast", "rows below 0.1 rad/s left out", recording, replace(THESIS, slow=0.1))
     rows.take(group, "printed-weighted", "each joint weighted", by_method(printed, "wls"))

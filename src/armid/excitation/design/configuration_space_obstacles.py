@@ -62,7 +62,7 @@ class PositionMap:
     spare: float = 0.0
 
     def at(self, q: Array) -> tuple[Array, Array]:
-        """Distances (N,) in poses (N, n), interpolated linearly, and gradients (N, 2) by the two joint positions."""
+        """Distances (N,) from the region in poses (N, n), interpolated, and gradients (N, 2) by both positions."""
         place = np.clip((q[:, self.joints] - self.low) / self.step, 0.0, POSITIONS - 1.0)
         cell = np.minimum(place.astype(np.intp), POSITIONS - 2)
         u, v = (place - cell).T
