@@ -280,9 +280,9 @@ def _findings(estimate: PhysicalEstimate, eigenvalues: Array, price: float, held
     if price > PRICE:
         message = f"Physical consistency and the prior increase the squared residual by {100.0 * price:.3g} %."
         remedy = (
-            "add torque terms (key `terms`) that reduce the residuals, or reduce the option `weight` of the "
-            "method, which is "
-            "the weight of the prior. A wrong sign or a wrong gravity would be reported as a separate finding."
+            "add torque terms (key `terms`) that reduce the residuals, or reduce the option `weight` of the method, "
+            "which is the weight of the prior. A wrong sign or a wrong gravity would be reported as a separate "
+            "finding."
         )
         findings.append(Finding("price-of-consistency", "warning", "", message, remedy))
     far = f"more than {PUSHED:g} standard deviations from the values that fit the data best"

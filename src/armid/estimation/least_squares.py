@@ -117,8 +117,7 @@ def _require_rank(whole: Information) -> None:
         f"The data determine only {whole.count - len(directions)} of {whole.count} base parameters; they do not "
         f"determine {'; '.join(_named(directions, whole.names))}.",
         remedy="record a motion that moves the joints of these parameters, lock these joints (--lock), or use "
-        "fewer torque terms "
-        "(key `terms`).",
+        "fewer torque terms (key `terms`).",
     )
 
 

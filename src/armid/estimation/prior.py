@@ -1,16 +1,17 @@
-"""Priors of the standard parameters: their penalty functions, and the unit of their weight.
+"""Priors of the standard parameters: penalty functions, and the unit in which their weights are given.
 
-- `log-det`: for each link the divergence tr(J₀⁻¹J) - log det(J₀⁻¹J) - 4 of the pseudo-inertia J from that of the
-  description, J₀ [Lee2020]. The divergence does not depend on frames and units, and tends to infinity at the boundary
-  of the set of physically consistent bodies. For small changes it is half the squared relative change.
+- `log-det`: for each link the divergence tr(J₀⁻¹J) - log det(J₀⁻¹J) - 4 between the pseudo-inertia J and the
+  pseudo-inertia J₀ of the description [Lee2020]. The divergence does not depend on frames and units, and tends to
+  infinity at the boundary of the set of physically consistent bodies. For small changes it is half the squared
+  relative change.
 - `euclidean`: half the squared change of the parameters. Changes are divided by the mean mass of the links in the
   description and, for moments, by powers of their radius of gyration.
-- `mass`: the size of all bodies (masses, and second moments / LENGTH²), divided by ten kilograms. It changes a
-  parameter with a standard deviation of s kg by s / 10 standard deviations. This is little if the data determine the
-  parameter; if they do not, the body becomes as small as possible.
+- `mass`: the size of all bodies (sum of masses and of second moments / LENGTH²), divided by ten kilograms. If the
+  data determine a parameter with a standard deviation of s kg, this prior changes it by s / 10 standard deviations,
+  which is little. If the data do not determine a parameter, the body becomes as small as possible.
 
-In all three, parameters that are not inertial have the mean zero. Their standard deviation is the value for which the
-torque of this parameter alone is as large as the whole torque of the joint.
+In these three priors, a parameter that is not inertial has the mean zero. Its standard deviation is the value with
+which the torque of this parameter alone is as large as the whole torque of the joint.
 
 The unit of the weight is one independent sample: with weight 1 a change of 100 % costs as much as a residual of one
 standard deviation in one independent row of a joint. The weight applies to the links. The prior of friction and of
@@ -38,19 +39,20 @@ from armid.maths.inertia import (
 from armid.maths.linalg import half_of
 
 LENGTH = 0.3
-"""Length that makes masses, first moments and inertias of an arm comparable [m]: half the length of a usual link."""
+"""Length with which masses, first moments and inertias of an arm are made comparable [m]: half the length of a
+usual link."""
 
 THINNEST = 0.01
-"""Smallest radius of gyration about a plane through the centre of mass that is accepted from a description [m], on
-arms of usual size. Some descriptions give rods and points."""
+"""Smallest radius of gyration about a plane through the centre of mass that is accepted from the description of an
+arm of usual size [m]. Some descriptions contain bodies without thickness, such as rods and points."""
 
 SLIMMEST = 0.05
 """Smallest accepted radius of gyration on small arms, divided by the size of the arm. The size is the radius of
 gyration of the links about their joints: bodies of a hobby arm with a size of 70 mm have radii of 5 mm."""
 
 FLAT = 1e-6
-"""Ratio of the smallest second moment of a body to its largest, or to the smallest that is accepted. Below this
-ratio, which is a rounding error, the body has no thickness."""
+"""Ratio of the smallest second moment of a body to its largest one, or to the smallest accepted one, below which
+the body counts as having no thickness; such a ratio is a rounding error."""
 
 MASS = 10.0
 """Standard deviation of an unknown mass [kg]; it covers the links of all arms with which armid was tested."""
@@ -59,39 +61,42 @@ BODY = com_inertia_to_vector(5.0, np.zeros(3), 0.1 * np.eye(3))
 """Inertial parameters of a physically consistent body, from which a search starts."""
 
 ROOM = 0.1
-"""Start value of parameters that cannot be negative, in standard deviations of their prior."""
+"""Value with which a search starts for parameters that cannot be negative, in standard deviations of the prior."""
 
 HIGHEST = 0.1
-"""Largest lift of an eigenvalue from the boundary, divided by the trace of a body inside the cone; it is used if the
-slope of the cost is zero."""
+"""Largest amount by which an eigenvalue is raised from the boundary of the cone, divided by the trace of a body
+inside the cone; it is used if the slope of the cost is zero."""
 
 INFORMED = ("log-det", "euclidean")
 """Kinds of prior that hold the links near the description."""
 
 GIVEN, CHOSEN = "given", "chosen with the friction"
-"""Origins of a weight: an option of the method, or the friction selection."""
+"""Origins of the weight of a prior: an option of the method, or the selection of friction."""
 
 
 def weight_finding(prior: str, weight: float, origin: str) -> Finding:
-    """Finding on the weight of a prior.
+    """Finding that states the weight of a prior and the origin of this weight.
 
     Args:
-        prior: Its name, for instance `log-det prior`.
-        weight: Its weight [independent samples].
+        prior: Name of the prior, for instance `log-det prior`.
+        weight: Weight of the prior [independent samples].
         origin: Origin of the weight, for instance `GIVEN`.
     """
     samples = "one independent sample" if weight == 1.0 else f"{weight:.3g} independent samples"
-    return Finding("prior-weight", "info", "", f"The {prior} counts as much as {samples} ({origin}).")
+    return Finding(
+        "prior-weight", "info", "", f"The {prior} counts as much as {samples} (origin of this weight: {origin})."
+    )
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Prior:
-    """Prior of the p standard parameters, for weight 1.
+    """Prior of the p standard parameters, as a penalty function for weight 1.
 
     Attributes:
         mean: Values that the prior prefers, shape (p,).
         precision: Second derivative of the penalty at the mean, shape (p, p).
-        links: Inverses of the description's pseudo-inertias for `log-det`, shape (links, 4, 4); otherwise (0, 4, 4).
+        links: Inverses of the pseudo-inertias in the description, shape (links, 4, 4), for `log-det`; shape (0, 4, 4)
+            for other kinds of prior.
         findings: Findings about values of the description that were changed for the prior.
     """
 
@@ -114,7 +119,7 @@ class Prior:
         return result
 
     def inside(self, standard: StandardParameters) -> Array:
-        """Values (p,) strictly inside the cone: bodies of the description or `BODY`, and a little friction."""
+        """Standard parameters (p,) inside the cone: bodies of the description or `BODY`, and a little friction."""
         values = self.mean.copy()
         if not values[standard.inertial].any():
             values[standard.inertial] = BODY
@@ -125,10 +130,10 @@ class Prior:
     def lifted(
         self, standard: StandardParameters, values: Array, pull: Array, weight: float, *, bodies: bool = True
     ) -> Array:
-        """Values (p,) moved from the boundary of the cone to the inside, about to the minimum with a barrier.
+        """Moves standard parameters (p,) from the boundary of the cone to the inside, as a barrier would do.
 
-        If the cost increases with an eigenvalue that is zero at the best values, this eigenvalue at the minimum with
-        a barrier is the weight of the barrier divided by the slope of the cost.
+        If a barrier is added to the cost, an eigenvalue that was zero at the minimum becomes about the weight of the
+        barrier divided by the slope of the cost.
 
         Args:
             standard: The standard parameters.
@@ -152,7 +157,10 @@ class Prior:
         return result
 
     def log_det(self, standard: StandardParameters, origin: Array, basis: Array, weight: float) -> tuple[LogDet, ...]:
-        """Log-det divergences of the links that depend on unknowns, for parameters origin + basis · x."""
+        """Log-det divergences of the links, as functions of the unknowns x with the parameters origin + basis · x.
+
+        Links that do not depend on the unknowns are left out.
+        """
         units = PSEUDO_INERTIA_OF.transpose(1, 2, 0)
         terms: list[LogDet] = []
         for own, inverse in zip(standard.inertial, self.links, strict=True):
@@ -170,7 +178,7 @@ def make_prior(kind: str, standard: StandardParameters, weighted: WhitenedSystem
     The kinds `log-det` and `euclidean` use the inertial parameters of the description; `mass` and `none` do not.
 
     Raises:
-        EstimationError: The kind needs the description, and it gives no inertial parameters, or no mass for a link.
+        EstimationError: The kind of prior needs masses that the description does not contain.
     """
     p = len(standard.names)
     precision = np.zeros((p, p))
@@ -195,7 +203,7 @@ def make_prior(kind: str, standard: StandardParameters, weighted: WhitenedSystem
 
 
 def project_covariance(precision: Array, regrouping: Array) -> Array:
-    """Covariance of the base parameters by the prior, L P⁻¹ Lᵀ, shape (b, b).
+    """Covariance L P⁻¹ Lᵀ that a prior gives to the base parameters, shape (b, b).
 
     Args:
         precision: Precision P of the x unknowns, positive definite, shape (x, x).
@@ -206,7 +214,10 @@ def project_covariance(precision: Array, regrouping: Array) -> Array:
 
 
 def size_of_bodies(standard: StandardParameters) -> Array:
-    """Coefficients (p,) of the size of all bodies: the sum of masses and of second moments / LENGTH² [kg]."""
+    """Coefficients (p,) with which the sum over the parameters is the size of all bodies [kg].
+
+    The size is the sum of masses and of second moments / LENGTH².
+    """
     result = np.zeros(len(standard.names))
     traces = np.trace(PSEUDO_INERTIA_OF[:, :3, :3], axis1=1, axis2=2) / LENGTH**2
     for own in standard.inertial:
@@ -216,14 +227,17 @@ def size_of_bodies(standard: StandardParameters) -> Array:
 
 
 def _fill(precision: Array, standard: StandardParameters, mass: float, length: float) -> None:
-    """Sets the precision of the links: deviations mass, mass · length (first moments), mass · length² (inertias)."""
+    """Sets the precision of the inertial parameters of all links.
+
+    The standard deviations are `mass`, `mass` · `length` for first moments, and `mass` · `length`² for inertias.
+    """
     scale = mass * np.concatenate([[1.0], np.full(3, length), np.full(6, length**2)])
     for own in standard.inertial:
         precision[own, own] = 1.0 / scale**2
 
 
 def relative_precision(J: Array) -> Array:
-    """Second derivatives (..., 10, 10) of -log det at pseudo-inertias (..., 4, 4)."""
+    """Second derivatives (…, 10, 10) of -log det J by the ten inertial parameters, at pseudo-inertias J (…, 4, 4)."""
     values, vectors = np.linalg.eigh(J)
     # Where an eigenvalue is lost in rounding, what is smaller cannot be told from it.
     values = np.maximum(values, np.finfo(np.float64).eps * values[..., -1:])
@@ -234,7 +248,11 @@ def relative_precision(J: Array) -> Array:
 
 
 def _others(standard: StandardParameters, weighted: WhitenedSystem, others: NDArray[np.intp]) -> Array:
-    """Precision of parameters that are not inertial; see the module for their standard deviations."""
+    """Precisions (o,) of the o parameters that are not inertial.
+
+    With a value of one standard deviation, the torque of a parameter alone is as large as the whole torque of the
+    joint.
+    """
     precision = np.zeros(len(others))
     for joint, rows in zip(weighted.whole.joints, weighted.whole.rows[0], strict=True):
         torque = float(np.sum(joint.R[0, :, -1] ** 2))
@@ -245,7 +263,7 @@ def _others(standard: StandardParameters, weighted: WhitenedSystem, others: NDAr
 
 
 def _nominal(standard: StandardParameters) -> tuple[Array, tuple[Finding, ...]]:
-    """Inertial parameters (links, 10) of the description, moved into the cone if outside or on its boundary."""
+    """Inertial parameters (links, 10) of the description, made physically consistent, and findings about changes."""
     if standard.nominal is None:
         raise EstimationError(
             "A prior towards the description needs inertial parameters, but the description contains none.",
@@ -278,9 +296,7 @@ def _nominal(standard: StandardParameters) -> tuple[Array, tuple[Finding, ...]]:
             elif about[0] <= FLAT * max(about[-1], least):
                 what = "the inertia of this link is that of a body without thickness: a plate, a rod or a point"
             else:
-                what = (
-                    f"the link's radius of gyration of {radius:.2g} mm is smaller than the smallest that is assumed"
-                )
+                what = f"the radius of gyration of this link, {radius:.2g} mm, is smaller than that of real links"
             findings.append(
                 Finding(
                     "nominal-projected",
@@ -304,7 +320,7 @@ def smallest_radius(standard: StandardParameters) -> float:
 
 
 def _without_placeholders(standard: StandardParameters, nominal: Array) -> tuple[Array, tuple[Finding, ...]]:
-    """Inertial parameters (links, 10), with the lightest body of the others for links with a placeholder mass."""
+    """Inertial parameters (links, 10) in which the lightest real body replaces each body with a placeholder mass."""
     masses = nominal[:, 0]
     empty = standard.placeholders
     if not empty.any():
@@ -318,8 +334,8 @@ def _without_placeholders(standard: StandardParameters, nominal: Array) -> tuple
             "nominal-projected",
             "info",
             standard.links[k],
-            f"The mass in the description, {masses[k]:.2g} kg, is a placeholder and not the mass of the link; the "
-            f"prior uses the body of the lightest other link instead, with {masses[lightest]:.3g} kg.",
+            f"The mass of this link in the description, {masses[k]:.2g} kg, is a placeholder and not the real mass; "
+            f"the prior uses the body of the lightest other link instead, with {masses[lightest]:.3g} kg.",
             "write mass and inertia of the link into the description if they are known.",
         )
         for k in np.flatnonzero(empty)

@@ -1,4 +1,4 @@
-"""Input of an estimator: information, standard parameters and samples. `build_problem` makes it from observations."""
+"""Input of an estimator: information, standard parameters and samples; `build_problem` makes it from observations."""
 
 from __future__ import annotations
 
@@ -26,11 +26,12 @@ class StandardParameters:
         names: Names of the p standard parameters.
         units: Units of the p standard parameters.
         regrouping: Matrix with base parameters = regrouping · standard parameters, shape (b, p).
-        inertial: Positions of the ten inertial parameters of each link among the p, shape (links, 10).
+        inertial: Positions of the ten inertial parameters of each link among the p standard parameters, shape (links,
+            10).
         links: Names of the links.
         nonnegative: Mask of the parameters that are not inertial and cannot be negative, shape (p,).
-        nominal: Inertial parameters of the robot's description, zero for other terms, shape (p,); `None` if the
-            description has none.
+        nominal: Inertial parameters of the description, zero for the parameters of other terms, shape (p,); `None` if
+            the description has no inertial parameters.
     """
 
     names: tuple[ParameterName, ...]
@@ -51,7 +52,7 @@ class StandardParameters:
 
     @property
     def described(self) -> bool:
-        """True if the description gives every link a mass, so that a prior can prefer its bodies."""
+        """True if the description gives every link a mass, so that a prior can prefer the described bodies."""
         masses = np.zeros(0) if self.nominal is None else self.nominal[self.inertial[:, 0]]
         return len(masses) > 0 and bool((masses > 0.0).all())
 
@@ -70,8 +71,8 @@ class EstimationProblem:
         information: Factors of the recordings, block by block.
         standard: Standard parameters, for estimators that estimate them.
         model: The model, for estimators that process the samples a second time.
-        base: Base parameters of the model, for the same estimators.
-        observations: Samples of the recordings, for the same estimators.
+        base: Base parameters of the model, for estimators that process the samples a second time.
+        observations: Samples of the recordings, for estimators that process the samples a second time.
     """
 
     information: Information
@@ -81,7 +82,7 @@ class EstimationProblem:
     observations: Observations | None = field(default=None, repr=False)
 
     def require_standard(self, method: str) -> StandardParameters:
-        """Returns the standard parameters.
+        """Returns the standard parameters of the problem; `method` is the name of the estimator that needs them.
 
         Raises:
             EstimationError: The problem has no standard parameters.
@@ -94,10 +95,10 @@ class EstimationProblem:
         return self.standard
 
     def require_samples(self, method: str) -> tuple[DynamicsModel, BaseParameters, Observations]:
-        """Returns model, base parameters and observations.
+        """Returns model, base parameters and observations; `method` is the name of the estimator that needs them.
 
         Raises:
-            EstimationError: The problem lacks one of them.
+            EstimationError: The problem lacks model, base parameters or observations.
         """
         if self.model is None or self.base is None or self.observations is None:
             raise EstimationError(
@@ -122,9 +123,10 @@ def build_problem(
         model: Arm and torque terms.
         observations: Processed recordings.
         base: Base parameters of the model; computed if not given.
-        scale_deviation: Relative standard deviation of each joint's torque scale, shape (n,); zero where not given.
-        threads: Threads of the kernel.
-        progress: Called with the finished and the total number of samples.
+        scale_deviation: Relative standard deviation of the torque scale of each joint, shape (n,); if not given, all
+            are zero.
+        threads: Number of threads of the kernel.
+        progress: Function that is called with the number of finished samples and the number of all samples.
 
     Raises:
         ArmidError: The observations have other joints than the model, no row is in use, or the model has hysteresis,

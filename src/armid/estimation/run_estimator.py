@@ -1,4 +1,4 @@
-"""Estimation: solution by an estimator, then the covariance for the intervals."""
+"""Estimation in two steps: an estimator computes the values, then the covariance for the intervals is computed."""
 
 from __future__ import annotations
 

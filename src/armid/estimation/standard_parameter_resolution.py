@@ -1,4 +1,4 @@
-"""Estimated standard parameters, each with the share of its value that the data determine.
+"""Estimated standard parameters, and for each of them the share of the value that the data determine.
 
 With H the normal matrix of the data and P the precision of the prior, both in standard parameters, the diagonal of
 
@@ -26,28 +26,29 @@ from armid.notebook_display import Displayed, Summary, interval_text
 Status = Literal["identified", "prior-dominated", "not identifiable"]
 
 NOT_JUDGED = "that of one sample, because there are too few blocks for cross-validation"
-"""Origin of the weight of a prior if no weight could be chosen on held-out blocks."""
+"""Text for the origin of the weight of a prior, if there are too few blocks to choose a weight by
+cross-validation."""
 
 IDENTIFIED = 0.9
-"""Share of the data from which a parameter counts as identified. At this share, at most a tenth of an error of the
-prior enters the value."""
+"""Share of a value that comes from the data, from which the parameter counts as identified. At most a tenth of an
+error of the prior then enters the value."""
 
 SEEN = 1e-9
 """Ratio of a singular value to the largest, for columns of unit length, from which a combination of base parameters
 counts as dependent on the unknowns."""
 
 UNSEEN = 0.1
-"""Share of the data below which a parameter counts as not identifiable: the data have almost no effect on its
-value."""
+"""Share of a value that comes from the data, below which the parameter counts as not identifiable: the data have
+almost no effect on the value."""
 
 
 @dataclass(frozen=True, slots=True)
 class PriorTrial:
-    """Trial of a weight of the prior, with the held-out error.
+    """Weight of a prior that was tried, with the held-out error.
 
     Attributes:
         weight: Number of independent samples of each joint to which the prior is equivalent.
-        error: Mean over folds and joints of log(held-out variance / variance of the residual).
+        error: Held-out error: mean over folds and joints of log(held-out variance / variance of the residual).
     """
 
     weight: float
@@ -76,14 +77,14 @@ class PriorUse:
 
 @dataclass(frozen=True, slots=True)
 class Proof:
-    """Certificate of a solution, computed from its values without use of the status of the solver.
+    """Certificate of a solution, computed from the values of the parameters and not from the solver's status.
 
     Attributes:
         cost_increase: Increase of the weighted squared residual by constraints and prior, divided by its value
             without them.
         smallest_eigenvalue: Smallest eigenvalue of the pseudo-inertias of all links.
-        lowest: Smallest value of the parameters, such as friction, that cannot be negative.
-        gap: Relative duality gap.
+        lowest: Smallest value among the parameters that cannot be negative, such as friction.
+        gap: Duality gap of the solution, divided by the objective.
     """
 
     cost_increase: float = field(metadata={"stored": "price"})
@@ -97,12 +98,12 @@ class StandardMap:
     """Map from the covariance of b base parameters to the covariance of p standard parameters.
 
     Attributes:
-        share: Derivative of the standard parameters with respect to the base parameters, shape (p, b). A change of
-            base parameters has many possible standard parameters; the prior chooses among them.
-        rest: Covariance that the standard parameters still have if the base parameters are known, shape (p, p); it
-            follows from prior and cone.
+        share: Derivative of the standard parameters by the base parameters, shape (p, b). Many standard parameters
+            have the same base parameters; the prior selects those to which the derivative belongs.
+        rest: Covariance of the standard parameters if the base parameters are known exactly, shape (p, p); it follows
+            from prior and cone.
         shift: Difference between the analytic centre of the feasible set and the estimate, shape (p,).
-        base_shift: The same difference in base parameters, shape (b,).
+        base_shift: Difference between the analytic centre and the estimate in base parameters, shape (b,).
         bounded: 1 for parameters that cannot be negative, otherwise 0, shape (p,).
     """
 
@@ -126,11 +127,12 @@ class StandardFit(Displayed):
     """Estimate of p standard parameters.
 
     Attributes:
-        names: Names; if recordings have separate friction, there is one copy for each recording, such as `FV_1[2]`.
-        units: Units.
+        names: Names of the parameters. If recordings have separate friction, there is one copy for each recording,
+            such as `FV_1[2]` for recording 2.
+        units: Units of the parameters.
         values: Estimated values, shape (p,).
-        covariance: Covariance of the values by data and prior, corrected for the correlation of rows, shape (p,
-            p).
+        covariance: Covariance of the values that follows from data and prior, corrected for the correlation of rows,
+            shape (p, p).
         intervals: 95 % intervals by Student's t distribution, without negative values where physics forbids them,
             shape (p, 2).
         resolution: Share of each value that comes from the data, shape (p,).
@@ -138,7 +140,7 @@ class StandardFit(Displayed):
         prior: Kind and weight of the prior.
         proof: Certificate of the solution.
         lift: Map from the covariance of the base parameters to covariance and intervals of the standard parameters;
-            `None` if these are final.
+            `None` if covariance and intervals are final.
     """
 
     names: tuple[ParameterName, ...]
@@ -168,7 +170,7 @@ class StandardFit(Displayed):
         return np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
 
     def summary(self) -> Summary:
-        """Parameters with their intervals, shares of the data and status."""
+        """Table of the parameters with values, intervals and status."""
         rows = tuple(
             (name, f"{value:.5g}", unit, "–" if said == "not identifiable" else interval_text(low, high), said)
             for name, value, unit, (low, high), said in zip(
@@ -181,10 +183,10 @@ class StandardFit(Displayed):
 def status_of(
     resolution: Array, informed: bool, given: NDArray[np.bool_], held: NDArray[np.bool_]
 ) -> tuple[Status, ...]:
-    """Status of each parameter.
+    """Status of each standard parameter: `identified`, `prior-dominated` or `not identifiable`.
 
     Args:
-        resolution: Share of the data, shape (p,).
+        resolution: Share of each value that comes from the data, shape (p,).
         informed: True if the prior gives values for parameters that the data do not determine.
         given: Mask of the parameters whose value the study gives, shape (p,).
         held: Mask of the parameters that a constraint or the prior holds away from the value that fits best,
@@ -202,7 +204,7 @@ def status_of(
 
 
 def shares(information: Array, precision: Array) -> tuple[Array, Array]:
-    """Covariance (H + P)⁻¹ and the diagonal of (H + P)⁻¹ H.
+    """Covariance (H + P)⁻¹ of the parameters, and the diagonal of (H + P)⁻¹ H: the shares that come from the data.
 
     Args:
         information: Normal matrix H of the data, shape (p, p).
@@ -215,12 +217,12 @@ def shares(information: Array, precision: Array) -> tuple[Array, Array]:
 def map_to_standard(
     precision: Array, regrouping: Array, basis: Array, correlation: float, shift: Array, bounded: Array
 ) -> StandardMap:
-    """Computes mean and covariance that a prior gives to the standard parameters if the base parameters are known.
+    """Computes how mean and covariance of the standard parameters follow from the base parameters and a prior.
 
-    With P the precision of the prior and L the regrouping, known base parameters π give the standard parameters θ the
-    mean G π with G = P⁻¹Lᵀ(L P⁻¹Lᵀ)⁻¹, and the covariance P⁻¹ - G L P⁻¹. This covariance is zero for a parameter that
-    is itself a base parameter. If π has the covariance of data with the normal matrix H, the sum of both parts is
-    (LᵀHL + P)⁻¹.
+    Let P be the precision of the prior and L the regrouping. If the base parameters π are known exactly, the standard
+    parameters θ have the mean G π with G = P⁻¹Lᵀ(L P⁻¹Lᵀ)⁻¹, and the covariance P⁻¹ - G L P⁻¹. This covariance is
+    zero for a standard parameter that is also a base parameter. If π is estimated from data with the normal matrix H,
+    its covariance adds a second part, and the sum of the two parts is (LᵀHL + P)⁻¹.
 
     Args:
         precision: Precision P of the x unknowns, in units of the weighted normal equations, shape (x, x).
@@ -253,7 +255,8 @@ def stated(fit: StandardFit, scatter: Array, known: Array, freedom: Array) -> St
     Args:
         fit: Estimate of the standard parameters with the map `lift`; without it, the fit is returned unchanged.
         scatter: Covariance of the base parameters that was estimated from residuals, shape (b, b).
-        known: Covariance of the base parameters of known size, by prior and torque scales, shape (b, b).
+        known: Covariance of the base parameters that is not estimated from residuals: by prior and by torque scales,
+            shape (b, b).
         freedom: Degrees of freedom of the scatter of each base parameter, shape (b,).
     """
     own = fit.lift

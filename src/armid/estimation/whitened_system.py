@@ -1,4 +1,4 @@
-"""Data as one block of whitened rows, also if the data do not determine all parameters.
+"""Data as one block of whitened rows, which exists even if the data do not determine all parameters.
 
 The weight of each joint is that of weighted least squares without constraints: one divided by the standard deviation
 of its residual. Constraints and priors increase the residual of some joints. If the weights were computed from this
@@ -40,8 +40,8 @@ class WhitenedSystem:
         inverse: Pseudo-inverse of rowsᵀ rows, shape (b, b).
         unseen: Directions of the parameters that do not change the residual, shape (m, b); m is 0 at full rank.
         squares: Sum of the squared residuals of each joint at `values`, unweighted, shape (n,).
-        effective_dof: Sum of the leverages of each joint's rows, by which the fit reduces the degrees of freedom,
-            shape (n,).
+        effective_dof: Sum of the leverages of the rows of each joint, shape (n,): number of degrees of freedom that
+            the fit uses.
         correlation: Number of consecutive rows that contain as much information as one independent row, from the
             scatter between blocks; at least 1.
     """
@@ -67,7 +67,8 @@ def whiten(information: Information, *, plain: bool = False, resolution: float =
 
     Args:
         information: Any number of blocks.
-        plain: True for the same weight of all joints, from the residual of all rows, as in ordinary least squares.
+        plain: True to give all joints the same weight, computed from the residual of all rows, as in ordinary least
+            squares.
         resolution: Lower limit of the ratio of noise to torque.
 
     Raises:
@@ -76,7 +77,10 @@ def whiten(information: Information, *, plain: bool = False, resolution: float =
     whole = total(information)
     rows = whole.rows[0]
     if not rows.any():
-        raise EstimationError("No row of the recordings is used.", remedy="trim or mask fewer rows.")
+        raise EstimationError(
+            "No row of the recordings is used.",
+            remedy="leave out fewer rows (keys `trim`, `exclude` and `standstill`).",
+        )
     torque = np.array([np.linalg.norm(joint.R[0, :, -1]) for joint in whole.joints])
     floor = resolution * torque / np.sqrt(np.maximum(rows, 1))
     floor[torque == 0.0] = 1.0  # a joint of which no row counts, or that never carried torque; any weight will do
@@ -107,14 +111,18 @@ def whiten(information: Information, *, plain: bool = False, resolution: float =
 
 
 def rows_of(information: Information, weights: Array) -> tuple[Array, Array]:
-    """Triangular whitened rows and right-hand side of some blocks, shapes (k, b) and (k,)."""
+    """Triangular whitened rows (k, b) of all blocks of some information, and their right-hand side (k,)."""
     A, y = stack(total(information), weights)
     R: Any = np.linalg.qr(np.column_stack([A, y]), mode="r")[: A.shape[1]]
     return R[:, :-1], R[:, -1]
 
 
 def minimum_norm_solution(A: Array, y: Array) -> tuple[Array, Array, Array]:
-    """Least squares: values (b,), square root (b, k) of the pseudo-inverse of AᵀA, undetermined directions (m, b)."""
+    """Least-squares solution of A x = y with the smallest norm.
+
+    Returns:
+        Solution (b,), square root (b, k) of the pseudo-inverse of AᵀA, and the m undetermined directions (m, b).
+    """
     scaled, length = unit_columns(A)
     clear = orthonormal(scaled)
     if clear is not None:
@@ -127,11 +135,13 @@ def minimum_norm_solution(A: Array, y: Array) -> tuple[Array, Array, Array]:
 
 
 def _correlation(information: Information, weights: Array, values: Array, half: Array) -> float:
-    """Variance of the gradients of the blocks, divided by its value for white residuals; 1 if there are few blocks.
+    """Variance of the gradients of the blocks, divided by their variance for white residuals.
 
-    Residuals that are correlated over many rows increase this variance. The number of blocks is small, and the
-    estimate was computed from the same blocks, so the result is rather too small than too large. It is used only as
-    the unit of a prior's weight.
+    The result is 1 if there are too few blocks.
+
+    Residuals that are correlated over many rows increase the variance of the gradients. The number of blocks is
+    small, and the estimate was computed from the same blocks, so the result is more often too small than too large.
+    It is used only as the unit of the weight of a prior.
     """
     used = np.flatnonzero(information.rows.any(axis=1))
     if len(used) < 4:

@@ -164,7 +164,7 @@ def test_where_only_one_joint_moves_bodies_are_real_and_what_is_unknown_is_said(
 def test_without_any_motion_the_load_is_refused_and_named():
     rng = np.random.default_rng(6)
     loaded = carrying(2, rng, 1e-3 * LOAD, still=(0, 1, 2, 3, 4, 5), seconds=4.0)
-    with pytest.raises(EstimationError, match=r"none of the load's parameters: M \(.*ZZ \("):
+    with pytest.raises(EstimationError, match=r"none of the parameters of the load: M \(.*ZZ \("):
         estimate_payload(beside(carrying(1, rng), loaded))
 
 

@@ -131,8 +131,7 @@ class ThesisNLP:
             raise EstimationError(
                 f"IPOPT found no solution from {self.starts} starts ({', '.join(sorted({e[2] for e in ends}))}).",
                 remedy="choose wider bounds (options `mass`, `com`, `moment`, `product`, `friction`), fewer "
-                "`constraints` or more "
-                "`starts`.",
+                "`constraints` or more `starts`.",
             )
         values = min(good, key=lambda each: each[0])[1]
         costs = ", ".join(f"{each[0]:.8g}" if each[2] in SOLVED else each[2] for each in ends)

@@ -1,1 +1,1 @@
-"""Recursive least squares with forgetting."""
+"""Recursive least squares: an estimate that is updated with each new block of rows and forgets old rows."""

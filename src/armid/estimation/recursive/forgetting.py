@@ -5,15 +5,16 @@ no longer excites then tends to zero, and rounding errors move the estimate far 
 only information that new rows replace is forgotten [Cao2000], here for whole blocks of rows of all joints, and only
 for parameters that may change [Vahidi2005].
 
-For stored rows R and the rows B of a block, there are coordinates in which both are diagonal, Rᵀ R = Wᵀ W and Bᵀ B =
-Wᵀ g W. In direction i the block has g_i times the stored information. With a discount factor λ, the share
+For the stored rows R and the rows B of a new block, there are coordinates, given by a matrix W, in which both normal
+matrices are diagonal: Rᵀ R = Wᵀ W and Bᵀ B = Wᵀ g W with a diagonal matrix g. In direction i, the block has g_i times
+the stored information. With a discount factor λ, the share
 
     f_i = min(1 - λ, RETURN g_i)
 
-of the stored information is forgotten in direction i. A share λ of the information is kept in the discounted factors.
-The remaining share 1 - λ - f_i is kept as rows √(1 - λ - f_i) W_i. If g_i ≥ (1 - λ) / RETURN, f_i is 1 - λ and
-forgetting is exponential; if the block has no information in direction i, nothing is forgotten. In [Lai2024] a
-threshold decides between these two cases; here the transition is linear.
+of the stored information in direction i is forgotten. The share λ is kept in the discounted factors, and the
+remaining share 1 - λ - f_i is kept as rows √(1 - λ - f_i) W_i. If g_i ≥ (1 - λ) / RETURN, f_i is 1 - λ and forgetting
+is exponential; if the block has no information in direction i, nothing is forgotten. In [Lai2024] a threshold decides
+between these two cases; here the transition is linear.
 """
 
 from __future__ import annotations
@@ -25,8 +26,8 @@ from armid.checked_array import Array
 
 RETURN = 100.0
 """Largest ratio of forgotten to new information in a direction. If the amplitude of the motion is a tenth of the
-earlier one, forgetting is still full. Noise with a millionth of the stored information causes the loss of a 10
-000th."""
+earlier amplitude, forgetting is still exponential. If noise gives a millionth of the stored information, at most a
+10 000th of the stored information is forgotten."""
 
 
 def retained_rows(whole: Array, block: Array, share: float, changing: NDArray[np.bool_]) -> Array:
@@ -34,14 +35,14 @@ def retained_rows(whole: Array, block: Array, share: float, changing: NDArray[np
 
     Args:
         whole: All stored information, as triangular whitened rows with the right-hand side last, shape (b, b + 1).
-        block: The new block in the same form, shape (b, b + 1).
+        block: The new block, as triangular whitened rows with the right-hand side last, shape (b, b + 1).
         share: Share 1 - λ of the information that is to be forgotten, from 0 to 1.
-        changing: Mask of the parameters that may change, shape (b,); the information about the others is not
+        changing: Mask of the parameters that may change, shape (b,); information about other parameters is not
             forgotten.
 
     Returns:
-        Whitened rows with the right-hand side last, shape (b, b + 1). The normal matrix after forgetting is that of
-        these rows, plus λ times the stored normal matrix.
+        Whitened rows with the right-hand side last, shape (b, b + 1). The normal matrix after forgetting is the sum
+        of the normal matrix of these rows and λ times the stored normal matrix.
     """
     b = len(changing)
     kept = np.zeros((b, b + 1))
@@ -63,15 +64,16 @@ def retained_rows(whole: Array, block: Array, share: float, changing: NDArray[np
 
 
 def discount(whole: Array, changing: NDArray[np.bool_], jump: Array) -> Array:
-    """Computes the rows (b, b + 1) after a sudden change of parameters; the estimate stays the same.
+    """Computes the whitened rows (b, b + 1) that remain after a sudden change of parameters.
 
-    The conditional covariance of the changing parameters, given the others, increases by the covariance of the
-    change. The information about the other parameters stays the same.
+    The estimate stays the same. The conditional covariance of the changing parameters, given all other parameters,
+    increases by the covariance of the change. The information about the other parameters stays the same.
 
     Args:
-        whole: All stored information, which determines all parameters, as in `retained_rows`.
+        whole: All stored information, which must determine all parameters, as triangular whitened rows with the
+            right-hand side last, shape (b, b + 1).
         changing: Mask of the parameters that may have changed, shape (b,).
-        jump: Standard deviations of the change, shape (b,); those of the other parameters are not used.
+        jump: Standard deviations of the change, shape (b,); values for parameters that do not change are not used.
     """
     c = int(changing.sum())
     order, stored = _changing_first(whole, changing)

@@ -1,4 +1,4 @@
-"""Innovations of a block (torque errors of its prediction): normalised size, and correlation between blocks."""
+"""Innovations of a block (errors of the torque predicted from earlier rows): size, and correlation of blocks."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from armid.estimation.recursive.state import Innovations, RecursiveState
 from armid.information.information import Information
 
 CREEP = 2.0
-"""Upper limit of the ratio of a block's squared error to the usual one, if the block shows a sudden change. With this
-limit the block enters the average that gives the usual error."""
+"""Upper limit of the squared error of a block that shows a sudden change, divided by the usual squared error, when
+the block is included in the average from which the usual error is computed."""
 
 
 def normalized_innovation(state: RecursiveState, values: Array, new: Information) -> tuple[Array, Array]:
-    """Computes the torque error of new rows, predicted with the estimate before them, relative to its usual size.
+    """Computes the error of the torque that the estimate predicts for new rows, relative to usual errors.
 
     Args:
         state: State before the rows.
@@ -25,7 +25,7 @@ def normalized_innovation(state: RecursiveState, values: Array, new: Information
 
     Returns:
         Two arrays of shape (n,): the squared torque error divided by its expected value; and the square root of this
-        ratio divided by its usual level.
+        ratio, divided by the usual value of this root.
     """
     error = np.zeros(new.n)
     if state.root is None:
@@ -42,7 +42,10 @@ def normalized_innovation(state: RecursiveState, values: Array, new: Information
 
 
 def after_a_gap(stats: Innovations) -> Innovations:
-    """Statistics after a block without rows: unchanged, except that the next block has no correlated neighbour."""
+    """Statistics of the innovations after a block without rows.
+
+    They are unchanged, except that the next block has no neighbour with which it could be correlated.
+    """
     return replace(stats, normalized_innovation=np.zeros_like(stats.level), pull=np.zeros_like(stats.pull))
 
 
@@ -62,9 +65,9 @@ def update_noise_color(
         before: State before the block, with the weights after it.
         values: Estimate of that state, shape (b,).
         new: The block.
-        half: Square root of the inverse of all information after the block, shape (b, b).
+        half: Square root of the inverse normal matrix of all information after the block, shape (b, b).
         error: Result of `normalized_innovation` for the block.
-        discount: Discount factor of earlier blocks of the joints that the block observes.
+        discount: Factor by which earlier blocks are discounted, for joints that have rows in the new block.
         usual: True if no sudden change was detected; a block with a change has little effect on the statistics.
     """
     stats = before.innovations

@@ -1,4 +1,4 @@
-"""Recursive least squares by blocks, with forgetting.
+"""Recursive least squares with forgetting: the state of the estimate is updated block by block.
 
 The state is square-root information [Bierman1977]: factors of each joint's rows, discounted by λ = exp(-Δt/τ), and
 whitened rows of information that must not be forgotten (`armid.estimation.recursive.forgetting`) or that was given
@@ -9,11 +9,12 @@ Forgetting changes neither the estimate nor its errors, so the covariance P chan
 
     P' = (1 - X G) P (1 - X G)ᵀ + X S X,        X = H'⁻¹,
 
-with G the normal matrix of the block, H' that of all stored information including the block, and S the covariance of
-the block's gradient. S is G times a factor for each joint: the variance of its gradients divided by the variance for
-white noise, which includes the correlation with the previous block. P is stored as a factor L with P = L Lᵀ. Its
-update stacks (1 - X G) L and X A_jᵀ for the whitened rows A_j of each joint and makes the result square by an
-orthogonal transformation, so that no variance becomes negative [Bierman1977].
+Here G is the normal matrix of the block, H' the normal matrix of all stored information including the block, and S
+the covariance of the gradient of the block. S is the sum over the joints of the part of G from the rows of the joint,
+times a factor: the variance of the gradients of this joint divided by the variance for white noise. The factor
+includes the correlation with the previous block. P is stored as a factor L with P = L Lᵀ. Its update stacks (1 - X G)
+L and X A_jᵀ for the whitened rows A_j of each joint and makes the result square by an orthogonal transformation, so
+that no variance becomes negative [Bierman1977].
 """
 
 from __future__ import annotations
@@ -46,19 +47,19 @@ ENOUGH = 1.5
 noise."""
 
 FIRST = 10.0
-"""Weight of the noise level and correlation of an earlier run, expressed as a number of blocks."""
+"""Number of blocks to which the noise level and the correlation of an earlier run are equivalent."""
 
 
 def begin(
     block: Information, memory: ForgettingOptions | None = None, *, weights: Array | None = None
 ) -> RecursiveState:
-    """Creates a state without information.
+    """Creates the state of a recursive estimate before the first block: it contains no information.
 
     Args:
-        block: Example of a block: it gives the parameters of each joint's rows and is not added to the state.
+        block: Example of a block, from which names and indices of the parameters are taken; its rows are not used.
         memory: Options of forgetting; if not given, nothing is forgotten.
-        weights: One divided by the standard deviation of each joint's noise, shape (n,); if not given, they are
-            computed from the residuals.
+        weights: One divided by the standard deviation of the noise of each joint, shape (n,); if not given, the
+            weights are computed from the residuals.
     """
     b, n, zero = block.count, block.n, np.zeros(block.n)
     joints = tuple(JointFactors(joint.parameters, np.zeros((1, *joint.R.shape[1:]))) for joint in block.joints)
@@ -79,13 +80,13 @@ def resume(
 ) -> RecursiveState:
     """Creates a state from an earlier estimate with its covariance and the noise level of each joint.
 
-    The covariance of the earlier estimate divided by its covariance for white residuals gives the number of
+    The ratio of the covariance of the earlier estimate to the covariance for white residuals is the number of
     correlated rows that count as one independent row. The weights of new rows are divided by the square root of this
     number.
 
     Args:
-        block: Example of a block: it gives the parameters of each joint's rows.
-        earlier: The earlier estimate, of the same parameters.
+        block: Example of a block, from which names and indices of the parameters are taken.
+        earlier: The earlier estimate; its parameters must be among those of the block.
         memory: Options of forgetting.
         further: Standard deviations of the m parameters of the blocks that the estimate does not contain, shape (m,);
             the earlier values of these parameters are zero.
@@ -120,7 +121,7 @@ def resume(
 
 
 def _definite(earlier: Fit, factors: Information | None) -> Array:
-    """Covariance of an earlier estimate, shape (b, b); it has full rank if the factors are given."""
+    """Covariance of an earlier estimate, shape (b, b); if the factors are given, it is changed to have full rank."""
     if factors is None or earlier.covariance_kind not in ("period", "block"):
         return earlier.covariance
     A = stack(total(factors), earlier.weights)[0]
@@ -173,10 +174,10 @@ def update(state: RecursiveState, block: Information, seconds: float) -> Recursi
 
 
 def fit(state: RecursiveState) -> Fit:
-    """Estimate with its covariance; without forgetting it equals weighted least squares.
+    """Makes the fit of a state; without forgetting, the estimate equals weighted least squares.
 
     Raises:
-        EstimationError: The rows so far do not determine every parameter.
+        EstimationError: The rows that were added do not determine every parameter.
     """
     covariance = state.covariance
     if covariance is None:
@@ -216,7 +217,7 @@ def _checked(memory: ForgettingOptions, b: int) -> ForgettingOptions:
     for name in ("changing", "jump"):
         given = getattr(memory, name)
         if given is not None and np.shape(given) != (b,):
-            raise EstimationError(f"Memory.{name} must have shape ({b},); found {np.shape(given)}.")
+            raise EstimationError(f"ForgettingOptions.{name} must have shape ({b},); found {np.shape(given)}.")
     return memory
 
 
@@ -226,7 +227,10 @@ def _changing(state: RecursiveState) -> NDArray[np.bool_]:
 
 
 def _triangle(rows: Array) -> Array:
-    """Triangular factor (b, b + 1) of rows with the right-hand side last, without the residual."""
+    """Triangular factor (b, b + 1) of rows whose last column is the right-hand side.
+
+    The row of the residual is left out.
+    """
     return factor_columns(np.ascontiguousarray(rows.T))[0][:-1]
 
 
@@ -235,25 +239,25 @@ def _parted(whole: Array) -> tuple[Array, Array]:
 
 
 def _whole(data: Information, kept: Array, weights: Array) -> Array:
-    """All rows whitened and triangular, shape (b, b + 1)."""
+    """Triangular factor of all whitened rows: weighted rows of the factors, and retained rows, shape (b, b + 1)."""
     A, y = stack(data, weights)
     return _triangle(np.vstack([np.column_stack([A, y]), kept]))
 
 
 def _discounted(old: JointFactors, new: JointFactors, factor: float) -> JointFactors:
-    """Merged factors of one joint, the old ones discounted."""
+    """Merges old and new factors of one joint, after the old factors are multiplied by the discount factor."""
     rows = np.vstack([np.sqrt(factor) * old.R[0], new.R[0]])
     return JointFactors(old.parameters, factor_columns(rows.T))
 
 
 def _root(covariance: Array) -> Array:
-    """Factor (b, b) of a covariance, from its correlations; negative eigenvalues from rounding are set to zero."""
+    """Factor L (b, b) of a covariance L Lᵀ; eigenvalues that rounding has made negative are set to zero."""
     size, share, directions = _scaled_eigenvalues(covariance)
     return size[:, None] * directions * np.sqrt(np.maximum(share, 0.0))
 
 
 def _root_of_inverse(covariance: Array) -> Array:
-    """Square root of the inverse of a covariance, computed on the correlations."""
+    """Square root of the inverse of a covariance (b, b), computed with the correlation matrix for accuracy."""
     size, share, directions = _scaled_eigenvalues(covariance)
     return (directions / np.sqrt(np.maximum(share, np.finfo(np.float64).eps * share[-1]))).T / size
 
@@ -267,7 +271,7 @@ def _scaled_eigenvalues(covariance: Array) -> tuple[Array, Array, Array]:
 
 
 def _residual_statistics(data: Information, values: Array, weights: Array, half: Array) -> tuple[Array, Array]:
-    """Sum of squared residuals of each joint, unweighted, and sum of the leverages of its rows, shapes (n,)."""
+    """Sum of squared residuals of each joint, unweighted, and sum of the leverages of its rows, shape (n,) each."""
     squares, effective = np.empty((2, data.n))
     for j, joint in enumerate(data.joints):
         R = joint.R[0]
@@ -277,7 +281,7 @@ def _residual_statistics(data: Information, values: Array, weights: Array, half:
 
 
 def _next_weights(state: RecursiveState, data: Information, rows: Array, kept: Array) -> Array:
-    """One divided by the standard deviation of each joint's residual, for the solution with the present weights."""
+    """Next weights (n,): one divided by the standard deviation of each joint's residual with the present weights."""
     values, half, _ = minimum_norm_solution(*_parted(_whole(data, kept, state.weights)))
     squares, effective = _residual_statistics(data, values, state.weights, half)
     torque = np.array([np.sum(joint.R[0, :, -1] ** 2) for joint in data.joints])
@@ -288,7 +292,7 @@ def _next_weights(state: RecursiveState, data: Information, rows: Array, kept: A
 
 
 def _settled(state: RecursiveState, data: Information) -> Array:
-    """Weights after convergence of the iteration."""
+    """Weights (n,) of the rows of each joint, after the iteration has converged."""
     for _ in range(ITERATIONS):
         weights = _next_weights(state, data, state.rows, state.whitened_rows)
         if (np.abs(state.weights / weights - 1.0) <= STANDSTILL).all():
@@ -301,7 +305,7 @@ def _settled(state: RecursiveState, data: Information) -> Array:
 
 
 def _after_change(state: RecursiveState) -> RecursiveState:
-    """State after a sudden change: all information becomes `whitened_rows`, with the covariance of the change."""
+    """State after a sudden change of parameters: all information is moved to `whitened_rows` and discounted."""
     assert state.root is not None  # a block without a covariance before it shows no sudden change
     assert state.memory.jump is not None
     changing = _changing(state)
@@ -312,7 +316,14 @@ def _after_change(state: RecursiveState) -> RecursiveState:
 
 
 def _spread(before: RecursiveState, weights: Array, new: Information, half: Array) -> Array:
-    """Factor (b, b) of the covariance after new rows; `half` is a square root of the inverse normal matrix."""
+    """Factor (b, b) of the covariance after new rows.
+
+    Args:
+        before: State before the rows.
+        weights: Weights of the rows of each joint, shape (n,).
+        new: The new rows.
+        half: Square root of the inverse normal matrix after the rows, shape (b, b).
+    """
     if before.root is None:  # the noise counts as white until blocks have given its correlation
         return _square(half)
     X, b = half @ half.T, len(before.names)
@@ -325,6 +336,6 @@ def _spread(before: RecursiveState, weights: Array, new: Information, half: Arra
 
 
 def _square(root: Array) -> Array:
-    """Lower triangular factor (b, b) of the covariance that has the factor `root` (b, k), with k >= b."""
+    """Lower triangular factor (b, b) of the covariance root · rootᵀ, where `root` has shape (b, k) with k >= b."""
     R: Any = np.linalg.qr(root.T, mode="r")
     return R.T

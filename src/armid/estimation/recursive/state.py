@@ -1,4 +1,4 @@
-"""State of a recursive estimate: factors, retained rows, and options of forgetting."""
+"""State of a recursive estimate: triangular factors, rows that are not forgotten, and options of forgetting."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from armid.information.information import FactorOrigin, Information, JointFactor
 from armid.model.parameter_name import ParameterName
 
 JUMP = 1000.0
-"""Standard deviation of a sudden change of a parameter, divided by that of its estimate: larger than any real
-change."""
+"""Standard deviation that is assumed for a sudden change of a parameter, divided by the standard deviation of the
+estimate. It is larger than any real change."""
 
 WHITE = 0.3
-"""Number of blocks with white noise to which the prior of the correlation is equivalent; it limits the influence of
-the first blocks."""
+"""Number of blocks with white noise to which the prior of the correlation is equivalent. The prior limits the
+influence of the first blocks."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -29,12 +29,12 @@ class ForgettingOptions:
     Attributes:
         seconds: Time constant [s], after which 37 % of the information remains. If it is infinite, nothing is
             forgotten.
-        changing: Mask of the parameters that may change, shape (b,); if not given, all. Information about the others
-            is never forgotten.
+        changing: Mask of the parameters that may change, shape (b,); if not given, all parameters may change.
+            Information about other parameters is never forgotten.
         renewal: Smallest normalised innovation of a joint that counts as a sudden change. After a sudden change, the
             information about the parameters that may change is forgotten, and these parameters are estimated again.
-        jump: Standard deviations of a sudden change, shape (b,); by default those of the first estimate times
-            `JUMP`.
+        jump: Standard deviations of a sudden change, shape (b,); by default the standard deviations of the first
+            estimate times `JUMP`.
     """
 
     seconds: float = np.inf
@@ -44,7 +44,10 @@ class ForgettingOptions:
 
     def __post_init__(self) -> None:
         if not self.seconds > 0.0:
-            raise EstimationError(f"The time constant of forgetting must be above 0 s; found {self.seconds:g} s.")
+            raise EstimationError(
+                f"The time constant of forgetting must be above 0 s; found {self.seconds:g} s.",
+                remedy="give a time in seconds, or infinity to forget nothing.",
+            )
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -55,11 +58,11 @@ class Innovations:
         normalized_innovation: RMS torque error of the last block, predicted with the estimate before it, divided by
             the usual RMS error, shape (n,). For ten independent rows it is three or more by chance once in 1e14
             blocks.
-        level: Usual ratio of the squared error to its expected value, shape (n,).
+        level: Usual ratio of the squared torque error of a block to its expected value, shape (n,).
         blocks: Discounted number of blocks from which `level` was computed, shape (n,).
         pull: Negative gradient of the last block's squared error for each joint, shape (n, b).
-        power: Sum of the squared gradients divided by their expectation for white noise, shape (n,). It contains
-            the products of the gradients of neighbouring blocks.
+        power: Sum over the blocks of the squared gradients divided by their expectation for white noise, shape (n,).
+            The sum also contains the products of the gradients of neighbouring blocks.
         expected: Number of blocks in `power`, each weighted by the share of its gradient that noise causes, shape
             (n,).
     """
@@ -73,7 +76,7 @@ class Innovations:
 
     @property
     def correlation(self) -> Array:
-        """Variance of the gradient divided by its variance for white noise, at least 1, shape (n,)."""
+        """Variance of the gradient of each joint divided by its variance for white noise, at least 1, shape (n,)."""
         return np.maximum((self.power + WHITE) / (self.expected + WHITE), 1.0)
 
 
@@ -83,13 +86,14 @@ class RecursiveState:
 
     Attributes:
         names: Names of the b parameters.
-        joints: Discounted factors of each joint's rows, one block.
+        joints: Discounted triangular factors of the rows of each joint, as one block.
         rows: Discounted number of rows in use, shape (n,).
-        whitened_rows: Whitened rows of information that is not in `joints`, with the right-hand side last,
-            shape (b, b + 1).
+        whitened_rows: Whitened rows of the information that is not in `joints` (initial and retained information),
+            with the right-hand side last, shape (b, b + 1).
         weights: Weight of each joint's rows, shape (n,).
         fixed: True if the weights were given; otherwise they are computed from the residuals.
-        whole: Triangular factor of all whitened rows, with the right-hand side last, shape (b, b + 1).
+        whole: Triangular factor of all whitened rows, those of `joints` included, with the right-hand side last,
+            shape (b, b + 1).
         root: Factor L of the covariance L Lᵀ of the values, shape (b, b); `None` while the data do not determine the
             values. The update of a factor keeps variances positive; an update of the full matrix may not
             [Bierman1977].
@@ -110,12 +114,15 @@ class RecursiveState:
 
     @property
     def covariance(self) -> Array | None:
-        """Covariance of the values, shape (b, b); `None` while the data do not determine them."""
+        """Covariance of the estimate, shape (b, b); `None` as long as the data do not determine all parameters."""
         return None if self.root is None else self.root @ self.root.T
 
     @property
     def values(self) -> Array:
-        """Estimate, shape (b,); if it is not unique, the one with the smallest norm for columns of unit length."""
+        """Estimate, shape (b,).
+
+        If it is not unique, the estimate with the smallest norm for columns of unit length.
+        """
         return minimum_norm_solution(self.whole[:, :-1], self.whole[:, -1])[0]
 
     @property

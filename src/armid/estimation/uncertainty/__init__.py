@@ -1,1 +1,1 @@
-"""Covariance of an estimate: noise spectra, scatter between blocks, reversals."""
+"""Covariance of an estimate: from noise spectra, from the scatter between blocks, and from velocity reversals."""

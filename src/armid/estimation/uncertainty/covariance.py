@@ -1,4 +1,4 @@
-"""Covariance of an estimate with correct coverage, and the reason for its kind.
+"""Covariance of an estimate, chosen so that intervals have the correct coverage, and the reason for the choice.
 
 Residuals of filtered recordings are correlated over many rows. Intervals that assume white residuals then contain the
 true value in about a third of the cases instead of 95 %. The kind of covariance depends on samples and motion:
@@ -9,12 +9,12 @@ true value in about a third of the cases instead of 95 %. The kind of covariance
 - `spectral`, from the spectra of the residuals and of the columns, correlations between joints included;
 - `block`, from the scatter between blocks of rows, if factors but no samples are available.
 
-All have the form H⁻¹ (S + c P) H⁻¹. H is the normal matrix, prior included. S is the covariance of the right-hand
-side that the noise of the data causes. P is the precision of the prior in units of one row (the cone of consistent
-bodies counts as a prior). c is the number of rows that count as one independent sample, the unit of the prior's
-weight. With S = c (H - P) this is c H⁻¹, the posterior covariance. For an estimate on the boundary of the cone, the
-distance from the analytic centre is added. Covariances of standard parameters are computed from those of base
-parameters; a standard parameter that is also a base parameter has the same interval.
+All kinds have the form H⁻¹ (S + c P) H⁻¹. H is the normal matrix, prior included. S is the covariance of the
+right-hand side that the noise of the data causes. P is the precision of the prior in units of one row (the cone of
+consistent bodies counts as a prior). c is the number of rows that count as one independent sample, which is the unit
+of the weight of the prior. For S = c (H - P), the form becomes c H⁻¹, the posterior covariance. For an estimate on
+the boundary of the cone, the distance to the analytic centre is added. Covariances of standard parameters are
+computed from those of base parameters; a standard parameter that is also a base parameter has the same interval.
 
 A parameter that an estimator sets to zero has the interval of the estimate with all parameters.
 """
@@ -52,20 +52,20 @@ from armid.information.information import Information, stack, total
 from armid.threads import one_blas_thread
 
 SMALLEST_P = 1e-6
-"""Smallest probability that a message gives as a number."""
+"""Smallest probability that a message states as a number; for smaller ones, the message states this limit."""
 
 MIN_EIGENVALUE = 1e-13
-"""Lower limit of an eigenvalue of the normal matrix with unit columns. With it, directions that neither data nor
-prior determine get a very large variance instead of a division by zero."""
+"""Lower limit of an eigenvalue of the normal matrix with unit columns. If neither data nor prior determine a
+direction, the direction then gets a very large variance, and there is no division by zero."""
 
 
 @one_blas_thread
 def estimate_covariance(fit: Fit, source: EstimationProblem | Information) -> Fit:
-    """Estimates the covariance of a fit, with correct coverage, and states the reason for its kind.
+    """Estimates the covariance of a fit so that intervals have the correct coverage, and states the reason.
 
     Args:
         fit: Fit of an estimator.
-        source: The problem, whose samples are processed again, or only its information, with separate blocks.
+        source: The problem, whose samples are processed again; or only information, with separate blocks.
     """
     problem = source if isinstance(source, EstimationProblem) else EstimationProblem(source)
     return Uncertainty(fit, problem).with_covariance()
@@ -77,7 +77,8 @@ def choose_covariance_kind(white: float, free: int | None, repeated: float) -> t
     Args:
         white: p-value of the test of whiteness.
         free: Degrees of freedom of the scatter between periods; `None` if the motion does not repeat.
-        repeated: Variance of the mean residual of all periods, divided by its value for independent periods.
+        repeated: Variance of the mean residual of all periods, divided by the variance that independent periods would
+            give.
     """
     if white >= WHITENESS_LEVEL:
         return "white", f"residuals are uncorrelated in time (test of whiteness, p = {white:.2g})"
@@ -97,7 +98,7 @@ def choose_covariance_kind(white: float, free: int | None, repeated: float) -> t
 
 
 class Uncertainty:
-    """Computation of the covariance of a fit, of every kind.
+    """Computes the covariance of a fit, of the kind that samples and motion allow.
 
     Attributes:
         fit: Fit of an estimator.
@@ -105,10 +106,10 @@ class Uncertainty:
         information: Factors of the same rows in the parameters of the fit.
         prior: Precision of the prior, shape (b, b).
         inverse: Inverse of the normal matrix, prior included, shape (b, b).
-        known_covariance: Covariance, not estimated from residuals, that is added to the covariance from scatter,
-            shape (b, b).
-        moved: Shift of the estimate by rows near velocity reversals that counts as one standard deviation, shape
-            (b,).
+        known_covariance: Covariance that is not estimated from residuals (by prior and torque scales), and that is
+            added to the covariance from noise, shape (b, b).
+        moved: Shift of the estimate by rows near velocity reversals, multiplied by the share that counts as one
+            standard deviation, shape (b,).
         observed: Mask of the parameters on which the rows depend, shape (b,).
     """
 
@@ -168,7 +169,8 @@ class Uncertainty:
         """Shift of the estimate by rows near reversals, compared with the standard deviations caused by noise.
 
         Returns:
-            The shift, shape (b,), and the two results of `reach`.
+            The shift, shape (b,), the share of it that counts as one standard deviation, and the largest ratio of
+            shift to standard deviation.
         """
         found = self.reversal_shift()
         if found is None:
@@ -177,7 +179,7 @@ class Uncertainty:
         return found, reach, most
 
     def reach(self, moved: Array, covariance: Array) -> tuple[float, float]:
-        """Share of a shift (b,) that counts as one standard deviation, and largest ratio of shift and deviation."""
+        """Share of a shift (b,) that counts as one standard deviation, and largest ratio of shift to deviation."""
         deviation = np.sqrt(np.maximum(np.diag(covariance), 0.0))
         ratio = np.divide(moved, deviation, out=np.zeros_like(moved), where=deviation > 0.0)[self.observed]
         size = float(np.sqrt(np.mean(ratio**2)))
@@ -186,7 +188,7 @@ class Uncertainty:
         return float(SHIFT_SHARE * np.sqrt(1.0 - (EXPECTED_SHIFT / size) ** 2)), float(np.abs(ratio).max())
 
     def noise_covariance(self, scatter: Array) -> Array:
-        """Covariance (b, b) of the estimate caused by noise, from the covariance caused by noise of these rows."""
+        """Covariance (b, b) by the noise of all data, computed from the covariance by the noise of the samples."""
         return scatter
 
     def reversal_shift(self) -> Array | None:
@@ -213,7 +215,12 @@ class Uncertainty:
         return RepetitionBlocks.of_runs(runs, self.information.rows.sum(axis=1) > 0)
 
     def _from_factors(self, motions: RepetitionBlocks | None, obstacle: str) -> Fit:
-        """Fit with the best covariance that can be computed from factors without samples."""
+        """Fit with the covariance that is computed from factors, because no samples can be used.
+
+        Args:
+            motions: Assignment of the blocks to repetitions of a motion; `None` if the motion does not repeat.
+            obstacle: Reason why samples cannot be used, as text.
+        """
         report = CovarianceReport(obstacle, noise=self._noise())
         if motions is not None and motions.free >= FEWEST_PERIODS - 1:
             return self._periods(motions, replace(report, why=f"{obstacle}; the motion repeats"))
@@ -233,7 +240,7 @@ class Uncertainty:
         return replace(fit, report=replace(report, parts=len(found.motions)))
 
     def white(self) -> Fit:
-        """Fit with the covariance of the estimator."""
+        """Fit with the covariance for white residuals that the estimator has computed."""
         return self.with_scatter(
             self.fit, self.fit.covariance, np.zeros_like(self.border_covariance), self.fit.freedom
         )
@@ -243,7 +250,11 @@ class Uncertainty:
         return self.with_scatter(replace(self.fit, covariance_kind=kind), covariance, self.known_covariance, freedom)
 
     def with_scatter(self, fit: Fit, scatter: Array, known_covariance: Array, freedom: Array | float) -> Fit:
-        """Fit with its covariance, degrees of freedom and the intervals of the standard parameters."""
+        """Fit with covariance, degrees of freedom and the intervals of the standard parameters.
+
+        The covariance is the sum of `scatter`, caused by the noise of the data, and `known_covariance`, which is not
+        estimated from residuals; `freedom` are the degrees of freedom of `scatter`.
+        """
         known_covariance = known_covariance + np.outer(self.moved, self.moved)
         certain = known_covariance + self.border_covariance
         estimated, certain_part = np.diag(scatter), np.diag(certain)
@@ -256,7 +267,7 @@ class Uncertainty:
         return replace(fit, covariance=scatter + certain, freedom=each * share**2, standard=standard)
 
     def _spectrum(self) -> tuple[_Spectrum | None, str]:
-        """Noise spectrum of the samples; `None` and the reason if it cannot be estimated."""
+        """Noise spectrum of the samples, and an empty text; or `None`, and the reason why it cannot be estimated."""
         observations, rows = self.problem.observations, self.whole.rows[0]
         if self.fit.information is not None:
             return None, "rows have individual weights"
@@ -280,11 +291,14 @@ class Uncertainty:
         return _Spectrum(model, scatter, white, _repeated(bands, scatter, rows, self.fit.weights)), ""
 
     def joint_values(self) -> Array:
-        """Parameters of the columns of the samples, shape (b,), or separate ones for each joint, shape (n, b)."""
+        """Values of the parameters of the samples' columns, shape (b,), or (n, b) with separate values by joint."""
         return self.fit.values
 
     def column_maps(self) -> tuple[Array, ...] | None:
-        """Matrices from the parameters of the fit to those of each joint's columns; `None` if they are the same."""
+        """Matrices from the parameters of the fit to the parameters of each joint's columns.
+
+        The result is `None` if these are equal.
+        """
         return None
 
     def _noise(self) -> Array:
@@ -307,8 +321,8 @@ class _Spectrum:
         model: Equations for the levels of the noise.
         scatter: Effect of the noise on the estimate.
         whiteness: p-value of the test of whiteness.
-        repeated: Variance of the mean residual of all periods, divided by its value for independent periods; 1 if no
-            periods were averaged.
+        repeated: Variance of the mean residual of all periods, divided by the variance that independent periods would
+            give; 1 if no periods were averaged.
     """
 
     model: NoiseModel
@@ -320,7 +334,9 @@ class _Spectrum:
 def block_covariance(
     information: Information, values: Array, weights: Array, inverse: Array
 ) -> tuple[Array, float] | None:
-    """Jackknife covariance (b, b) over blocks and its degrees of freedom; correlated neighbours are merged first.
+    """Jackknife covariance (b, b) over blocks, and its degrees of freedom.
+
+    Correlated neighbouring blocks are merged first.
 
     Args:
         information: Factors of each block, in the order of time.
@@ -348,7 +364,7 @@ def block_covariance(
 
 
 def _samples_match(problem: EstimationProblem, rows: NDArray[np.int64]) -> bool:
-    """Tests whether samples and information have the same rows and parameters."""
+    """True if samples and information have the same rows and parameters."""
     model, base, observations = problem.require_samples("cover")
     known_covariance = {name.of_all for name in problem.information.names}  # copies for each recording are FV_1[1], …
     counted = sum(with_hysteresis_states(model, run, observations.band).mask.sum(axis=0) for run in observations.runs)
@@ -356,7 +372,7 @@ def _samples_match(problem: EstimationProblem, rows: NDArray[np.int64]) -> bool:
 
 
 def _repeated(bands: BandProducts, scatter: LevelScatter, rows: Array, weights: Array) -> float:
-    """Variance of the mean residual of all periods, divided by the value that the differences of periods predict."""
+    """Variance of the mean residual of all periods, divided by the variance that their differences predict."""
     squares, free = bands.within
     if not (free > 0.0).all():
         return 1.0

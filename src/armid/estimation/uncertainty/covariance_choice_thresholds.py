@@ -1,4 +1,4 @@
-"""Thresholds by which a covariance is chosen: whiteness, periods, blocks, spectrum and reversals."""
+"""Thresholds for the choice of a kind of covariance: whiteness, periods, blocks, spectrum and reversals."""
 
 from __future__ import annotations
 
@@ -48,9 +48,9 @@ MIN_INFORMATION = 0.1
 with and without the other rows can be compared."""
 
 EXPECTED_SHIFT = 1.0
-"""Largest shift by rows near reversals that is attributed to chance: RMS over the parameters, in standard deviations.
-These rows are about a quarter of all rows; with a correct model they shift an estimate by half a standard
-deviation."""
+"""Largest shift of an estimate by rows near reversals that is attributed to chance: RMS over the parameters, in
+standard deviations. About a quarter of all rows are near reversals; if the model is correct, they shift an
+estimate by half a standard deviation."""
 
 SHIFT_SHARE = 0.65
 """Share of the shift by rows near reversals that counts as one standard deviation. A 95 % interval then extends a

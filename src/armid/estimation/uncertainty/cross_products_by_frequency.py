@@ -1,10 +1,11 @@
-"""Products of regressor columns and residuals by frequency band, from a second pass over the rows.
+"""Products of regressor columns and of residuals in frequency bands, for which all rows are read a second time.
 
 Residuals are not white, and the effect of noise at a frequency depends on the columns at that frequency. So products
 of the Fourier coefficients of columns and residuals are summed over narrow frequency bands.
 
 If the motion repeats, its periods are averaged first (folded into one period). Model errors repeat with the motion,
-so averaging does not reduce them. The mean of the periods, treated as one recording, shows their size.
+so averaging does not reduce them. The mean of the periods, treated as one recording, shows the size of the model
+errors.
 """
 
 from __future__ import annotations
@@ -38,12 +39,15 @@ PER_OCTAVE = 3
 """Bands per octave, narrow enough to resolve the edge of a filter."""
 
 PARTS = 10
-"""Number of parts of a segment whose variances are compared."""
+"""Number of parts into which a segment is divided in time, to compare the variances of the residual in these
+parts."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class GatheredBands:
-    """M consecutive rows of one segment, averaged if the row rate is high or if periods are folded.
+    """M consecutive rows of one segment.
+
+    Each row may be an average, if the row rate is high or if periods are folded.
 
     A row that replaces m rows of a joint is the sum of these rows divided by √m, so that products and the variance of
     white noise do not change.
@@ -54,7 +58,7 @@ class GatheredBands:
         counts: Mask of rows in use, shape (n, M).
         rate: Row rate [Hz].
         squares: Sum of squared residuals before averaging, shape (n,).
-        within: Sum of squares and number of rows of the differences between periods, shape (2, n).
+        within: Sum of squared differences between periods, and number of rows of these differences, shape (2, n).
     """
 
     columns: Array
@@ -76,10 +80,10 @@ class BandProducts:
         count: Number of real numbers in the spectrum of each pair of joints in each band, shape (E, n, n).
         products: Products of two columns, summed over each band, shape (E, W, W).
         moments: Products of the residuals of two joints, summed over each band, shape (E, n, n) [N²·m² or N²].
-        parts: Sum of squares and number of rows of each part of the time, shape (parts, 2, n).
+        parts: Sum of squared residuals and number of rows in each of the P parts of the time, shape (P, 2, n).
         squares: Sum of squared residuals of all rows, shape (n,).
-        within: Sum of squares and number of rows of the differences between periods, shape (2, n); zero without
-            periods.
+        within: Sum of squared differences between periods, and number of rows of these differences, shape (2, n);
+            zero without periods.
         averaged: True if rows are averages of neighbouring rows or of several periods.
     """
 
@@ -101,7 +105,7 @@ class BandProducts:
 
     @property
     def offset(self) -> NDArray[np.int64]:
-        """First column of each joint, and the number of columns, shape (n + 1,)."""
+        """Index of the first column of each joint, and at the end the number of all columns, shape (n + 1,)."""
         return np.cumsum([0, *(len(own) for own in self.parameters)])
 
 
@@ -131,7 +135,7 @@ def gather_bands(problem: EstimationProblem, values: Array) -> Iterator[Gathered
 def _with_residuals(
     chunks: Iterator[tuple[int, Array]], source: ColumnSource, parameters: list[NDArray[np.int64]], values: Array
 ) -> Iterator[tuple[int, list[Array], Array]]:
-    """Yields the first row of each chunk, the columns of each joint (k_j, M) and the residuals (n, M)."""
+    """Yields for each chunk of M rows the first row, the columns of each joint j (k_j, M) and residuals (n, M)."""
     for begin, x in chunks:
         blocks = [x[a:b] for a, b in itertools.pairwise(source.layout.offset)]
         residual = [
@@ -188,7 +192,7 @@ def band_products(problem: EstimationProblem, values: Array) -> BandProducts:
 
 
 def residual_moments(residual: Array, rate: float, bands: BandProducts) -> Array:
-    """Products of one segment's residuals in given bands, shape (E, n, n).
+    """Products of the residuals of two joints in a segment, summed over each of E frequency bands, shape (E, n, n).
 
     Args:
         residual: Residuals of the segment, shape (n, M).
@@ -203,7 +207,7 @@ def band_edges(lengths: list[tuple[int, float]]) -> Array:
     """Lower edges of the bands [Hz], from the frequency resolution of segments of given lengths and rates.
 
     Args:
-        lengths: Rows and rate [Hz] of each segment.
+        lengths: Number of rows and row rate [Hz] of each segment.
     """
     seconds = sum(rows / rate for rows, rate in lengths)
     step = 1.0 / max(rows / rate for rows, rate in lengths)
@@ -218,7 +222,10 @@ def band_edges(lengths: list[tuple[int, float]]) -> Array:
 
 
 def column_numbers(source: ColumnSource, names: tuple[str, ...], run: ObservedRun) -> list[NDArray[np.int64]]:
-    """Indices of the parameters of each joint's columns; a recording may have separate copies of parameters."""
+    """Indices of the parameters that belong to the columns of each joint, among `names`.
+
+    If recordings have separate copies of parameters, the copies for the recording of the run are taken.
+    """
     number, copy = {name: k for k, name in enumerate(names)}, f"[{run.recording + 1}]"
     every = np.array([number.get(name, number.get(name + copy, -1)) for name in source.names], dtype=np.int64)
     return [every[own] for own in source.layout.parameters]
@@ -229,7 +236,7 @@ def find_periods(run: ObservedRun) -> NDArray[np.int64] | None:
 
     Returns:
         First row of each period, then the number of rows of the shortest period. `None` if the repetitions of the run
-        are not periods of one motion. If the run has no record of repetitions, its blocks are tested instead.
+        are not periods of one motion. If no repetitions are stored with the run, its blocks are tested instead.
     """
     label = run.block if run.repetition is None else run.repetition
     borders = np.flatnonzero(np.diff(label, prepend=-1, append=-1))
@@ -279,7 +286,7 @@ def _gather_run(
 
 
 class _Sums:
-    """Sums over the rows of a segment, or over all periods of a motion.
+    """Sums of columns and residuals, over groups of neighbouring rows and over all periods of a motion.
 
     Attributes:
         places: Rows of `columns` that belong to each joint's columns.
@@ -316,7 +323,7 @@ class _Sums:
         self.period_squares += (summed**2 / np.maximum(count, 1.0)).sum(axis=1)
 
     def gathered(self, rate: float, periods: int) -> GatheredBands:
-        """Sums over a number of periods, scaled so that products and white noise keep their size."""
+        """The sums as averaged rows, scaled so that products and the level of white noise keep their size."""
         scale = 1.0 / np.sqrt(np.maximum(self.count, 1.0))
         residual = self.residual * scale
         within = np.zeros((2, len(self.widths)))
@@ -328,7 +335,7 @@ class _Sums:
 
 
 def _segments(run: ObservedRun, rows_per_mean: int) -> tuple[list[tuple[int, int]], bool]:
-    """First row and number of rows of each segment, and true if all segments are periods that are folded into one."""
+    """First row and number of rows of each segment of a run; and true if the segments are periods to be averaged."""
     periods = find_periods(run)
     if periods is not None:
         return [(int(a), int(periods[-1])) for a in periods[:-1]], True
@@ -339,7 +346,7 @@ def _segments(run: ObservedRun, rows_per_mean: int) -> tuple[list[tuple[int, int
 
 
 def _averaging(run: ObservedRun) -> int:
-    """Number of rows that are averaged into one."""
+    """Number of rows of a run that are averaged into one row."""
     return max(1, int(run.rate / (run.step * MAX_RATE)))
 
 
@@ -348,7 +355,7 @@ def _runs(problem: EstimationProblem) -> tuple[ObservedRun, ...]:
 
 
 def _lengths(problem: EstimationProblem) -> list[tuple[int, float]]:
-    """Rows and rate of each segment that `gather_bands` yields."""
+    """Number of rows and row rate [Hz] of each segment that `gather_bands` yields."""
     lengths: list[tuple[int, float]] = []
     for run in _runs(problem):
         rows_per_mean = _averaging(run)
@@ -361,7 +368,10 @@ def _lengths(problem: EstimationProblem) -> list[tuple[int, float]]:
 
 
 def _labels(count: int, rate: float, edges: Array) -> tuple[NDArray[np.intp], Array]:
-    """Band of each coefficient of a spectrum of `count` rows, and its number of real numbers."""
+    """Frequency band of each coefficient of a spectrum of `count` rows.
+
+    The second array is the number of real numbers in each coefficient: 1 or 2.
+    """
     label = np.searchsorted(edges, frequencies(count) * rate, side="right") - 1
     real = np.full(len(label), 2.0)
     real[0] = 1.0
@@ -370,7 +380,7 @@ def _labels(count: int, rate: float, edges: Array) -> tuple[NDArray[np.intp], Ar
 
 
 def _products(signals: Array, label: NDArray[np.intp], real: Array, bands: int) -> Array:
-    """Products of signals (k, M) in each band, shape (bands, k, k)."""
+    """Products of two of k signals (k, M), summed over each frequency band, shape (bands, k, k)."""
     result = np.zeros((bands, len(signals), len(signals)))
     x = spectrum(signals.T) * np.sqrt(real / signals.shape[1])[:, None]
     for a, b in itertools.pairwise(np.flatnonzero(np.diff(label, prepend=-1, append=-1))):
@@ -380,7 +390,7 @@ def _products(signals: Array, label: NDArray[np.intp], real: Array, bands: int) 
 
 
 def _part_variances(part: GatheredBands) -> Array:
-    """Sum of squares and number of rows of each part of the time, shape (parts, 2, n)."""
+    """Sum of squared residuals and number of rows in each of the P parts of the time, shape (P, 2, n)."""
     M = part.residual.shape[1]
     starts = np.unique(np.arange(PARTS) * M // PARTS)
     squares = np.add.reduceat(part.residual**2, starts, axis=1)

@@ -4,11 +4,12 @@ If block k is left out, the estimate π changes by -Δ_k with
 
     Δ_k = (H - H_k)⁻¹ s_k,        s_k = Σ_j w_j² R_jkᵀ (ρ_jk - R_jk π),
 
-where H is the normal matrix, H_k the part of block k, and R_jk and ρ_jk are factor and right-hand side of joint j in
-block k. For B blocks, the jackknife cov = (B - 1) / B Σ_k (Δ_k - mean)(Δ_k - mean)ᵀ is valid for any correlation
-inside a block and between joints, also for few blocks and many parameters. In that case the sandwich H⁻¹ Σ s_k s_kᵀ
-H⁻¹ is too small, because each block has leverage on the estimate [Bell2002]. If the blocks are periods of one motion,
-all H_k are nearly equal, and the jackknife is the variance of the mean of the estimates from single periods.
+Here H is the normal matrix, H_k the normal matrix of block k, w_j the weight of joint j, and R_jk and ρ_jk are
+triangular factor and right-hand side of joint j in block k. For B blocks, the jackknife covariance is (B - 1) / B Σ_k
+(Δ_k - mean)(Δ_k - mean)ᵀ. It is valid for any correlation inside a block and between joints, even for few blocks and
+many parameters. For few blocks, the sandwich covariance H⁻¹ Σ s_k s_kᵀ H⁻¹ is too small, because each block has
+leverage on the estimate [Bell2002]. If the blocks are periods of one motion, all H_k are nearly equal, and the
+jackknife is the variance of the mean of the estimates from single periods.
 """
 
 from __future__ import annotations
@@ -25,13 +26,13 @@ from armid.information.information import Information
 from armid.measurement.observations import ObservedRun
 
 RIDGE = 1e-12
-"""Relative addition to the diagonal of H, so that a direction which only one block determines gets a very large
-variance."""
+"""Number that is added to the diagonal of H, relative to its elements. If only one block determines a direction,
+the direction then gets a very large variance."""
 
 Groups = NDArray[np.int64]
 
 BATCH = 32
-"""Number of blocks that are solved at a time, which takes a few megabytes."""
+"""Number of blocks for which equations are solved together, which takes a few megabytes."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -39,8 +40,8 @@ class RepetitionBlocks:
     """Assignment of blocks to repetitions of motions.
 
     Attributes:
-        groups: Index of the repetition of each block, -1 for none, shape (blocks,).
-        motions: Index of the motion of each repetition, shape (repetitions,).
+        groups: Index of the repetition to which each block belongs, -1 for blocks of no repetition, shape (blocks,).
+        motions: Index of the motion that is repeated, for each repetition, shape (repetitions,).
     """
 
     groups: Groups
@@ -48,12 +49,15 @@ class RepetitionBlocks:
 
     @property
     def free(self) -> int:
-        """Degrees of freedom of the scatter between repetitions of a motion."""
+        """Degrees of freedom of the scatter between repetitions: number of repetitions minus number of motions."""
         return len(self.motions) - len(np.unique(self.motions))
 
     @classmethod
     def of_blocks(cls, motions: Groups) -> RepetitionBlocks:
-        """Assignment for blocks that are one repetition each, from the motion of each block (index, -1 for none)."""
+        """Assignment in which each block is one repetition.
+
+        `motions` contains the motion of each block, -1 for none.
+        """
         used = np.flatnonzero(motions >= 0)
         groups = np.full(len(motions), -1, dtype=np.int64)
         groups[used] = np.arange(len(used))
@@ -61,7 +65,7 @@ class RepetitionBlocks:
 
     @classmethod
     def of_runs(cls, runs: Sequence[ObservedRun], has_rows: NDArray[np.bool_]) -> RepetitionBlocks:
-        """Assignment by the repetitions that the runs record; blocks without rows belong to no repetition.
+        """Assignment by the repetitions that are stored with the runs; blocks without rows belong to no repetition.
 
         Args:
             runs: Runs in the order of their blocks.
@@ -137,9 +141,9 @@ def jackknife(
 
     Args:
         information: Factors of each block.
-        groups: Group of each block, -1 for none, shape (blocks,).
-        motions: Motion of each group, shape (groups,); the scatter of the groups of one motion is taken about
-            their mean.
+        groups: Group of each block, -1 for blocks that are not used, shape (blocks,).
+        motions: Motion of each group, shape (groups,); the scatter of the groups of one motion is taken about their
+            mean.
         values: Estimate, shape (b,).
         weights: Weight of each joint's rows, shape (n,).
         inverse: Inverse H⁻¹ of the weighted normal matrix, prior included, shape (b, b).
@@ -163,7 +167,7 @@ def jackknife(
 
 
 def blend_with_textbook(scatter: Array, textbook: Array, freedom: float) -> Array:
-    """Blends a covariance from scatter with the covariance for white residuals, so that it can be inverted.
+    """Weighted mean of a covariance from scatter and the covariance for white residuals, which can be inverted.
 
     A covariance from scatter with f degrees of freedom has the rank f; in all other directions the estimate would
     count as exact. Moreover, each variance has the relative error √(2/f). For the blend, the white covariance is
@@ -207,10 +211,10 @@ def correlation(information: Information, groups: Groups, values: Array, weights
 def block_products(
     information: Information, groups: Groups, values: Array, weights: Array, scale: Array
 ) -> tuple[Array, Array]:
-    """Normal matrix H_k and right-hand side s_k of each group k of blocks, shapes (groups, b, b) and (groups, b).
+    """Normal matrix H_k and right-hand side s_k of each group k of blocks, shape (groups, b, b) and (groups, b).
 
-    The right-hand side is that of the residuals of the estimate. Columns are divided by `scale`, so the unknowns are
-    the parameters multiplied by it.
+    The right-hand side is computed from the residuals of the estimate. Columns are divided by `scale`, so the
+    unknowns are the parameters multiplied by `scale`.
 
     Args:
         information: Factors of each block.

@@ -1,14 +1,15 @@
 """Noise spectrum of a recording, and the covariance of an estimate under this noise.
 
 Residuals are smaller than the noise, because the fit removes part of the noise, mostly at the frequencies that the
-motion excites. With weighted rows X̃, residuals r̃ and M = 1 - X̃ H⁻¹ X̃ᵀ, noise with covariance Γ = Σ_c θ_c E_c
-gives
+motion excites. Let X̃ be the weighted rows, r̃ the weighted residuals, H the normal matrix and M = 1 - X̃ H⁻¹ X̃ᵀ.
+Noise with the covariance Γ = Σ_c θ_c E_c gives
 
     E[r̃ᵀ E_a r̃] = Σ_c tr(E_a M E_c M) θ_c,        cov = H⁻¹ X̃ᵀ Γ X̃ H⁻¹.
 
-E_c is the covariance of unit noise of one pair of joints around one frequency, and θ_c its level. The left side is
-measured and the traces are known, so linear equations give unbiased levels θ [Rao1971] for any spectrum of the noise.
-The uncertainty of the levels determines the degrees of freedom of each parameter's interval [Satterthwaite1946].
+E_c is the covariance of unit noise of one pair of joints around one frequency, and θ_c the level of this noise. The
+left side of the first equation is measured and the traces are known, so linear equations give unbiased levels θ
+[Rao1971] for any spectrum of the noise. The uncertainty of the levels determines the degrees of freedom of each
+parameter's interval [Satterthwaite1946].
 """
 
 from __future__ import annotations
@@ -28,7 +29,8 @@ LOWEST_KNOT_SIZE = 10.0
 level at the lowest frequency."""
 
 POOLED_DOF = 10.0
-"""Degrees of freedom of the prior that shrinks correlations at one frequency to those pooled over all frequencies."""
+"""Degrees of freedom of the prior with which the correlations between joints at one frequency are shrunk towards
+the correlations over all frequencies."""
 
 MIN_LEVEL = 1e-3
 """Lower limit of a level, divided by the joint's mean level: smaller estimates are not significant."""
@@ -40,15 +42,15 @@ MIN_CORRELATION_EIGENVALUE = 1e-2
 """Lower limit of an eigenvalue of the correlation matrix between joints."""
 
 WHITE_PRIOR = 1e-3
-"""Weight of a prior of white noise in the equations, in observations, so that the equations can be solved if a joint
-has no rows."""
+"""Weight of a prior of white noise in the equations for the levels, as a number of observations. With this prior,
+the equations can be solved even if a joint has no rows."""
 
 FEWEST_FREE = 2.0
 """Lower limit of the degrees of freedom of a level. With this value intervals are more than twice as wide as with
 many degrees of freedom."""
 
 MAX_SIZE = 30_000_000
-"""Largest number of elements in the matrices of all levels; they take a quarter of a gigabyte."""
+"""Largest number of elements in the matrices of all levels; these matrices take a quarter of a gigabyte."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -56,7 +58,7 @@ class LevelScatter:
     """Effect of noise on an estimate.
 
     Attributes:
-        covariance: Covariance of the estimate by the noise, shape (b, b).
+        covariance: Covariance of the estimate that the noise causes, shape (b, b).
         freedom: Degrees of freedom of each parameter's variance, shape (b,).
         noise: Standard deviation of each joint's noise, shape (n,) [N·m or N].
     """
@@ -67,17 +69,18 @@ class LevelScatter:
 
 
 class NoiseModel:
-    """Equations for the levels of the noise, for one set of rows and weights.
+    """Equations for the levels of the noise at several frequencies and for pairs of joints.
 
     Attributes:
-        basis: Weights of the levels at B frequencies in the level of each of E bands, shape (B, E); the sum of the
-            weights of a band is one.
+        basis: Weights with which the levels at B frequencies give the level in each of E bands, shape (B, E); the
+            weights of a band add up to one.
         pairs: First and second joint of each pair, shapes (pairs,).
         equations: Coefficients tr(E_a M E_c M) of the levels, shape (levels, levels), ordered by frequency, then by
             pair.
-        leverage: tr(H⁻¹ X̃_jᵀ P X̃_k) with P the projection on the coefficients of each band, shape (E, n, n).
-        free: Degrees of freedom of each level of a joint: its number of real numbers minus their leverage, shape
-            (B, n).
+        leverage: Traces tr(H⁻¹ X̃_jᵀ P X̃_k) for joints j and k, where P projects on the spectral coefficients of a
+            band, shape (E, n, n).
+        free: Degrees of freedom of each level of a joint: number of real numbers in its spectrum minus their
+            leverage, shape (B, n).
     """
 
     def __init__(
@@ -87,10 +90,10 @@ class NoiseModel:
         inverse: Array,
         column_maps: Sequence[Array] | None = None,
     ) -> None:
-        """Sets up the equations.
+        """Sets up the equations for the levels of the noise.
 
         Args:
-            bands: Products of the rows.
+            bands: Products of columns and of residuals in frequency bands.
             weights: Weight of each joint's rows, shape (n,).
             inverse: Inverse H⁻¹ of the weighted normal matrix, prior included, shape (b, b).
             column_maps: Matrices from b unknowns to the c parameters of each joint's columns, shapes (c, b); if not
@@ -116,13 +119,13 @@ class NoiseModel:
 
     @staticmethod
     def size(bands: BandProducts, count: int) -> int:
-        """Number of elements in the matrices of all levels, for `count` parameters."""
+        """Number of elements that the matrices of all levels have, for `count` parameters."""
         return len(level_basis(bands)) * bands.n * (bands.n + 1) // 2 * count * (count + 1) // 2
 
     def levels(self, moments: Array) -> Array:
         """Covariance of the noise of the weighted rows at each of the B frequencies of `basis`, shape (B, n, n).
 
-        Between these frequencies the noise is interpolated, which gives the noise in all E bands of the data.
+        The noise in the E bands of the data follows by interpolation between these frequencies.
 
         Args:
             moments: Products of the unweighted residuals of two joints in each band, shape (E, n, n) [N²·m² or N²].
@@ -154,13 +157,16 @@ class NoiseModel:
         return LevelScatter(covariance, self._freedom(levels), np.sqrt((squares + absorbed) / np.maximum(rows, 1.0)))
 
     def measured(self, moments: Array) -> Array:
-        """Measured left sides r̃ᵀ E_a r̃ of the equations, shape (levels,)."""
+        """Left sides r̃ᵀ E_a r̃ of the equations, computed from the residuals, shape (levels,)."""
         weighted = moments * np.outer(self.weights, self.weights)
         found = np.tensordot(self.basis, weighted, (1, 0))[:, *self.pairs] * self.multiplicity
         return np.asarray(found.ravel(), dtype=np.float64)
 
     def _matrices(self, roots: list[Array]) -> tuple[Array, Array]:
-        """Packed Lᵀ X̃ᵀ E_c X̃ L with H⁻¹ = L Lᵀ, (levels, b (b + 1) / 2), and diagonals of H⁻¹ X̃ᵀ E_c X̃ H⁻¹."""
+        """Matrices Lᵀ X̃ᵀ E_c X̃ L with H⁻¹ = L Lᵀ, and the diagonals of H⁻¹ X̃ᵀ E_c X̃ H⁻¹, for each level c.
+
+        The matrices are symmetric and stored by their upper triangles, shape (levels, b (b + 1) / 2).
+        """
         bands, b = self.bands, len(self.root)
         upper, scale = np.triu_indices(b), _packing(b)
         packed = np.empty((len(self.basis), len(self.pairs[0]), len(scale)))
@@ -177,7 +183,7 @@ class NoiseModel:
         return packed.reshape(-1, len(scale)), variances
 
     def _diagonal(self) -> Array:
-        """Traces tr(E_a E_c), which are zero for levels of different pairs of joints."""
+        """Traces tr(E_a E_c) for all pairs of levels; they are zero for levels of different pairs of joints."""
         count = self.bands.count[:, *self.pairs] * self.multiplicity
         B, P = len(self.basis), count.shape[1]
         result = np.zeros((B, P, B, P))
@@ -197,14 +203,14 @@ class NoiseModel:
         return half + half.T
 
     def _square(self, theta: Array) -> Array:
-        """Symmetric matrices (B, n, n) with the elements `theta` (levels,)."""
+        """Symmetric matrices (B, n, n), one for each frequency, with the levels `theta` (levels,) as elements."""
         levels = np.zeros((len(self.basis), self.bands.n, self.bands.n))
         levels[:, *self.pairs] = theta.reshape(len(self.basis), -1)
         levels[:, self.pairs[1], self.pairs[0]] = levels[:, *self.pairs]
         return levels
 
     def _regularise(self, levels: Array) -> Array:
-        """Positive definite levels (B, n, n), whose correlations are shrunk to those pooled over all frequencies."""
+        """Makes levels (B, n, n) positive definite, and shrinks correlations towards those over all frequencies."""
         variance = np.einsum("ajj->aj", levels)
         mean = np.maximum(variance.mean(axis=0), MIN_LEVEL)
         size = np.sqrt(np.maximum(variance, MIN_LEVEL * mean))
@@ -224,7 +230,7 @@ class NoiseModel:
         return correlation * size[:, :, None] * size[:, None, :]
 
     def _free(self) -> Array:
-        """Degrees of freedom of each level of a joint: number of real numbers minus leverage, shape (B, n)."""
+        """Degrees of freedom of each level of a joint, shape (B, n): number of real numbers minus leverage."""
         count = np.einsum("ae,ejj->aj", self.basis, self.bands.count)
         leverage = np.einsum("ae,ejj->aj", self.basis, self.leverage)
         return np.maximum(count - leverage, FEWEST_FREE)
@@ -245,7 +251,7 @@ class NoiseModel:
 
 
 def _band_leverage(bands: BandProducts, roots: list[Array]) -> Array:
-    """tr(H⁻¹ X̃_jᵀ P X̃_k) with P the projection on the coefficients of each band, shape (E, n, n)."""
+    """Traces tr(H⁻¹ X̃_jᵀ P X̃_k) for joints j and k, where P projects on the coefficients of a band, (E, n, n)."""
     rows = np.concatenate(roots)
     inverse, starts = rows @ rows.T, bands.offset[:-1]
     return np.stack(
@@ -254,7 +260,7 @@ def _band_leverage(bands: BandProducts, roots: list[Array]) -> Array:
 
 
 def level_basis(bands: BandProducts) -> Array:
-    """Shares of the levels in each band, shape (B, E), for linear interpolation between octaves."""
+    """Weights of the levels at B frequencies in each of E bands, shape (B, E), for linear interpolation."""
     count = np.einsum("ejj->e", bands.count) / bands.n
     cumulative = np.cumsum(count)
     first = float(bands.frequency[min(int(np.searchsorted(cumulative, LOWEST_KNOT_SIZE)), len(cumulative) - 1)])
@@ -267,6 +273,6 @@ def level_basis(bands: BandProducts) -> Array:
 
 
 def _packing(b: int) -> Array:
-    """Factors of the upper triangle's elements with which packed and full matrices have the same inner product."""
+    """Factors for the elements of an upper triangle, with which it has the same inner product as the full matrix."""
     rows, columns = np.triu_indices(b)
     return np.where(rows == columns, 1.0, np.sqrt(2.0))

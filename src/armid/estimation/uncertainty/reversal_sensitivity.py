@@ -26,8 +26,8 @@ from armid.measurement.observations import ObservedRun
 from armid.measurement.processing.row_mask import LOBE_HALF_WIDTH
 
 MIN_EIGENVALUE = 1e-8
-"""Smallest ratio of the extreme eigenvalues of the normal equations with unit columns at which the remaining rows
-determine an estimate."""
+"""Smallest ratio of the smallest to the largest eigenvalue of the normal matrix with unit columns at which the
+rows away from reversals determine an estimate."""
 
 
 def shift_by_reversals(problem: EstimationProblem, values: Array, weights: Array, prior: Array) -> Array | None:
@@ -40,7 +40,7 @@ def shift_by_reversals(problem: EstimationProblem, values: Array, weights: Array
         prior: Precision of the prior, shape (b, b).
 
     Returns:
-        The shift; `None` if the remaining rows do not determine an estimate.
+        The shift; `None` if the rows away from reversals do not determine an estimate.
     """
     normal, pull = np.array(prior, dtype=np.float64), np.zeros(len(values))
     for _, parameters, columns, side in _rows_away_from_reversals(problem, weights):
@@ -57,7 +57,9 @@ def shift_of_unknowns(
     remaining: tuple[Array, Array],
     root: Array,
 ) -> Array:
-    """Shift of u unknowns, from which the parameters follow, if rows near reversals are left out.
+    """Shift of an estimate of u unknowns if rows near reversals are left out.
+
+    The parameters are functions of the unknowns.
 
     Directions that only rows near reversals determine cannot be compared; their shift is zero.
 
@@ -66,7 +68,8 @@ def shift_of_unknowns(
         values: Parameters of each joint's torque, shape (n, b).
         weights: Weight of each joint's rows, shape (n,).
         column_maps: Matrices from the unknowns to each joint's parameters, shapes (b, u).
-        remaining: Normal matrix (u, u) and negative gradient (u,) of all data and priors other than the samples.
+        remaining: Normal matrix (u, u) and negative gradient (u,) of all information except the samples: prior and
+            factors of earlier recordings.
         root: Factor of the inverse of the whole normal matrix, shape (u, u).
 
     Returns:
@@ -103,7 +106,7 @@ def _rows_away_from_reversals(
 
 
 def _solve(normal: Array, pull: Array) -> Array | None:
-    """Solution of the normal equations; `None` if they are singular."""
+    """Solution of normal equations with a normal matrix and a right-hand side; `None` if the matrix is singular."""
     size = np.sqrt(np.diag(normal))
     if not (size > 0.0).all():
         return None

@@ -1,10 +1,10 @@
 """Test of whiteness of the residuals, which decides whether white intervals are valid.
 
-If the noise is white with equal variance in all weighted rows, the spectrum of the residual is flat except for the
-part that the fit removes, the joints are uncorrelated, and all joints and parts of the time have the same variance.
-The means and variances of these statistics are known. Therefore the statistics are compared with a chi-squared
-distribution, as Ljung and Box do for autocorrelations [Ljung1978]. The part that the fit removes is taken into
-account at each frequency.
+If the noise is white with equal variance in all weighted rows, the residuals have three properties: their spectrum is
+flat except for the part that the fit removes, joints are uncorrelated, and all joints and all parts of the time have
+the same variance. For each property there is a statistic with known mean and variance. The statistics are compared
+with a chi-squared distribution, as Ljung and Box do for autocorrelations [Ljung1978]. The part that the fit removes
+is taken into account at each frequency.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ def whiteness(model: NoiseModel, moments: Array, squares: Array, parts: Array, r
         model: Equations for the levels of the noise.
         moments: Products of the unweighted residuals of two joints in each of E bands, shape (E, n, n).
         squares: Sum of squared residuals of all rows, shape (n,).
-        parts: Sum of squares and number of rows of parts of the time, shape (parts, 2, n).
+        parts: Sum of squared residuals and number of rows in each of the P parts of the time, shape (P, 2, n).
         rows: Number of rows in use, shape (n,).
     """
     return min(
@@ -63,7 +63,7 @@ def variance_test(parts: Array, weights: Array, averaged: bool) -> float:
     """p-value of the hypothesis that all weighted joints and all parts of the time have equal variances.
 
     Args:
-        parts: Sum of squares and number of rows of each part, shape (parts, 2, n).
+        parts: Sum of squared residuals and number of rows in each of the P parts of the time, shape (P, 2, n).
         weights: Weight of each joint's rows, shape (n,).
         averaged: True if rows are averages of several samples.
     """

@@ -1,1 +1,1 @@
-"""Updates of an earlier estimate with new recordings: recalibration, payload and drive gains."""
+"""Updates of an earlier estimate with new recordings: recalibration, and estimates of payload and drive gains."""

@@ -1,4 +1,4 @@
-"""Change of a base parameter by a recalibration, and the selection of the changes that noise does not explain."""
+"""Changes of base parameters by a recalibration, and the selection of those that noise does not explain."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ class ParameterChange:
 
     Attributes:
         name: Name of the parameter.
-        before: Earlier value.
-        after: New value.
-        change: Change of the value. For a parameter with separate values in earlier and new recordings, it is the
-            difference in the common solution of all recordings. Common errors, such as errors of torque scales,
-            cancel in this difference, so it can differ slightly from after - before.
+        before: Value in the earlier estimate.
+        after: Value in the new estimate.
+        change: Change of the value. If the parameter has separate values in earlier and new recordings, the change is
+            the difference of these values in the common solution of all recordings. Errors that both values have,
+            such as errors of torque scales, cancel in this difference, so it can differ slightly from after - before.
         deviation: Standard deviation of the change.
         half: Half of the 95 % interval of the change.
     """
@@ -43,7 +43,7 @@ class ParameterChange:
 
     @property
     def ratio(self) -> float:
-        """Absolute change in standard deviations."""
+        """Absolute value of the change divided by its standard deviation."""
         return abs(self.change) / self.deviation if self.deviation > 0.0 else 0.0
 
 

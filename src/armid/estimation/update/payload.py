@@ -1,17 +1,17 @@
-"""Payload identification: ten parameters from a short recording and an earlier estimate of the arm.
+"""Payload identification: estimates ten parameters from a short recording and an earlier estimate of the arm.
 
-The payload is a body on the last link. It adds G θ to the base parameters, where θ are its ten parameters and G the
-columns of the regrouping matrix for the last link. θ is estimated together with all uncertain parameters of the arm.
-The estimate θ̂ with the covariance C is then replaced by the nearest physically consistent body: the θ with
-pseudo-inertia ⪰ 0 and the smallest distance d.
+The payload is a body on the last link. It adds G θ to the base parameters, where θ are the ten inertial parameters of
+the payload and G the columns of the regrouping matrix for the last link. θ is estimated together with all uncertain
+parameters of the arm. The result is an estimate θ̂ with the covariance C. It is then replaced by the nearest
+physically consistent body: the θ with a positive semidefinite pseudo-inertia and the smallest distance d.
 
     d²(θ) = (θ - θ̂)ᵀ C⁻¹ (θ - θ̂)
 
-An interval begins as the interval by Student's t distribution about θ̂. It is intersected with the values of
-consistent bodies in the joint 95 % region of all parameters. If the nearest consistent body is outside, the interval
-is extended to it. The true body is consistent, so the intersection does not reduce the coverage. An interval about
-the nearest body alone would not contain the true value of a thin payload, whose inertia is on the boundary of the
-consistent set.
+An interval is computed in three steps. First, it is the interval by Student's t distribution about θ̂. Then it is
+intersected with the values of consistent bodies in the joint 95 % region of all parameters. If the nearest consistent
+body is outside this intersection, the interval is extended to the value of this body. The true body is consistent, so
+the intersection does not reduce the coverage. An interval about the nearest body alone would not contain the true
+value of a thin payload, whose inertia is on the boundary of the consistent set.
 """
 
 from __future__ import annotations
@@ -38,22 +38,22 @@ from armid.maths.inertia import (
 )
 
 LOAD_NAMES = ("M", "MX", "MY", "MZ", "XX", "XY", "YY", "XZ", "YZ", "ZZ")
-"""Names of the ten parameters of the payload, in their order."""
+"""Names of the ten parameters of the payload, in the order in which arrays contain the parameters."""
 
 MASS, MOMENTS = 0, slice(1, 4)
 
 EPSILON = 1e-6
-"""Required lower limit of the eigenvalues of the payload's pseudo-inertia [kg and kg·m²], far below those of any
-payload."""
+"""Smallest eigenvalue that the pseudo-inertia of the payload is required to have [kg and kg·m²]; the eigenvalues
+of real payloads are far larger."""
 
 TRACE_WEIGHT = 1e-3
-"""Weight of the trace of the pseudo-inertia [1/kg], added to the distance, so that the smallest of the bodies is
-taken that the data do not distinguish. The distance has the slope one per standard deviation, so it alone decides
-unless the data do not determine hundreds of kilograms."""
+"""Weight with which the trace of the pseudo-inertia is added to the distance [1/kg]. If the data do not
+distinguish several bodies, the smallest one is taken. In all other cases the term has no effect, because the
+distance increases by one for each standard deviation."""
 
 INFORMATIVE = 0.5
-"""Largest half width of the interval of an identified parameter, divided by the bound of the parameter that follows
-from mass and size of the payload."""
+"""Largest half width of an interval with which a parameter counts as identified, divided by the bound of the
+parameter that follows from mass and size of the payload."""
 
 RANK_TOLERANCE = 1e-9
 """Ratio of a singular value to the largest below which its direction counts as a rounding error."""
@@ -65,15 +65,15 @@ class PayloadEstimate:
 
     Attributes:
         values: Parameters of the nearest consistent body, shape (10,).
-        statistical: 95 % intervals if the torque scales were exact, shape (10, 2).
-        intervals: 95 % intervals with uncertain torque scales, shape (10, 2).
+        statistical: 95 % intervals under the assumption that the torque scales are exact, shape (10, 2).
+        intervals: 95 % intervals that include the uncertainty of the torque scales, shape (10, 2).
         status: Status of each parameter.
         com: Centre of mass, shape (3,) [m].
         com_intervals: 95 % intervals of the centre of mass, shape (3, 2) [m]; NaN if the recording does not determine
             a
             parameter from which the coordinate is computed.
-        inertia_intervals: 95 % intervals of the inertia about the centre of mass, in the order of `LOAD_NAMES`,
-            shape (6, 2) [kg·m²]; NaN for the same reason.
+        inertia_intervals: 95 % intervals of the inertia about the centre of mass, in the order of `LOAD_NAMES`, shape
+            (6, 2) [kg·m²]; NaN if the recording does not determine a parameter from which the value is computed.
         distance: Distance between `values` and `unconstrained` in standard deviations; zero if `unconstrained` is
             consistent.
         unconstrained: Estimate without the constraint of consistency, shape (10,).
@@ -125,7 +125,7 @@ def estimate_payload(stacked: StackedProblem) -> PayloadEstimate:
     load = _payload(stacked, solution, np.full(10, np.nan))
     if "identified" not in load.status:
         raise EstimationError(
-            "The recording determines none of the load's parameters: "
+            "The recording determines none of the parameters of the load: "
             + ", ".join(f"{name} ({status})" for name, status in zip(LOAD_NAMES, load.status, strict=True))
             + ".",
             remedy="move the joints near the load faster and through wide angles, so that the load is rotated.",
@@ -137,7 +137,7 @@ def estimate_gains(stacked: StackedProblem, known: Array, deviation: Array) -> t
     """Estimates drive gains from a known payload, and the unknown parameters of the payload.
 
     Args:
-        stacked: As for `estimate_payload`.
+        stacked: Stacked problem of an earlier estimate and new recordings, with the ten payload parameters.
         known: Known parameters of the payload, NaN for unknown ones, shape (10,).
         deviation: Relative standard deviations of the gains, shape (n,); infinite for unknown gains.
 
@@ -148,7 +148,7 @@ def estimate_gains(stacked: StackedProblem, known: Array, deviation: Array) -> t
     solution = solve_stacked(stacked, scale_deviation=deviation, fixed=known)
     if solution.undetermined_scale.all():
         raise EstimationError(
-            "The recordings determine none of the drive gains: the known load causes no torque in them.",
+            "The recordings determine none of the drive gains, because the known load causes no torque.",
             remedy="attach a heavier load, give its mass with --mass, and rotate it through wide angles.",
         )
     correction = 1.0 / solution.scale - 1.0
@@ -159,7 +159,7 @@ def estimate_gains(stacked: StackedProblem, known: Array, deviation: Array) -> t
 
 
 def _payload(stacked: StackedProblem, solution: JointSolution, known: Array) -> PayloadEstimate:
-    """Payload from a joint solution: nearest consistent body, intervals and status."""
+    """Computes the payload from the solution of a stacked problem: nearest consistent body, intervals and status."""
     ten = stacked.load
     free = np.isnan(known)
     estimate = solution.values[ten]
@@ -198,7 +198,7 @@ def _payload(stacked: StackedProblem, solution: JointSolution, known: Array) -> 
 
 
 def _known_payload(values: Array, solution: JointSolution) -> PayloadEstimate:
-    """Payload whose parameters are all given."""
+    """Makes the result for a payload whose ten parameters are all given."""
     exact = np.stack([values, values], axis=1)
     com = values[MOMENTS] / values[MASS]
     status: tuple[Status, ...] = ("identified",) * 10
@@ -209,7 +209,7 @@ def _known_payload(values: Array, solution: JointSolution) -> PayloadEstimate:
 
 
 def _span(directions: Array) -> Array:
-    """Orthonormal rows with the same span as the given directions."""
+    """Orthonormal rows that span the same space as the rows of `directions`."""
     if not directions.size:
         return np.zeros((0, directions.shape[1]))
     _, size, rows = np.linalg.svd(directions, full_matrices=False)
@@ -217,7 +217,7 @@ def _span(directions: Array) -> Array:
 
 
 class _Region:
-    """Set of consistent bodies near an estimate, with the distance that its covariance defines.
+    """Consistent bodies near an estimate of the payload, with the distance that its covariance defines.
 
     Attributes:
         estimate: The ten parameters without the constraint of consistency, shape (10,).
@@ -226,7 +226,7 @@ class _Region:
         white: Whitening matrix of k rows, shape (k, f): the distance is |white · (θ - estimate)| standard deviations.
         body: Matrix and offset with which the free parameters give the upper triangle of (pseudo-inertia -
             `EPSILON`).
-        reach: Largest change of an eigenvalue of the pseudo-inertia if the parameters change by one standard
+        reach: Largest change of an eigenvalue of the pseudo-inertia when the parameters change by one standard
             deviation.
     """
 
@@ -269,7 +269,7 @@ class _Region:
         return float(np.linalg.eigvalsh(pseudo_inertia(self.estimate))[0]) - EPSILON
 
     def intervals(self, nearest: Array, freedom: float, undetermined: NDArray[np.bool_]) -> Array:
-        """95 % intervals (10, 2): NaN for undetermined parameters, of zero width for known ones."""
+        """95 % intervals (10, 2): NaN for undetermined parameters; for known parameters the width is zero."""
         from scipy.special import fdtri  # a third of a second to import
 
         inside, rank = nearest[self.free], len(self.white)
@@ -286,7 +286,16 @@ class _Region:
         return ends
 
     def _intersect(self, ends: Array, nearest: Array, radius: float, undetermined: NDArray[np.bool_]) -> None:
-        """Intersects intervals with the values of consistent bodies in the region; includes the nearest body."""
+        """Intersects intervals with the values that consistent bodies in the 95 % region have.
+
+        Each interval is extended so that it contains the value of the nearest body.
+
+        Args:
+            ends: Lower and upper ends of the intervals, which are changed in place, shape (10, 2).
+            nearest: Nearest consistent body, shape (10,).
+            radius: Size of the region in standard deviations.
+            undetermined: Mask of the parameters that the data do not determine, shape (10,).
+        """
         f = int(self.free.sum())
         rows = np.vstack([np.zeros(f), self.white])
         offset = np.concatenate([[radius], -self.white @ self.estimate[self.free]])
@@ -301,15 +310,21 @@ class _Region:
             ends[k] = min(low, high, nearest[k]), max(low, high, nearest[k])
 
     def _distance(self, free: Array) -> float:
-        """Distance from the estimate in standard deviations."""
+        """Distance of a body, given by its free parameters (f,), from the estimate in standard deviations."""
         return float(np.linalg.norm(self.white @ (free - self.estimate[self.free])))
 
 
 def _status(values: Array, half: Array, undetermined: NDArray[np.bool_]) -> tuple[Status, ...]:
-    """Status of each parameter, from its interval and the bounds that follow from mass and size of the body.
+    """Status of each parameter of the payload, from the width of its interval and a bound.
 
-    `half` are the half widths (10,) of the intervals without consistency. With r² the mean square distance of the
-    payload's mass from the origin of the frame, the bounds are |MX| ≤ M r and |XX| ≤ M r².
+    A parameter is identified if half of the interval is small compared with the largest value that is possible for
+    the mass M and the size r of the payload: |MX| ≤ M r and |XX| ≤ M r², where r² is the mean square distance of the
+    mass from the origin of the frame.
+
+    Args:
+        values: Parameters of the payload, shape (10,).
+        half: Half widths of the intervals without the constraint of consistency, shape (10,).
+        undetermined: Mask of the parameters that the data do not determine, shape (10,).
     """
     mass = max(values[MASS], EPSILON)
     square = max(float(np.trace(pseudo_inertia(values)[:3, :3])) / mass, EPSILON)
@@ -324,7 +339,13 @@ def _status(values: Array, half: Array, undetermined: NDArray[np.bool_]) -> tupl
 
 
 def _com(values: Array, covariance: Array, t: float) -> tuple[Array, Array]:
-    """Centre of mass (3,) and half widths of its intervals, from its derivatives by mass and first moments."""
+    """Centre of mass (3,) of the payload and half widths (3,) of its intervals [m].
+
+    Args:
+        values: Parameters of the payload, shape (10,).
+        covariance: Covariance of the parameters, shape (10, 10).
+        t: Quantile of Student's t distribution for 95 % intervals.
+    """
     mass = values[MASS]
     com = values[MOMENTS] / mass
     slope = np.zeros((3, 10))
@@ -335,7 +356,7 @@ def _com(values: Array, covariance: Array, t: float) -> tuple[Array, Array]:
 def _inertia_about_com(
     values: Array, estimate: Array, covariance: Array, t: float, undetermined: NDArray[np.bool_]
 ) -> Array:
-    """Intervals (6, 2) of the inertia about the centre of mass, from its derivatives by the parameters.
+    """Intervals (6, 2) of the inertia of the payload about its centre of mass, from derivatives by the parameters.
 
     The intervals are centred at the unconstrained estimate and extended to the nearest consistent body. Intervals of
     moments of inertia contain no negative values.

@@ -1,16 +1,16 @@
-"""Test of a payload: comparison of its residuals with those of a fit of the new recordings alone.
+"""Test of a payload: the residuals with the payload are compared with those of a fit of the new recordings alone.
 
-In the fit of the new recordings alone, every base parameter is estimated. This fit can represent any load on any
-link. For each joint, the sums of squared residuals with the payload, S, and of this fit, S₀, are compared by an F
+In the fit of the new recordings alone, every base parameter is estimated, so this fit can represent any load on any
+link. For each joint, the sum S of squared residuals with the payload and the sum S₀ of this fit are compared by an F
 test,
 
     F = [(S - S₀) / (c p)] / [S₀ / (m - p)],
 
-with p and (m - p) / c degrees of freedom, where m is the number of rows of the joint, p the sum of their leverages
-and c the number of rows that count as one independent sample. The residual of the earlier recordings cannot be used
-as reference, because the error of the friction model depends on the motion: on recordings of simulated arms with a
-correct load the residual changed by factors of 0.7 to 24. The two fits compared here have the same motion and the
-same model.
+with p and (m - p) / c degrees of freedom, where m is the number of rows of the joint, p the sum of the leverages of
+these rows and c the number of rows that count as one independent sample. The residual of the earlier recordings is
+not used as reference, because the error of the friction model depends on the motion: on recordings of simulated arms
+with a correct load, the ratio of the residuals of new and earlier recordings was 0.7 to 24. The two fits that are
+compared here have the same motion and the same model.
 """
 
 from __future__ import annotations
@@ -28,21 +28,23 @@ from armid.estimation.whitened_system import WhitenedSystem
 from armid.information.information import Information
 
 FALSE_ALARMS = 1e-3
-"""Probability, for all joints together, that the F test reports a recording whose load is on the given link."""
+"""Probability of a false alarm, for all joints together: the F test reports a recording although the load is on
+the given link."""
 
 LARGER = 1.5
-"""Smallest ratio of the residual with the load to that of the recordings alone at which the payload is reported. On
-79 correct recordings of four simulated arms the ratio was at most 1.05, on a measured one 1.00, and 1.3 for the same
-arm without a load on another day. With a load on a neighbour of the tip's link it was 1.6 to 15. Of 120 correct
-recordings cut to 4 to 8 s none was reported."""
+"""Smallest ratio of the residual with the load to the residual of a fit of the recordings alone at which the
+payload is reported. On 79 correct recordings of four simulated arms the ratio was at most 1.05. On a recording of
+a real arm it was 1.00, and on a recording of the same arm without a load on another day 1.3. With a load on a link
+next to the assumed one it was 1.6 to 15. Of 120 correct recordings that were cut to 4 to 8 s, none was reported."""
 
 CORRELATED = 4.0
-"""Lower limit of the number of rows that count as one independent sample. The scatter between blocks gives 1 to 2,
-but for correct loads the variances of the load from the spectrum of the residuals were 2 to 5 times as large. With 1,
-three of 15 correct recordings of 4 s were reported."""
+"""Lower limit of the number of rows that count as one independent sample. The scatter between blocks gives numbers
+of 1 to 2; but for correct loads, the spectrum of the residuals gives variances of the load that are 2 to 5 times
+as large. With a limit of 1, three of 15 correct recordings of 4 s were reported."""
 
 EXACT = 1e-4
-"""Relative standard deviation that is used for an exact torque scale if other scales are uncertain."""
+"""Relative standard deviation that is used for an exact torque scale when the scales of other joints are
+uncertain."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -53,7 +55,7 @@ class PayloadMisfit:
         residual: RMS residual with the earlier estimate and the payload, shape (n,) [N·m or N].
         alone: RMS residual of the fit of the recordings alone, corrected for the degrees of freedom, shape (n,) [N·m
             or N].
-        cost: Weighted sum of squared residuals with the payload, for the comparison of links.
+        cost: Weighted sum of squared residuals with the payload, to compare links that could carry the payload.
         significant: Mask of the joints whose torque the payload does not explain, shape (n,).
     """
 

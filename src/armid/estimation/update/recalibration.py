@@ -22,12 +22,12 @@ from armid.maths.distributions import student_quantile
 
 @dataclass(frozen=True, eq=False, slots=True)
 class RecalibratedFit:
-    """Recalibrated estimate.
+    """Estimate after a recalibration with new recordings.
 
     Attributes:
         fit: The new estimate.
-        information: Factors of which the new estimate is the least-squares solution: those of the new recordings,
-            and the earlier ones with torques shifted by the effect of the changed parameters.
+        information: Factors whose least-squares solution is the new estimate: the factors of the new recordings, and
+            the factors of the earlier recordings with torques shifted by the effect of the changed parameters.
         changes: Change of every base parameter.
     """
 
@@ -51,8 +51,8 @@ def recalibrate_fit(
         fit: The earlier estimate.
         new: Factors of the new recordings.
         changing: Mask of the base parameters that have separate values in the new recordings, shape (b,).
-        tool: Derivative of the base parameters by the ten parameters of a different tool, shape (b, 10); `None`
-            for the same tool.
+        tool: Derivative of the base parameters by the ten parameters of a new tool, shape (b, 10); `None` if the tool
+            has not changed.
         samples: The new recordings with their samples.
 
     Raises:
@@ -81,7 +81,7 @@ def recalibrate_fit(
 
 
 def _fit(new: Information, to_new: Array, solved: JointSolution) -> Fit:
-    """New estimate in base parameters, with the residual of the new recordings."""
+    """Makes the fit of the new base parameters, with the residuals of the new recordings."""
     part = np.abs(to_new) / np.abs(to_new).sum(axis=1, keepdims=True)
     values = to_new @ solved.values
     rows, moved = new.rows.sum(axis=0), solved.fit.report.moved
@@ -102,11 +102,11 @@ def _fit(new: Information, to_new: Array, solved: JointSolution) -> Fit:
 def _changes(
     names: tuple[str, ...], fit: Fit, estimate: Fit, difference: Array, solved: JointSolution
 ) -> tuple[ParameterChange, ...]:
-    """Change of every parameter and its significance.
+    """Computes the change of every base parameter, with its standard deviation.
 
-    For a parameter with separate values, the standard deviation of the difference follows from the solution of all
-    recordings. A common parameter has only one value in that solution; its earlier and its new estimate are compared
-    as if the two were independent.
+    If a parameter has separate values in earlier and new recordings, the standard deviation of the difference follows
+    from the common solution of all recordings. If a parameter has one common value, the earlier and the new estimate
+    are compared as if they were independent.
     """
     before = collapse(names, fit)
     earlier = np.array([[name == copy.of_all for copy in fit.names] for name in names], dtype=np.float64)
@@ -126,10 +126,10 @@ def _changes(
 
 
 def _shifted(earlier: Information, unknowns: tuple[str, ...], values: Array, solution: Array) -> Information:
-    """Earlier factors with torques shifted by the effect of the changed values.
+    """Shifts the torques of earlier factors by the effect of the changed parameters.
 
-    The residuals of the factors stay the same. So least squares on these factors and the new factors gives the new
-    values.
+    The residuals of the factors stay the same. Therefore least squares on the shifted factors and the factors of the
+    new recordings gives the new values.
     """
     position = {name: k for k, name in enumerate(unknowns)}
     joints = [np.array(joint.R) for joint in earlier.joints]
@@ -144,7 +144,10 @@ def _shifted(earlier: Information, unknowns: tuple[str, ...], values: Array, sol
 
 
 def _earlier_position(position: dict[str, int], name: str, recording: int) -> int:
-    """Position of a parameter of an earlier recording: common, of this recording, or of all earlier recordings."""
+    """Index of the unknown that stands for a parameter in an earlier recording.
+
+    The unknown may be common to all recordings, belong to this recording, or be common to all earlier recordings.
+    """
     for each in (name, f"{name}[{recording + 1}]", f"{name}[1]"):
         if each in position:
             return position[each]

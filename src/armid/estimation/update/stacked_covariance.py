@@ -1,10 +1,11 @@
-"""Covariance of a solution from an earlier estimate and the samples of new recordings together.
+"""Covariance of an estimate that is computed from an earlier estimate and the samples of new recordings.
 
-For the earlier recordings, the covariance C of the earlier estimate is used. With A the whitened earlier rows in the
-earlier parameters and J the same rows in the unknowns, their part of the right-hand side of the normal equations has
-the covariance JᵀA C AᵀJ. The covariance of the new recordings is computed from their samples, as in an
-identification; all other information is treated as a prior. Velocity reversals shift the earlier and the new estimate
-by the same cause. These shifts are therefore added with their signs, not as variances.
+For the earlier recordings, the covariance C of the earlier estimate is used. Let A be the whitened earlier rows, with
+one column for each earlier parameter, and J the same rows with one column for each unknown. The contribution of these
+rows to the right-hand side of the normal equations has the covariance JᵀA C AᵀJ. The covariance of the new recordings
+is computed from their samples, as in an identification; all other information is treated as a prior. Velocity
+reversals shift the earlier and the new estimate by the same cause. These shifts are therefore added with their signs,
+not as variances.
 """
 
 from __future__ import annotations
@@ -26,26 +27,27 @@ from armid.maths.linalg import root_of, unit_columns
 from armid.maths.median import median
 
 ROUNDING = 1e-9
-"""Largest share of the earlier rows outside the span of the earlier parameters that counts as a rounding error."""
+"""Largest share of the earlier rows that may lie outside the span of the columns of the earlier parameters, as a
+rounding error."""
 
 
 UNCANCELLED = 0.25
-"""Share of each shift by reversals that is added to the covariance even if the shifts of two motions cancel, as for a
-payload: the ratio of error to shift differs between motions. On recordings of a SCARA arm the ratio was 0.7 to
-0.8."""
+"""Share of each shift by reversals that is added to the covariance even if the shifts of earlier and new motion
+cancel, as they do for a payload. The ratio of error to shift differs between motions, so the errors do not cancel
+completely. On recordings of a SCARA arm the ratio was 0.7 to 0.8."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class PriorInformation:
-    """Information of everything except the new recordings, about u unknowns.
+    """Information about u unknowns from everything except the new recordings: from the prior and earlier recordings.
 
     Attributes:
-        precision: Normal matrix of this information, shape (u, u).
+        precision: Normal matrix of prior and earlier recordings, shape (u, u).
         certain: Covariance of the estimate caused by rows of known variance, shape (u, u).
         scatter: Covariance of the estimate caused by the noise of earlier recordings, shape (u, u).
         freedom: Degrees of freedom of `scatter`, shape (u,).
         moved: Shift of the estimate by rows near reversals in earlier recordings, shape (u,).
-        reach: Share of this shift that counts as one standard deviation in the earlier estimate.
+        reach: Share of `moved` that counts as one standard deviation in the earlier estimate.
         inverse: Inverse of the whole normal matrix, new recordings included, shape (u, u).
     """
 
@@ -61,7 +63,7 @@ class PriorInformation:
 def prior_information(
     prior_rows: Array, rows: Array, in_earlier: Array, earlier: EarlierErrors | None, inverse: Array
 ) -> PriorInformation:
-    """Computes what the prior and the earlier recordings say about the u unknowns: normal matrix and covariances.
+    """Computes the information that the prior and the earlier recordings contain about the u unknowns.
 
     Args:
         prior_rows: Whitened rows of the k conditions of the prior, shape (k, u).
@@ -93,7 +95,7 @@ def prior_information(
 
 
 def _as_wide(covariance: Array, variance: Array) -> Array:
-    """Covariance with other variances (u,) and the same correlations."""
+    """Covariance (u, u) with given variances (u,) and the correlations of another covariance."""
     size = np.sqrt(np.divide(variance, np.diag(covariance), out=np.zeros_like(variance), where=variance > 0.0))
     return covariance * np.outer(size, size)
 
@@ -105,7 +107,7 @@ class JointCovariance(Uncertainty):
         fit: The estimate.
         problem: The new recordings with their samples, in b parameters.
         information: Factors of the new recordings in the unknowns.
-        remaining: Information of everything except the new recordings.
+        remaining: Information from everything except the new recordings.
         column_maps: Matrices from the unknowns to the parameters of each joint's columns, shapes (b, u).
         joint_values: Parameters of each joint's columns, shape (n, b).
     """
@@ -136,7 +138,10 @@ class JointCovariance(Uncertainty):
         return replace(fit, report=report)
 
     def reversal_effect(self, covariance: Array) -> tuple[Array, float, float]:
-        """Shift of the estimate by rows near reversals in all recordings; adds a share of it to the covariance."""
+        """Shift of the estimate by rows near reversals in all recordings, compared with standard deviations by noise.
+
+        A share of this shift is added to the covariance.
+        """
         result = super().reversal_effect(covariance)
         for part in (self.remaining.moved, result[0] - self.remaining.moved):
             share = UNCANCELLED * self.reach(part, covariance)[0]
@@ -144,7 +149,7 @@ class JointCovariance(Uncertainty):
         return result
 
     def noise_covariance(self, scatter: Array) -> Array:
-        """Covariance from the noise of new and earlier recordings, shape (u, u)."""
+        """Covariance of the estimate by the noise of new and earlier recordings, shape (u, u)."""
         return scatter + self.remaining.scatter
 
     def reversal_shift(self) -> Array:
@@ -158,18 +163,18 @@ class JointCovariance(Uncertainty):
         return found + self.remaining.moved
 
     def white(self) -> Fit:
-        """Fit with its covariance for white noise of the new recordings."""
+        """Fit with the covariance under the assumption that the noise of the new recordings is white."""
         return self.with_scatter(
             replace(self.fit, covariance_kind="white"), self._textbook(), self.known_covariance, self.fit.freedom
         )
 
     def _textbook(self) -> Array:
-        """Covariance by white noise of the new recordings, shape (u, u)."""
+        """Covariance of the estimate by white noise of the new recordings, shape (u, u)."""
         A = stack(self.whole, self.fit.weights)[0] @ self.inverse
         return A.T @ A
 
     def with_scatter(self, fit: Fit, scatter: Array, known_covariance: Array, freedom: Array | float) -> Fit:
-        """Fit with its covariance; earlier and new noise determine the degrees of freedom [Satterthwaite1946]."""
+        """Fit with covariance and degrees of freedom, which follow from earlier and new noise [Satterthwaite1946]."""
         if fit.covariance_kind in ("period", "block"):
             scatter = _as_wide(
                 blend_with_textbook(scatter, self._textbook(), float(np.min(freedom))), np.diag(scatter)

@@ -1,10 +1,11 @@
 """Least-squares problem of an earlier estimate and new recordings.
 
-Parameters that may have changed (friction, a tool, or all) have separate values in the new recordings; the others are
-common. The earlier data are represented by their stored R factors and the prior of the earlier estimate. The
-right-hand sides are shifted so that the earlier estimate minimises the cost; this includes the effect of constraints.
-If factors and prior do not determine every parameter, the earlier estimate with its covariance is used instead. So
-the uncertainty of the earlier parameters, their correlations and the common torque scales are part of the result.
+Parameters that may have changed (friction, a tool, or all parameters) have separate values in the new recordings; all
+other parameters are common. The earlier data are represented by their stored triangular factors and the prior of the
+earlier estimate. The right-hand sides are shifted so that the earlier estimate minimises the cost of the earlier
+data; the shift contains the effect of constraints. If factors and prior do not determine every parameter, the earlier
+estimate with its covariance is used instead of the factors. In this way, the uncertainty of the earlier parameters,
+their correlations and the common torque scales are part of the result.
 """
 
 from __future__ import annotations
@@ -23,7 +24,8 @@ from armid.maths.linalg import null_directions, unit_columns
 from armid.model.parameter_name import ParameterName
 
 MIN_PRECISION = 1e-9
-"""Smallest eigenvalue of a prior's precision, scaled to a unit diagonal, at which it counts as positive definite."""
+"""Smallest eigenvalue of the precision of a prior, scaled to a unit diagonal, with which the precision counts as
+positive definite."""
 
 MIN_VARIANCE_SHARE = 1e-6
 """Lower limit of the eigenvalues of the earlier covariance without torque scales, divided by the largest one: a
@@ -32,17 +34,17 @@ rounding error."""
 
 @dataclass(frozen=True, eq=False, slots=True)
 class EarlierErrors:
-    """Errors of an earlier estimate whose factors are part of a stacked problem.
+    """Covariance and shift by reversals of an earlier estimate whose factors are part of a stacked problem.
 
     Attributes:
         blocks: Mask of the blocks that belong to the earlier estimate, shape (blocks,).
-        prior: Number of rows of the prior of the earlier estimate; they are the last prior rows of the stacked
-            problem.
+        prior: Number of rows of the prior of the earlier estimate; these are the last rows of the prior of the
+            stacked problem.
         selection: Matrix from the c unknowns to the b' parameters of the earlier estimate, shape (b', c).
         covariance: Covariance of the b' parameters by noise, without torque scales and reversals, shape (b', b').
         freedom: Degrees of freedom of this covariance, shape (b',).
         moved: Shift of the b' parameters by rows near velocity reversals, shape (b',).
-        reach: Share of this shift that counts as one standard deviation.
+        reach: Share of `moved` that counts as one standard deviation.
     """
 
     blocks: NDArray[np.bool_]
@@ -67,7 +69,7 @@ class StackedProblem:
         load: Positions of the ten payload parameters in x, shape (10,) or (0,).
         weights: Initial weights of the joints' rows, shape (n,).
         to_new: Matrix from x to the base parameters in the new recordings, payload included, shape (b, c).
-        samples: The new recordings with their samples; `None` where only factors are available.
+        samples: The new recordings with their samples; `None` if only factors are available.
         earlier: Errors of the earlier estimate; `None` if the earlier estimate is represented by rows of the prior.
     """
 
@@ -148,7 +150,10 @@ def stack_problems(
 def _maps(
     names: tuple[ParameterName, ...], separated: tuple[ParameterName, ...], changing: NDArray[np.bool_], last: int
 ) -> tuple[Array, Array]:
-    """Matrices (b, c) from the unknowns to the earlier base parameters (means of recordings) and the new ones."""
+    """Two matrices (b, c) from the unknowns to base parameters: of the earlier recordings, and of the new recordings.
+
+    If the earlier recordings have separate parameters, the mean is taken.
+    """
     position = {name: k for k, name in enumerate(separated)}
     before, after = np.zeros((2, len(names), len(separated)))
     for k, name in enumerate(names):
@@ -163,7 +168,7 @@ def _maps(
 
 
 def _continuity_rows(earlier: Information, before: Array, after: Array, changing: NDArray[np.bool_]) -> Array:
-    """Rows of a weak prior on the changes, which has an effect only if the data do not determine a change.
+    """Rows of a weak prior on the changes of parameters; it has an effect only if the data do not determine a change.
 
     One standard deviation is a change whose torque is as large as the whole torque of the joints on which it acts.
     """
@@ -176,7 +181,7 @@ def _continuity_rows(earlier: Information, before: Array, after: Array, changing
 
 
 def _is_determined(earlier: Information, fit: Fit) -> bool:
-    """Tests whether the factors alone determine every parameter."""
+    """True if the factors alone determine every parameter."""
     return not len(null_directions(stack(total(earlier), fit.weights)[0]))
 
 
@@ -202,7 +207,7 @@ def _shift_to_estimate(separated: Information, old: NDArray[np.bool_], earlier: 
 def _errors(
     earlier: Information, names: tuple[str, ...], fit: Fit, blocks: NDArray[np.bool_], prior: int
 ) -> EarlierErrors:
-    """Computes the errors of the earlier estimate.
+    """Computes covariance and shift by reversals of the earlier estimate, for use in a stacked problem.
 
     Args:
         earlier: Factors of the earlier estimate.
@@ -225,7 +230,7 @@ def _errors(
 
 
 def _is_definite(precision: Array) -> bool:
-    """Tests whether a precision is positive definite if it is scaled to a unit diagonal."""
+    """True if a precision is positive definite when it is scaled to a unit diagonal."""
     if not (np.diag(precision) > 0.0).all():
         return False
     size = np.sqrt(np.diag(precision))
@@ -233,7 +238,7 @@ def _is_definite(precision: Array) -> bool:
 
 
 def _in_estimate_parameters(earlier: Information, names: tuple[str, ...], fit: Fit) -> tuple[Information, Array]:
-    """Factors in the parameters of the earlier estimate, and the matrix (b', c) from the unknowns to these."""
+    """Factors with the parameters of the earlier estimate, and matrix (b', c) from the unknowns to these."""
     with_copies = [name.of_all for name in fit.names if name.recording]
     kept = separate_by_recording(earlier, np.isin(earlier.names, with_copies)) if with_copies else earlier
     selection = np.zeros((len(fit.names), len(names)))
@@ -244,10 +249,11 @@ def _in_estimate_parameters(earlier: Information, names: tuple[str, ...], fit: F
 
 
 def _prior_rows(earlier: Information, names: tuple[str, ...], fit: Fit) -> Array:
-    """Whitened rows (b', c + 1) of the earlier prior, with which the earlier estimate minimises the cost.
+    """Whitened rows (b', c + 1) of the prior of the earlier estimate.
 
-    The mean π₀ of the prior is computed from P (π - π₀) = -g, with P its precision, π the earlier estimate and g the
-    gradient of the cost of the data. So the effect of constraints becomes part of the mean.
+    With these rows, the earlier estimate minimises the cost. The mean π₀ of the prior is computed from P (π - π₀) =
+    -g, with the precision P of the prior, the earlier estimate π and the gradient g of the cost of the data. In this
+    way, the effect of constraints becomes part of the mean.
     """
     assert fit.prior_precision is not None  # the caller has made sure
     kept, selection = _in_estimate_parameters(earlier, names, fit)
@@ -262,7 +268,10 @@ def _prior_rows(earlier: Information, names: tuple[str, ...], fit: Fit) -> Array
 
 
 def _estimate_rows(earlier: Information, names: tuple[str, ...], fit: Fit) -> tuple[Array, Array]:
-    """Whitened rows (b', c + 1) that represent the earlier estimate, and their derivatives by the torque scales."""
+    """Whitened rows (b', c + 1) that represent the earlier estimate, and derivatives of their right-hand sides.
+
+    The derivatives (b', n) are by the relative errors of the torque scales of the joints.
+    """
     kept, selection = _in_estimate_parameters(earlier, names, fit)
     unit = _scale_sensitivity(kept, fit)[[kept.names.index(name) for name in fit.names]]
     scale_sensitivity = unit * earlier.scale_deviation
@@ -299,7 +308,7 @@ def right_hand_sides(whole: Information, weights: Array) -> Array:
 
 
 def with_load_columns(information: Information, new: NDArray[np.bool_], added: Array) -> Information:
-    """Appends the ten columns of a payload.
+    """Appends ten columns for the parameters of a payload to factors.
 
     Args:
         information: Factors, any number of blocks.
@@ -317,6 +326,6 @@ def with_load_columns(information: Information, new: NDArray[np.bool_], added: A
 
 
 def triangular(rows: Array) -> Array:
-    """Factors R of the QR decompositions of rows (blocks, m, k): (blocks, k, k), padded with zero rows if m < k."""
+    """Triangular factors (blocks, k, k) of the rows of each block (blocks, m, k), padded with zero rows if m < k."""
     R: Array = np.asarray(np.linalg.qr(rows, mode="r"))
     return np.concatenate([R, np.zeros((len(R), R.shape[2] - R.shape[1], R.shape[2]))], axis=1)

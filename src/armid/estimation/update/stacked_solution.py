@@ -1,10 +1,11 @@
-"""Solution from earlier and new recordings together, optionally with the torque scales of the joints as unknowns.
+"""Solution of a stacked problem of earlier and new recordings; the torque scales of the joints may be unknowns, too.
 
     minimise Σ_j w_j² |ρ_j - s_j R_j x|² + |P x - p|²,        s_j = 1 unless estimated
 
-For each joint j, w_j is the weight, R_j the factor, ρ_j its right-hand side and s_j the scale; P and p are the rows
-of the prior. A scale multiplies the model and not the measured torque. If a scale multiplied the measured torque, the
-noise of this column would bias the scale by the share of noise in the torque.
+The unknowns are x. For each joint j, w_j is the weight, R_j the triangular factor, ρ_j the right-hand side and s_j
+the torque scale; P and p are the rows and the right-hand side of the prior. A scale multiplies the model and not the
+measured torque. If a scale multiplied the measured torque, the noise in this column would bias the scale by the share
+of noise in the torque.
 """
 
 from __future__ import annotations
@@ -27,8 +28,9 @@ TOLERANCE = 1e-9
 """Largest relative change of weights and scales at which the iteration ends: far below any effect on the estimate."""
 
 RESOLUTION = 1e-7
-"""Lower limit of a joint's residual, relative to its torque. Noise-free data would give a larger weight, and the
-rounding errors of its rows would then be larger than the rows of the other joints and of the prior."""
+"""Lower limit of the residual of a joint, divided by the torque of the joint. Without this limit, a joint with
+noise-free data would get so large a weight that the rounding errors of its rows would be larger than the rows of
+other joints and of the prior."""
 
 ITERATIONS = 200
 
@@ -49,8 +51,8 @@ class JointSolution:
         scale_effect: Change of the parameters by one standard deviation of each joint's torque scale, shape (c,
             n).
         undetermined: The d directions of the parameters that neither data nor prior determine, shape (d, c).
-        scale: Ratio of measured torque to the torque of the model, shape (n,); ones unless estimated.
-        scale_covariance: Covariance of the scales, shape (n, n); zero unless estimated.
+        scale: Ratio of measured torque to the torque of the model, shape (n,); ones if the scales are not estimated.
+        scale_covariance: Covariance of the scales, shape (n, n); zero if the scales are not estimated.
         undetermined_scale: Mask of the scales that neither data nor prior determine, shape (n,).
         freedom: Degrees of freedom of the parameters and the scales, shape (c + n,).
         fit: Weights, residuals, and the report on the covariance with the shift of the c parameters by reversals.
@@ -80,8 +82,8 @@ def solve_stacked(
 
     Args:
         stacked: The problem.
-        scale_deviation: Standard deviations of the torque scales about one, shape (n,); infinite for scales of which
-            nothing is known. If it is given, the scales are estimated.
+        scale_deviation: Standard deviations of the torque scales about one, shape (n,); infinite for unknown scales.
+            If not given, the scales are not estimated.
         fixed: Known parameters of the payload, NaN for unknown ones, shape (10,).
 
     Raises:
@@ -97,8 +99,9 @@ def solve_values(
 
     Args:
         stacked: The problem.
-        scale_deviation: As for `solve_stacked`.
-        fixed: As for `solve_stacked`.
+        scale_deviation: Standard deviations of the torque scales about one, shape (n,); if not given, the scales are
+            not estimated.
+        fixed: Known parameters of the payload, NaN for unknown ones, shape (10,).
 
     Raises:
         EstimationError: Weights or scales do not converge.
@@ -109,7 +112,7 @@ def solve_values(
 def _solve(
     stacked: StackedProblem, scale_deviation: Array | None, fixed: Array | None
 ) -> tuple[_Unknowns, Array, Array, Array]:
-    """Unknowns, weights (n,), parameters (c,) and scales (n,) at the solution."""
+    """Solves a stacked problem without its covariance: unknowns, weights (n,), parameters (c,) and scales (n,)."""
     count, n = stacked.information.count, stacked.information.n
     known, free = np.zeros(count), np.ones(count, dtype=np.bool_)
     if fixed is not None:
@@ -154,7 +157,7 @@ class _Unknowns:
 
 
 def _linearise(information: Information, unknowns: _Unknowns, values: Array, scale: Array) -> Information:
-    """Problem for values x' and scales s', linearised at x (c,) and s (n,): s R x' + s' R x = ρ + s R x."""
+    """Linearises the problem for parameters x' and scales s' at x (c,) and s (n,): s R x' + s' R x = ρ + s R x."""
     position = np.cumsum(unknowns.free) - 1
     joints: list[JointFactors] = []
     for j, joint in enumerate(information.joints):
@@ -176,7 +179,7 @@ def _linearise(information: Information, unknowns: _Unknowns, values: Array, sca
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Determined:
-    """Problem in r coordinates z that data and prior determine, with the unknowns x = basis · z.
+    """Stacked problem in r coordinates z that data and prior determine; the unknowns are x = basis · z.
 
     Attributes:
         information: Factors in the coordinates z.
@@ -192,7 +195,7 @@ class _Determined:
 
 
 def _restrict_to_determined(linear: Information, prior: Array, weights: Array) -> _Determined:
-    """Problem without the directions that neither data nor prior determine."""
+    """Changes a problem to coordinates without the directions that neither data nor prior determine."""
     A = np.vstack([stack(total(linear), weights)[0], prior[:, :-1]])
     length = unit_columns(A)[1]
     directions = null_directions(A)
@@ -243,7 +246,7 @@ class _WeightedSolution:
 def _iterate_weights(
     whole: Information, unknowns: _Unknowns, weights: Array, values: Array, scale: Array
 ) -> tuple[Array, Array, Array]:
-    """Weights (n,), parameters (c,) and scales (n,) after convergence of the iteration."""
+    """Repeats solutions with new weights until they converge: weights (n,), parameters (c,) and scales (n,)."""
     torque = np.array([np.linalg.norm(joint.R[0, :, -1]) for joint in whole.joints])
     floor = RESOLUTION * torque / np.sqrt(np.maximum(whole.rows[0], 1))
     floor[torque == 0.0] = 1.0
@@ -271,7 +274,7 @@ def _iterate_weights(
 def _solution_with_covariance(
     stacked: StackedProblem, unknowns: _Unknowns, weights: Array, values: Array, scale: Array
 ) -> JointSolution:
-    """Solution with its covariance from all blocks."""
+    """Makes the solution of a stacked problem, with its covariance, from converged weights, parameters and scales."""
     determined = _restrict_to_determined(
         _linearise(stacked.information, unknowns, values, scale), unknowns.prior, weights
     )
@@ -318,7 +321,7 @@ def _fit_with_covariance(
     values: Array,
     scale: Array,
 ) -> Fit:
-    """Solution in z with its covariance, from samples if they are available, otherwise from factors."""
+    """Fit in the coordinates z; the covariance is computed from samples if possible, otherwise from factors."""
     fit = _fit(determined, solved, weights)
     if stacked.samples is None:
         return estimate_covariance(fit, determined.information)
@@ -350,7 +353,7 @@ def _fit_with_covariance(
 
 
 def _whitened_rows(whole: Information, unknowns: _Unknowns, weights: Array, values: Array, scale: Array) -> Array:
-    """The m whitened rows in the u unknowns, shape (m, u), linearised as in `_linearise` but not triangular."""
+    """Whitened rows of all blocks for the u unknowns, shape (m, u), linearised as in `_linearise`."""
     A = stack(whole, weights)[0]
     joint = np.concatenate([np.full(len(each.R[0]), j) for j, each in enumerate(whole.joints)])
     slopes = scale[joint][:, None] * A[:, unknowns.free]
@@ -360,7 +363,7 @@ def _whitened_rows(whole: Information, unknowns: _Unknowns, weights: Array, valu
 
 
 def _fit(determined: _Determined, solved: _WeightedSolution, weights: Array) -> Fit:
-    """Solution in z as a fit, with the covariance for white residuals."""
+    """Fit in the coordinates z, with the covariance for white residuals."""
     whole = total(determined.information)
     rows, P = whole.rows[0], determined.prior[:, :-1]
     unweighted = stack(whole)[0]
@@ -381,7 +384,7 @@ def _fit(determined: _Determined, solved: _WeightedSolution, weights: Array) -> 
 
 
 def _among_all(covariance: Array, unknowns: _Unknowns) -> Array:
-    """Covariance (c, c) of all parameters, zero for the known ones."""
+    """Covariance (c, c) of all parameters from that of the unknowns (u, u); zero for known parameters."""
     whole = np.zeros((len(unknowns.free), len(unknowns.free)))
     whole[np.ix_(unknowns.free, unknowns.free)] = covariance[: unknowns.count, : unknowns.count]
     return whole
