@@ -71,7 +71,7 @@ class Program:
 
     @cached_property
     def uses(self) -> Counter[Node]:
-        """Number of times that each node is used, by operations and by elements of the result."""
+        """Number of times that operations and elements of the result use each node."""
         read = [x for node in self.nodes for x in node.operands] + list(self.results.values())
         return Counter(x for x in read if isinstance(x, Node))
 

@@ -56,7 +56,7 @@ def is_inertia(law: Law) -> bool:
 
 
 def law_value(model: DynamicsModel, law: Law, inputs: Mapping[str, Sequence[Scalar]]) -> Scalar:
-    """Value of the expression of a law, not yet multiplied by its parameter and by the weights of its coordinate.
+    """Value of the expression of a law, not yet multiplied by the parameter and the weights of the law.
 
     Args:
         model: Model that contains the law.

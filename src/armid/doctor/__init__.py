@@ -44,7 +44,7 @@ def explanations_of(scopes: Collection[Scope] = EVERYWHERE) -> tuple[Explain, ..
 
 
 def effects() -> dict[str, str]:
-    """Effect of each fault on an estimate, by the code of its findings."""
+    """Effects of faults on an estimate, as text; the keys are the codes of the findings about the faults."""
     return {code: text for check in CHECKS.values() for code, text in check.effects.items()}
 
 

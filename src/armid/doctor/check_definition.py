@@ -1,4 +1,4 @@
-"""Definition of a check: its functions, and the facts about it that the doctor needs."""
+"""Type `LogCheck`: functions of a check, and facts about the check that the doctor needs."""
 
 from __future__ import annotations
 

@@ -151,7 +151,7 @@ class LogEvidence:
 
     @cached_property
     def _accepted(self) -> tuple[tuple[LogState, Explanation], ...]:
-        """Accepted faults, each with the log in which this fault is not yet corrected, but all faults before it are.
+        """Accepted faults, each with the log in which all faults accepted before, but not this fault, are corrected.
 
         A fault that the log does not confirm is not reported. It is corrected nevertheless, so that the misfit is not
         attributed to another fault. If no other fault explains the misfit, the search ends.

@@ -1,4 +1,4 @@
-"""Links whose torque a log is compared with: those of the description, or those of an earlier run of the arm."""
+"""Links whose torque a log is compared with: the links of the description, or of an earlier run of the arm."""
 
 from __future__ import annotations
 

@@ -30,7 +30,7 @@ POSES = 40
 
 @dataclass(frozen=True, eq=False, slots=True)
 class DescriptionComparison:
-    """Comparison of measured and described torque, joint by joint, after friction and offset are projected out.
+    """Comparison of measured and described torque for each joint, after friction and offset are projected out.
 
     The description is that of the arm, or the links of an earlier run.
 
@@ -268,7 +268,7 @@ class LogState:
 
     @cached_property
     def inertia(self) -> Array:
-        """Mean inertia about each joint over some poses, divided by its standard deviation, shape (n,)."""
+        """Inertia about each joint, averaged over some poses and divided by the standard deviation, shape (n,)."""
         rows, n = self.rows, self.rows.n
         q = rows.motion.q[:: max(1, rows.motion.samples // POSES)]
         still = np.zeros_like(q)
@@ -283,6 +283,6 @@ class LogState:
 
 
 def _certainty(direction: Array, fit: QuickFit) -> float:
-    """Scalar product of a direction and the fitted parameters, divided by its standard deviation."""
+    """Scalar product of a direction and the fitted parameters, divided by the standard deviation of this product."""
     spread = float(np.sqrt(max(direction @ fit.covariance @ direction, 0.0)))
     return float(direction @ fit.values) / spread if spread > 0.0 else 0.0

@@ -1,4 +1,4 @@
-"""Torque that is held: by a controller until its next sample, or by a log that repeats the last value in its rows."""
+"""Torque that stays constant for some time: the controller holds it until its next sample, or the log repeats it."""
 
 from __future__ import annotations
 
@@ -70,10 +70,10 @@ def with_repeated_torque(finding: Finding, evidence: LogEvidence) -> Finding:
     late, held = (total - float(stated[0])) * state.log.rate, 0.5 * (rows - 1)
     if late < held - LATER * rows:
         return finding
-    part = "the delay" if late <= held + LATER * rows else f"{held:g} samples of it"
+    part = "the delay" if late <= held + LATER * rows else f"{held:g} samples of the delay"
     cause = (
-        f" The torque changes only once in {rows} rows, and the log repeats its last value in between, which is late "
-        f"by {held:g} samples on average and explains {part}."
+        f" The torque changes only once in {rows} rows. In between, the log repeats the last value, which is late "
+        f"by {held:g} samples on average; this explains {part}."
     )
     better = "or log the torque in every row, or keep only the rows with a new torque"
     note = "; ".join(filter(None, (remedy.note, better)))

@@ -45,12 +45,12 @@ def reconsidered(evidence: LogEvidence) -> LogEvidence:
     degrees = next((f for f in evidence.noted if f.code == "degrees"), None)
     far = next((f for f in evidence.noted if f.code == "position-offset"), None)
     if degrees is not None and evidence.state is not None and not _explains_torque(evidence):
-        doubted, why = degrees, "If they were degrees, they would contradict the torque"
+        doubted, why = degrees, "If the positions were degrees, they would contradict the torque"
     elif far is not None and turns_too_far(evidence):
         read_so = _as_degrees(evidence)
         if read_so is not None and _explains_torque(read_so):
             return _replaced(read_so, far, _degrees(far))
-        doubted, why = far, "Other joints move as far as this one"
+        doubted, why = far, "Other joints move as far as this joint"
     else:
         return evidence
     found = _counts(evidence) if whole else of_motors(f"{doubted.evidence} {why}")
@@ -58,7 +58,7 @@ def reconsidered(evidence: LogEvidence) -> LogEvidence:
 
 
 def of_motors(reason: str) -> Finding:
-    """Finding that the logged positions are those of the motors.
+    """Finding that the logged positions are positions of the motors and not of the joints.
 
     Args:
         reason: Reason for this conclusion: beginning of the sentence of evidence, without a full stop.
@@ -67,7 +67,7 @@ def of_motors(reason: str) -> Finding:
         "motor-side",
         "error",
         "q",
-        f"{reason}, so they are probably motor positions, on the motor side of the gears.",
+        f"{reason}, so the logged positions are probably motor positions, on the motor side of the gears.",
         "find out the matrix N in q_motor = N (q - joint_offset), and give it in the key `transmission`: "
         "transmission = [[N1, 0, …], …]",
     )
@@ -115,7 +115,7 @@ def _replaced(evidence: LogEvidence, old: Finding, new: Finding) -> LogEvidence:
 
 
 def _degrees(far: Finding) -> Finding:
-    text = f"{far.evidence} Other joints move as far as this one. In degrees, the angles agree with the torque."
+    text = f"{far.evidence} Other joints move as far as this joint. In degrees, the angles agree with the torque."
     remedy = lines("or transmission and joint_offset, if the log is on the motor side", units="deg")
     return Finding("degrees", "error", "", text, remedy)
 

@@ -31,7 +31,7 @@ cannot cause. Some hundred models are compared at most, whose logarithm is 5."""
 
 @lru_cache(maxsize=4)
 def away_from_reversals(state: LogState) -> LogState:
-    """The log without the rows of each joint near its reversals.
+    """The log without the rows in which a joint is near a reversal; each joint has its own mask of rows.
 
     While a joint sticks, its torque passes from one bound of static friction to the other, at a time that depends on
     the controller. In the model, friction reverses with the velocity, many milliseconds earlier or later. This

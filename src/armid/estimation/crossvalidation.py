@@ -54,7 +54,7 @@ def folds(information: Information, count: int = FOLDS) -> NDArray[np.int64]:
     (`FV_1[2]` is the copy of recording 2), a fold consists of one part of every recording.
 
     Args:
-        information: Blocks in their order.
+        information: Blocks in the order of time.
         count: Approximate number of folds. There are no more folds than blocks, and each long run has at least one.
 
     Raises:
@@ -182,7 +182,7 @@ def _parts_of_each(information: Information, rows: Array, count: int) -> NDArray
     raise EstimationError(
         "Cross-validation is not possible: the model has separate parameters for each recording, and one recording "
         "is too short to leave out a part of it.",
-        remedy="record for longer, estimate one friction for all recordings, or give the key `weight` a number.",
+        remedy="record for longer, estimate one friction for all recordings, or set the key `weight` to a number.",
     )
 
 

@@ -83,9 +83,8 @@ def weight_finding(prior: str, weight: float, origin: str) -> Finding:
         origin: Origin of the weight, for instance `GIVEN`.
     """
     samples = "one independent sample" if weight == 1.0 else f"{weight:.3g} independent samples"
-    return Finding(
-        "prior-weight", "info", "", f"The {prior} counts as much as {samples} (origin of this weight: {origin})."
-    )
+    text = {GIVEN: "set with the option `weight`"}.get(origin, origin)
+    return Finding("prior-weight", "info", "", f"The {prior} counts as much as {samples} ({text}).")
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -274,7 +273,8 @@ def _nominal(standard: StandardParameters) -> tuple[Array, tuple[Finding, ...]]:
     for link, mass in zip(standard.links, result[:, 0], strict=True):
         if not mass > 0.0:
             raise EstimationError(
-                f"In the description, the link {link} has the mass {mass:g} kg, so no prior can be computed from it.",
+                f"In the description, the link {link} has the mass {mass:g} kg, so no prior can be computed from "
+                "this mass.",
                 possible='prior = "mass" or "none"',
                 remedy="choose one of these priors, or write mass and inertia of this link into the description.",
             )
@@ -296,7 +296,7 @@ def _nominal(standard: StandardParameters) -> tuple[Array, tuple[Finding, ...]]:
             elif about[0] <= FLAT * max(about[-1], least):
                 what = "the inertia of this link is that of a body without thickness: a plate, a rod or a point"
             else:
-                what = f"the radius of gyration of this link, {radius:.2g} mm, is smaller than that of real links"
+                what = f"this link has a radius of gyration of {radius:.2g} mm, less than real links have"
             findings.append(
                 Finding(
                     "nominal-projected",

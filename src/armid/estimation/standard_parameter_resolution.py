@@ -1,4 +1,4 @@
-"""Estimated standard parameters, and for each of them the share of the value that the data determine.
+"""Estimated standard parameters, and for each parameter the share of the value that the data determine.
 
 With H the normal matrix of the data and P the precision of the prior, both in standard parameters, the diagonal of
 

@@ -196,6 +196,6 @@ def _scaled_finding(carrier: str, bodies: Sequence[Body], wrong: Sequence[int], 
 
 def _cure(names: str, carrier: str) -> str:
     return (
-        f"if the masses of single bodies are needed, correct those of {names} in the description and identify again; "
-        f"or use --lumped, which gives the whole link to {carrier} and writes the other bodies without mass"
+        f"if the masses of single bodies are needed, correct the masses of {names} in the description and identify "
+        f"again; or use --lumped, which gives the whole link to {carrier} and writes the other bodies without mass"
     )

@@ -65,7 +65,7 @@ def refuse_unphysical(run: Run, names: Sequence[str], *, allowed: bool) -> tuple
     if allowed:
         return (Finding("unphysical", "warning", "", what),)
     again = Remedy("identify again with ", setting("method", "physical"), ".")
-    other = "correct these bodies in the description, or write a file of another format."
+    other = "correct these bodies in the description, or choose another format with --to."
     raise OutputError(
         f"{what[0].upper()}{what[1:]}.",
         possible="--allow-unphysical, which writes the file nevertheless; simulators may reject it",
@@ -104,12 +104,12 @@ def refuse_unidentified(run: Run, theta: Array, placeless: Collection[int], *, a
     )
     if not allowed:
         raise OutputError(
-            f"{what[0].upper()}{what[1:]}: many values fit equally well, and the estimated ones are arbitrary.",
-            possible="--allow-unidentified, which writes them; the torque in free motion is right, but single masses "
-            "are not",
+            f"{what[0].upper()}{what[1:]}: many values fit equally well, and the estimated values are arbitrary.",
+            possible="--allow-unidentified, which writes the estimated masses; the torque in free motion is right, "
+            "but single masses are not",
             remedy=remedy,
         )
-    evidence = f"{what}; many values fit equally well, and the ones in the file are arbitrary"
+    evidence = f"{what}; many values fit equally well, and the values in the file are arbitrary"
     return (Finding("unidentified", "warning", "", evidence, remedy),)
 
 
@@ -195,7 +195,7 @@ def _far_finding(run: Run, what: str, kind: str, rest: Sequence[str], *, known: 
         remedy = "check that description and recordings are of the same arm with the same load"
         return Finding("mass-far-from-description", "warning", "", evidence, remedy)
     evidence = (
-        f"{what}: the torque does not determine such a body separately, so this does not change the torque of the arm"
+        f"{what}: the torque does not determine these values separately, so they do not change the torque of the arm"
     )
     nearest = "use --nearest, which writes, of all bodies that give the same torque, those nearest to the description"
     ways = [nearest] if kind == "estimated" else []

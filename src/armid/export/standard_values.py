@@ -1,4 +1,4 @@
-"""Choice of the standard parameters that are written: those of the estimate, or others with the same base parameters.
+"""Choice of the standard parameters that are written: those of the estimate, or ones with equal base parameters.
 
 Base parameters do not determine how the mass is distributed among the links. All standard parameters with given base
 parameters are θ = particular + basis · z, where `particular` is one solution and z is any vector. Of all physically

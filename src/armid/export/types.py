@@ -93,7 +93,7 @@ class Content:
 
     @property
     def locked(self) -> Mapping[str, float]:
-        """Positions of the joints that are locked in the file, by name [rad or m]."""
+        """Positions of the joints that are locked in the file [rad or m]; the keys are the names of the joints."""
         return {} if self.source is None else self.source.locked
 
 

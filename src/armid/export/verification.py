@@ -150,7 +150,7 @@ def _in_order(robot: Robot, like: Robot) -> Robot:
 def _torques(
     exporter: Exporter, written: WrittenDescription, content: Content, robot: Robot, unphysical: bool
 ) -> tuple[list[Check], list[Finding]]:
-    """Compares rigid-body torque and joint parameters of the file, as several programs read it, with the model."""
+    """Compares the model with rigid-body torques and joint parameters that several programs read from the file."""
     q, dq, ddq = _states(content.robot)
     expected = _inverse_dynamics(robot, _inertial(content.robot), q, dq, ddq)
     largest = float(np.abs(expected).max()) or 1.0
@@ -258,7 +258,7 @@ def _rms(values: Array, mask: Array | np.ndarray) -> Array:
 
 
 def places_of(model: DynamicsModel, theta: Array) -> dict[str, dict[str, float]]:
-    """Values of friction and rotor inertia that a format may store, by name of the joint and name of the term."""
+    """Values of friction and rotor inertia that a format may store: for each joint, the value of each term."""
     stored_terms = {term for exporter in EXPORTERS.values() for term in exporter.PLACES}
     stored: dict[str, dict[str, float]] = {name: {} for name in model.robot.joint_names}
     for column, (term, law) in zip(model.law_columns, model.laws, strict=True):
@@ -268,7 +268,7 @@ def places_of(model: DynamicsModel, theta: Array) -> dict[str, dict[str, float]]
 
 
 def without_place(model: DynamicsModel, places: Sequence[str]) -> Mapping[str, list[str]]:
-    """Names of the parameters that a format cannot store, by name of the term."""
+    """Names of the parameters that a format cannot store; the keys are the names of the terms."""
     not_stored: dict[str, list[str]] = {}
     names = [parameter.name for parameter in model.parameters]
     for column, (term, law) in zip(model.law_columns, model.laws, strict=True):

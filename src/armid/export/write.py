@@ -1,4 +1,4 @@
-"""Export of the model of a run as a robot description, which is verified before it is written."""
+"""Export of the model of a run as a robot description; the description is verified before it is written."""
 
 from __future__ import annotations
 
@@ -194,7 +194,8 @@ def _refuse_target(path: Path, source: DescriptionSource, run: Run | None) -> No
     """Refuses to overwrite the description, or a file that is not an export of this run."""
     if any(path.exists() and path.samefile(part) for part in source.files):
         raise OutputError(
-            f"The result cannot be written to {path}, because this file is the description or a part of it.",
+            f"The result cannot be written to {path}, because this file is the description or a file that it "
+            "includes.",
             remedy="choose another file with --out.",
         )
     if run is not None and not _is_free(path, run):
@@ -245,7 +246,7 @@ def _limits_given(described: Robot, written: Robot) -> list[Finding]:
     if not given:
         return []
     what = f"these limits were given with --limit and are not in the description: {', '.join(given)}"
-    return [Finding("limits-given", "info", "", what, "check them against the data sheet of the arm.")]
+    return [Finding("limits-given", "info", "", what, "check these limits against the data sheet of the arm.")]
 
 
 def _bodies(exporter: Exporter, source: DescriptionSource, robot: Robot) -> list[Body]:

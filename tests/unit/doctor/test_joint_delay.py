@@ -153,5 +153,5 @@ def test_a_delay_of_all_torques_that_some_torques_contradict_is_doubtful():
     """Two positions are late; the torques of joints beside them are not early."""
     found = faults("iiwa14-r820", moved(precise_log("iiwa14-r820"), [0, 1], 20, "q", "dq"))
     (common,) = (f for f in found if f.code == "channel-delay")
-    assert re.search(r"contradict it \(lag of .*A5 -?[0-2]\.\d ms", common.evidence)
+    assert re.search(r"contradict this delay \(lag of .*A5 -?[0-2]\.\d ms", common.evidence)
     assert common.remedy.endswith("# s, if the positions of no single joint are late")

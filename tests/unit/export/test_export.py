@@ -136,7 +136,7 @@ def test_what_an_mjcf_includes_is_put_in_its_place(tmp_path: Path):
     write(tmp_path, f'<mujocoinclude><!-- inside -->\n<body name="one"{body}</mujocoinclude>', "inside.xml")
     source = write(tmp_path, f'{first}<include file="inside.xml"/></worldbody>{last}', "outer.xml")
     run = run_of(tmp_path / "run", source)
-    with pytest.raises(OutputError, match="or a part of it"):
+    with pytest.raises(OutputError, match="or a file that it includes"):
         export_run(run, "mjcf", out=tmp_path / "inside.xml")
     exported = export_run(run, "mjcf")
     assert "includes-inlined" in codes(exported)
@@ -254,7 +254,7 @@ def test_links_of_no_body_are_named_and_refused(tmp_path: Path):
 def test_the_description_is_never_written_over(tmp_path: Path):
     source = write(tmp_path, URDF)
     run = run_of(tmp_path / "run", source, locked=LOCKED)
-    with pytest.raises(OutputError, match="this file is the description or a part of it"):
+    with pytest.raises(OutputError, match="this file is the description or a file that it includes"):
         export_run(run, "urdf", out=tmp_path / "run" / ".." / "odd.urdf")
     assert source.read_text() == URDF
 

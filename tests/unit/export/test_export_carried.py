@@ -144,7 +144,7 @@ def test_a_prior_that_was_used_already_is_no_remedy_for_far_masses(tmp_path):
         same = replace(run, estimate=replace(run.estimate, fit=fit))
         (said,) = far_bodies(same, Content(heavy, {}), None, "nearest")
         assert ("log-det" in said.remedy) is proposed and said.remedy
-        assert "the torque does not determine such a body separately" in said.evidence
+        assert "the torque does not determine these values separately" in said.evidence
 
 
 def test_far_masses_that_the_torque_determines_are_not_called_undetermined(tmp_path):

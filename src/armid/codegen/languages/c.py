@@ -30,7 +30,7 @@ HELPERS = {
 
 
 def write(source: FunctionSource) -> dict[str, str]:
-    """Generates the texts of the files `NAME.h` and `NAME.c`, by path."""
+    """Generates the texts of the files `NAME.h` and `NAME.c`; the keys of the result are the paths."""
     return {f"{source.name}.h": _header(source), f"{source.name}.c": _code(source)}
 
 

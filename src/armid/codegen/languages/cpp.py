@@ -8,7 +8,7 @@ from armid.codegen.program import STATE_FUNCTIONS, Program
 
 
 def write(source: FunctionSource) -> dict[str, str]:
-    """Generates the texts of the files `NAME.hpp`, `NAME.h` and `NAME.c`, by path."""
+    """Generates the texts of the files `NAME.hpp`, `NAME.h` and `NAME.c`; the keys of the result are the paths."""
     return {**c.write(source), f"{source.name}.hpp": _header(source)}
 
 

@@ -24,7 +24,7 @@ FUNCTIONS = {
 
 
 def write(source: FunctionSource) -> dict[str, str]:
-    """Generates the text of the file `NAME.jl`, by path."""
+    """Generates the text of the file `NAME.jl`; the key of the result is the path."""
     names = [f"{name}{mark}" for name in source.programs for mark in ("", "!")]
     lines = [f"# {line}".rstrip() for line in source.about()]
     lines += [

@@ -27,9 +27,10 @@ FUNCTIONS = {
 
 
 def write(source: FunctionSource) -> dict[str, str]:
-    """Generates the text of `+NAME/FUNCTION.m` for each function, and of the functions of the thesis, by path.
+    """Generates the texts of `+NAME/FUNCTION.m` for each function, and of the functions of the thesis.
 
-    The values of the base parameters are a function, too. The functions of the thesis are next to the folder `+NAME`.
+    The keys of the result are the paths of the files. The values of the base parameters are the result of one of
+    these functions. The functions of the thesis are next to the folder `+NAME`.
     """
     variables = [p.variable for p in source.parameters]
     files = {f"+{source.name}/parameters.m": _parameters(source)}

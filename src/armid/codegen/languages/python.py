@@ -23,7 +23,7 @@ IMPORTED = ("cos", "exp", "pow", "sin", "sqrt", "tanh")
 
 
 def write(source: FunctionSource) -> dict[str, str]:
-    """Generates the text of the file `NAME.py`, by path."""
+    """Generates the text of the file `NAME.py`; the key of the result is the path."""
     used = {node.operation for program in source.programs.values() for node in program.nodes}
     about = source.about()
     lines = [f'"""{about[0]}', *about[1:], '"""', ""]

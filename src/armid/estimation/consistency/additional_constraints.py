@@ -142,7 +142,8 @@ def _affine(standard: StandardParameters, asked: Requirements) -> tuple[Array, A
         k = _position(position, name, "fixed")
         if given[k]:
             raise EstimationError(
-                f"{name} is given twice: {value!r} by `fixed`, and {origin[k]:g} because its link is in `known`.",
+                f"{name} is given twice: {value!r} by `fixed`, and {origin[k]:g} because the link of this "
+                "parameter is in `known`.",
                 remedy="remove the parameter from `fixed`, or the link from `known`.",
             )
         if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
@@ -158,7 +159,7 @@ def _affine(standard: StandardParameters, asked: Requirements) -> tuple[Array, A
             raise EstimationError(
                 "Each list in `equal` must contain at least two parameters that no other option sets; found "
                 f"{list(group)}.",
-                remedy="add parameters to the list, or remove those that `fixed` or `known` sets.",
+                remedy="add parameters to the list, or remove the parameters that `fixed` or `known` sets.",
             )
         if len(units := dict.fromkeys(standard.units[k] for k in where)) > 1:
             raise EstimationError(

@@ -156,7 +156,7 @@ class ConsistentProgram:
         """Solution by Newton's method if `aim` is given, otherwise the inaccurate solution of the conic solver."""
         trouble = UnsolvedError(
             "The duality gap of the conic solver is too large, so its solution is not accurate.",
-            remedy="give a prior, or identify with --method log-cholesky.",
+            remedy="choose a prior with the option `prior`, or identify with --method log-cholesky.",
         )
         if aim is not None:
             try:
@@ -189,9 +189,9 @@ class ConsistentProgram:
     def _smooth(self, feasible: Feasible, problem: Smooth, aim: float) -> SmoothSolution:
         """Minimum of a problem with log-det terms by Newton's method, started at the mean of the prior.
 
-        The conic minimum is the minimum of the program without the log-det terms. To compute it takes as long as
-        fifty Newton steps. The search is started at the conic minimum only if the search from the mean of the prior
-        needs more than `SHORT` steps, mostly because no real body fits the data.
+        If this search needs more than `SHORT` steps, mostly because no real body fits the data, a second search is
+        started at the minimum of the program without the log-det terms. To compute this minimum takes as long as
+        fifty Newton steps.
         """
         mean = feasible.unknowns(self.belief.inside(self.standard))
         with contextlib.suppress(EstimationError):

@@ -168,7 +168,7 @@ def _chosen(information: Information, weighted: WhitenedSystem, prior: _Prior) -
     candidates = STRENGTHS[:-1] if len(weighted.unseen) else STRENGTHS
     parts = split(information, folds(information))
     if not parts:
-        return 1.0, "of one sample, because there are too few blocks for cross-validation"
+        return 1.0, "one sample, because there are too few blocks for cross-validation"
     errors = np.full((len(candidates), len(parts)), np.inf)
     for f, part in enumerate(parts):
         path = _Path(*rows_of(part.training, weighted.weights), prior)

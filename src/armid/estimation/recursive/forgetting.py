@@ -1,4 +1,4 @@
-"""Directional forgetting for blocks of rows: old information is forgotten only where new rows replace it.
+"""Directional forgetting for blocks of rows: old information is forgotten only if new rows replace this information.
 
 Exponential forgetting discounts all information by the same factor. The information about directions that the motion
 no longer excites then tends to zero, and rounding errors move the estimate far along these directions (wind-up). So

@@ -217,7 +217,10 @@ def _checked(memory: ForgettingOptions, b: int) -> ForgettingOptions:
     for name in ("changing", "jump"):
         given = getattr(memory, name)
         if given is not None and np.shape(given) != (b,):
-            raise EstimationError(f"ForgettingOptions.{name} must have shape ({b},); found {np.shape(given)}.")
+            raise EstimationError(
+                f"ForgettingOptions.{name} must have shape ({b},); found {np.shape(given)}.",
+                remedy="give one value for each base parameter of the blocks.",
+            )
     return memory
 
 

@@ -52,19 +52,19 @@ class ForgettingOptions:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Innovations:
-    """Statistics of the innovations of blocks, joint by joint.
+    """Statistics of the innovations of blocks, separately for each joint.
 
     Attributes:
-        normalized_innovation: RMS torque error of the last block, predicted with the estimate before it, divided by
-            the usual RMS error, shape (n,). For ten independent rows it is three or more by chance once in 1e14
-            blocks.
+        normalized_innovation: RMS error with which the estimate before the last block predicts the torque of this
+            block, divided by the usual RMS error, shape (n,). With ten independent rows, a value of three or more
+            occurs by chance once in 1e14 blocks.
         level: Usual ratio of the squared torque error of a block to its expected value, shape (n,).
         blocks: Discounted number of blocks from which `level` was computed, shape (n,).
         pull: Negative gradient of the last block's squared error for each joint, shape (n, b).
         power: Sum over the blocks of the squared gradients divided by their expectation for white noise, shape (n,).
             The sum also contains the products of the gradients of neighbouring blocks.
-        expected: Number of blocks in `power`, each weighted by the share of its gradient that noise causes, shape
-            (n,).
+        expected: Number of blocks in `power`, where each block counts with the share of its gradient that noise
+            causes, shape (n,).
     """
 
     normalized_innovation: Array

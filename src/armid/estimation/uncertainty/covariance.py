@@ -315,7 +315,7 @@ class Uncertainty:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Spectrum:
-    """Noise spectrum of the samples and tests on it.
+    """Noise spectrum of the samples, and results of tests that use this spectrum.
 
     Attributes:
         model: Equations for the levels of the noise.

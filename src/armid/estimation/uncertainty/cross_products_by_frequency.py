@@ -306,7 +306,7 @@ class _Sums:
         self.squares, self.period_squares = np.zeros(n), np.zeros(n)
 
     def add(self, first: int, columns: list[Array], residual: Array, mask: NDArray[np.bool_]) -> None:
-        """Adds rows, the first of which is row `first` of its segment."""
+        """Adds rows to the sums; `first` is the index of the first added row in the segment."""
         group = np.arange(first, first + residual.shape[1]) // self.averaging
         starts = np.flatnonzero(np.diff(group, prepend=-1))
         into = slice(group[0], group[-1] + 1)

@@ -1,4 +1,4 @@
-"""Changes of base parameters by a recalibration, and the selection of those that noise does not explain."""
+"""Changes of base parameters by a recalibration, and the selection of changes that noise does not explain."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class ParameterChange:
 
     @property
     def size(self) -> float:
-        """Absolute change divided by half of its 95 % interval; if above 1, noise does not explain the change."""
+        """Absolute change divided by half of its 95 % interval; above 1, noise does not explain the change."""
         if self.half > 0.0:
             return abs(self.change) / self.half
         return math.inf if self.change else 0.0

@@ -66,7 +66,7 @@ class PayloadMisfit:
 
 
 def payload_misfit(new: Information, alone: WhitenedSystem, values: Array, scale: Array) -> PayloadMisfit:
-    """Compares the residuals with a payload to those of a fit of the new recordings alone.
+    """Compares residuals of the arm with a payload with the residuals of a fit of the new recordings alone.
 
     Args:
         new: Factors of the new recordings.
@@ -93,7 +93,7 @@ def payload_misfit(new: Information, alone: WhitenedSystem, values: Array, scale
 def misfit_of(
     stacked: StackedProblem, new: Information, alone: WhitenedSystem, deviation: Array, known: Array | None
 ) -> PayloadMisfit:
-    """Solves a stacked problem and compares its residuals to those of a fit of the new recordings alone.
+    """Solves a stacked problem and compares the residuals with those of a fit of the new recordings alone.
 
     Uncertain torque scales are estimated, too, so that a wrong gain is not mistaken for a load on another link.
 

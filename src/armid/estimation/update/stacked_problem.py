@@ -168,7 +168,7 @@ def _maps(
 
 
 def _continuity_rows(earlier: Information, before: Array, after: Array, changing: NDArray[np.bool_]) -> Array:
-    """Rows of a weak prior on the changes of parameters; it has an effect only if the data do not determine a change.
+    """Rows of a weak prior on changes of parameters, which has an effect only on changes that data do not determine.
 
     One standard deviation is a change whose torque is as large as the whole torque of the joints on which it acts.
     """

@@ -48,7 +48,10 @@ LIMITS = ("effort", "velocity")
 
 
 def open_description(path: Path, data: bytes) -> OpenedDescription | None:
-    """Reads a URDF so that it can be edited; a xacro file is expanded to URDF. `None` for other formats."""
+    """Reads a URDF so that it can be edited; a xacro file is expanded to URDF.
+
+    The result is `None` for other formats.
+    """
     if path.suffix.lower() == ".xacro":
         what = "the description is a xacro file and was expanded; the written file is a URDF"
         text = expand(data.decode(), str(path)).encode()
@@ -112,7 +115,7 @@ def missing_limits(robot: Robot) -> OutputError | None:
     return OutputError(
         f"A URDF needs limits of effort and velocity for each joint with position limits; in the description, limits "
         f"of these joints are missing: {', '.join(joint.name for joint in without)}"
-        + (f" (and of {', '.join(endless)}, for which the format does not require them)." if endless else "."),
+        + (f" (and of {', '.join(endless)}, for which the format does not require limits)." if endless else "."),
         possible="the formats mjcf and sdf, which need no limits",
         remedy=f"give the missing limits of the arm; the numbers here are only examples: {option}",
     )
@@ -249,7 +252,11 @@ def _fresh(content: Content) -> WrittenDescription:
     half = [j.name for j in endless if math.isfinite(min(j.velocity_limit, j.effort_limit))]
     if endless:
         what = f"written without <limit>, because limits are unknown: {', '.join(j.name for j in endless)}"
-        what += f"; {', '.join(half)}: one limit is known, but the format stores only both together" if half else ""
+        what += (
+            f"; {', '.join(half)}: one limit is known, but the format stores effort and velocity only together"
+            if half
+            else ""
+        )
         findings.append(
             Finding(
                 "limits-unknown",

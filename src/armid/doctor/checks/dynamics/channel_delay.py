@@ -239,7 +239,7 @@ def _delay_without_friction(after: LogState) -> tuple[float, float]:
 
 
 def _away_from_reversals_alone(state: LogState) -> tuple[float, float]:
-    """Delay from rows away from reversals and its standard deviation [s], infinite if there are too few rows."""
+    """Delay of the torque in rows away from reversals, and its standard deviation [s]: infinite with too few rows."""
     moving = away_from_reversals(state)
     return delay_of(moving)[:2] if moving.rows.mask.any() else (0.0, np.inf)
 
@@ -324,7 +324,8 @@ def _doubt(after: LogState, delay: float) -> str:
     doubtful = np.flatnonzero((less > np.maximum(OTHERWISE * abs(delay), DOUBT * deviation)) & (deviation > 0.0))
     each = [f"{after.model.robot.joint_names[j]} {1e3 * (delay + rest[j]):.1f} ms" for j in doubtful]
     text = (
-        f" The torques of some joints contradict it (lag of {', '.join(each)}): other positions may be late instead."
+        f" The torques of some joints contradict this delay (lag of {', '.join(each)}): other positions may be "
+        "late instead."
     )
     return text if each else ""
 

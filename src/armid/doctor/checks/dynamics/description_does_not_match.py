@@ -1,4 +1,4 @@
-"""Check whether the description belongs to the recorded arm: do described and measured torque have the same shape?"""
+"""Check whether the description belongs to the recorded arm: described and measured torque are compared."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ def check(evidence: LogEvidence) -> list[Finding]:
 CHECK = LogCheck(
     look=check,
     scope="format",
-    effects={CODE: "Parameters of one arm are fitted to the motion of another one, and are valid for neither."},
+    effects={CODE: "Parameters of one arm are fitted to the motion of another arm, and are valid for neither arm."},
     follows=(
         "channel-dead",
         "clock-gap",

@@ -209,6 +209,6 @@ CHECK = LogCheck(
     scope="command",
     effects={
         "excitation-weak": "Some parameters cannot be separated: the estimate fits this motion and "
-        "may fail on others.",
+        "may fail on other motions.",
     },
 )

@@ -108,7 +108,8 @@ def explain(state: LogState) -> Explanation | None:
         "error",
         "",
         f"If gravity is ({numbers}) m/s², {np.degrees(angle):.0f}° from the gravity of the study, the residual is "
-        f"{1 - np.exp(-gain):.0%} smaller" + ("." if not rivals else "; other directions fit as well."),
+        f"{1 - np.exp(-gain):.0%} smaller"
+        + ("." if not rivals else "; with other directions, the model fits as well."),
         lambda _: _remedy((g, *rivals)),
         after,
         trial=try_remedy(judged.rows, after.on(judged.log).rows),
@@ -118,7 +119,7 @@ def explain(state: LogState) -> Explanation | None:
 def _by_description(state: LogState, judged: LogState, strength: float) -> Explanation | None:
     """Explains the misfit by gravity along another axis, with which measured and described torque agree.
 
-    Otherwise `None`.
+    The result is `None` if there is no such axis.
 
     For a single joint, first moments can be fitted for any gravity perpendicular to the axis of the joint. The
     description is therefore needed for the decision.
@@ -210,7 +211,10 @@ def _searched(state: LogState, g0: Array, strength: float, begin: float) -> tupl
 
 
 def _rounded(wide: _GravityRows, g: Array, cost: float, axes: Array) -> tuple[Array, float]:
-    """Vector of gravity and its cost; the nearest axis is taken instead, if the model fits about as well with it."""
+    """Vector of gravity and its cost.
+
+    The vector is moved to the nearest axis if the model then fits about as well.
+    """
     nearest = axes[int(np.argmax(axes @ g))]
     straight = wide.cost(nearest)
     return (nearest, straight) if straight < cost + ALIKE else (g, cost)

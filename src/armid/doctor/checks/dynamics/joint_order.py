@@ -99,7 +99,7 @@ def explain(state: LogState) -> Explanation | None:
     gain, doubt = begin.cost - best.cost, [_order_text(order) for order in equal]
     evidence = (
         f"With {_order_text(best)}, the error of one model for all joints is {1 - np.exp(-gain):.0%} smaller"
-        + (f"; with {' or '.join(doubt)} it is equally small, so the log cannot decide." if doubt else ".")
+        + (f"; with {' or '.join(doubt)} the error is equally small, so the log cannot decide." if doubt else ".")
     )
     return _explanation(state, judged, best, evidence, decided=not doubt)
 
@@ -216,7 +216,8 @@ def _by_limits(state: LogState, judged: LogState, begin: _Order, limits: LimitEx
         else "the torque agrees equally well; if the given order is right, the limits of the description are wrong"
     )
     evidence = (
-        f"In the given order, {told}. With {_order_text(best)}, all joints are inside their limits, and {torque}."
+        f"In the order of the log, {told}. With {_order_text(best)}, all joints are inside their limits, and "
+        f"{torque}."
     )
     return _explanation(state, judged, best, evidence, supported=supported)
 
@@ -344,7 +345,7 @@ def _with_motion(
 
 
 def _possible(takes: tuple[Flags, Flags], motion: NDArray[np.intp], torque: NDArray[np.intp]) -> bool:
-    """True if every joint may have the channels that an order assigns to it."""
+    """True if an order gives every joint only channels that this joint may have."""
     joints = np.arange(len(motion))
     return bool(takes[0][joints, motion].all() and takes[1][joints, torque].all())
 

@@ -123,7 +123,7 @@ def _explanation(state: LogState, judged: LogState) -> Explanation | None:
 
 
 def _given(evidence: LogEvidence, n: int) -> Array:
-    """Key `joint_offset` of the log format as an array (n,) [rad or m]; zeros if it is not given."""
+    """Key `joint_offset` of the log format as an array (n,) [rad or m]; zeros if the key is not given."""
     given = evidence.reading.joint_offset
     return np.zeros(n) if given is None else np.asarray(given)
 

@@ -1,4 +1,4 @@
-"""Check for a wrong sample rate or unit of the clock, by the ratio between torques of gravity and of inertia."""
+"""Check for a wrong sample rate or unit of the clock, from the ratio of gravity torques to inertial torques."""
 
 from __future__ import annotations
 

@@ -170,8 +170,8 @@ CHECK = LogCheck(
     look=check,
     scope="format",
     effects={
-        CODE: "Parameters that the joint shares with others are a compromise between both scales; its friction has "
-        "the wrong scale.",
+        CODE: "Inertial parameters that affect this joint and other joints are a compromise between two scales; the "
+        "friction of this joint has the wrong scale.",
     },
     explain=explain,
     follows=("motor-side", "current-without-gain", "torque-unit"),

@@ -32,7 +32,7 @@ def check(evidence: LogEvidence) -> list[Finding]:
                 names[j],
                 f"{quantity} stays at {value:.6g} for {(b - a) / rate:.2f} s, rows {a} to {b}, while the arm moves. "
                 "Check the sensor, the cable and the logger of this channel first.",
-                excluding(evidence.reading, [_times(evidence, a, b)], "or record it again"),
+                excluding(evidence.reading, [_times(evidence, a, b)], "or record the motion again"),
             )
         )
     return findings

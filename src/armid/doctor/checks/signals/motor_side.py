@@ -77,7 +77,7 @@ MOTOR_NOTE = (
 )
 ESTIMATE = (
     "relative deviations; estimated from this recording and the masses of {reference}, so give the same gains "
-    "to all recordings of the arm; if they are known, use the maker's values"
+    "to all recordings of the arm; if the gains are known, use the maker's values"
 )
 CURRENT_NOTE = f"gains in N·m/A, {ESTIMATE}"
 UNIT_NOTE = "N·m per unit of the log"
@@ -159,7 +159,8 @@ def _small_share(state: LogState, known: NDArray[np.bool_], typical: float) -> E
         10.0,  # corrected first, since all other numbers depend on the unit
         "error",
         "effort",
-        f"The effort has the shape of the torque of {state.reference}, but is only a small share of it: {listed}.",
+        f"The effort has the shape of the torque of {state.reference}, but is only a small share of this torque: "
+        f"{listed}.",
         lambda evidence: _gains(evidence, gains, note, deviations),
         after,
     )
@@ -215,7 +216,7 @@ def _other_unit(state: LogState, known: NDArray[np.bool_], typical: float) -> Ex
 
 
 def has_placeholder_masses(state: LogState) -> bool:
-    """True if the masses of the description are placeholders, so that its torque has no known scale."""
+    """True if the masses of the description are placeholders, so that the described torque has no known scale."""
     theta = state.described
     if theta is None:
         return True

@@ -49,8 +49,9 @@ def check(evidence: LogEvidence) -> list[Finding]:
             "period-misaligned",
             "warning",
             "q",
-            f"Repetition {worst + 1} of {len(begins)} is shifted by {seconds:+.4g} s ({late[worst]:+.1f} samples) "
-            f"against the period of {period:g} s; shifts of all: {', '.join(f'{x:+.1f}' for x in late)} samples.",
+            f"Repetition {worst + 1} of {len(begins)} begins {seconds:+.4g} s ({late[worst]:+.1f} samples) away "
+            f"from the multiple of the period, {period:g} s; shifts of all repetitions: "
+            f"{', '.join(f'{x:+.1f}' for x in late)} samples.",
             remedy,
         )
     ]

@@ -29,9 +29,9 @@ NAMED = 3
 """Largest number of joints that a message describes."""
 
 REMEDY = (
-    "check whether the log belongs to this arm, and not to the other arm of a pair. If it does, check the zeros "
-    "(joint_offset), signs (position_sign), units and order of the channels (joints), and the limits of the "
-    "description"
+    "check whether the log belongs to this arm, and not to the other arm of a pair. If the log belongs to this arm, "
+    "check the zeros (joint_offset), signs (position_sign), units and order of the channels (joints), and the "
+    "limits of the description"
 )
 
 

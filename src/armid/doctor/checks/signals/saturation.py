@@ -93,9 +93,9 @@ CHECK = LogCheck(
     look=check,
     scope="recording",
     effects={
-        "saturation": "The largest torques are too small, and inertias and friction with them.",
-        "torque-beyond-limit": "If the unit is wrong, the friction of this joint is wrong by its factor, and "
-        "inertial parameters that other joints share are a compromise.",
+        "saturation": "The largest logged torques are too small, and so are the estimated inertias and friction.",
+        "torque-beyond-limit": "If the unit is wrong, the friction of this joint is wrong by the factor between "
+        "the units, and inertial parameters that also affect other joints are a compromise.",
     },
     untested={
         "saturation": "it removes rows without a measurement, so there is nothing to compare with the prediction",

@@ -151,8 +151,8 @@ CHECK = LogCheck(
     look=check,
     scope="recording",
     effects={
-        "velocity-mismatch": "Friction and, where accelerations are derived from it, inertias are biased or "
-        "meaningless.",
+        "velocity-mismatch": "Friction is biased or meaningless; inertias, too, if accelerations are computed from "
+        "these velocities.",
     },
     untested={
         "velocity-mismatch": "the test computes velocities from positions",
