@@ -254,7 +254,7 @@ class LogState:
 
     @cached_property
     def dissipation(self) -> Array:
-        """Mean power that each joint loses by its fitted friction, divided by the standard deviation, shape (n,)."""
+        """Mean power that each joint loses by friction, divided by the standard deviation of this power, (n,)."""
         z = np.zeros(self.rows.n)
         for j, fit in enumerate(self.joint_fits):
             power = np.array(
@@ -268,7 +268,7 @@ class LogState:
 
     @cached_property
     def inertia(self) -> Array:
-        """Inertia about each joint, averaged over some poses and divided by the standard deviation, shape (n,)."""
+        """Mean inertia about each joint over some poses, divided by the standard deviation of this mean, (n,)."""
         rows, n = self.rows, self.rows.n
         q = rows.motion.q[:: max(1, rows.motion.samples // POSES)]
         still = np.zeros_like(q)

@@ -140,7 +140,7 @@ def test_the_weight_is_told_and_who_decides():
     said = {finding.code: finding for finding in Ridge("nominal", 1e4).solve(weak()).findings}
     assert (
         "description counts as much as 1e+04" in said["prior-weight"].evidence
-        and "given" in said["prior-weight"].evidence
+        and "option" in said["prior-weight"].evidence
     )
     assert said["prior-dominated"].severity == "warning"
     assert "folds" in next(iter(Ridge("zero").solve(problem()).findings)).evidence

@@ -78,7 +78,7 @@ def test_an_impossible_finger_does_not_stop_an_export(tmp_path, to):
     found = {finding.code: finding for finding in exported.findings}
     said = found["carried-corrected"]
     assert said.severity == "warning" and said.channel == "hand" and "finger" in said.evidence
-    assert "--lumped" in said.remedy and "correct those of finger" in said.remedy
+    assert "--lumped" in said.remedy and "correct the masses of finger" in said.remedy
     again = load_robot(exported.path)
     assert all(is_possible(link.inertial) for link in again.links)
     wanted = run.estimate.fit.standard.values[run.model.inertial_columns].reshape(2, 10)

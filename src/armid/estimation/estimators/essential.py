@@ -204,5 +204,6 @@ def _finding(dropped: tuple[str, ...], count: int, rise: float, ratio: float) ->
         "info",
         "",
         f"{len(dropped)} of {count} base parameters are set to zero{names}. This increases the weighted residual by "
-        f"{100.0 * rise:.2g} %; the largest relative deviation is {ratio:.3g} times the smallest.",
+        f"{100.0 * rise:.2g} %. Among the remaining parameters, the largest relative standard deviation is "
+        f"{ratio:.3g} times the smallest.",
     )

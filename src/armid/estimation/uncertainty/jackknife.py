@@ -54,7 +54,7 @@ class RepetitionBlocks:
 
     @classmethod
     def of_blocks(cls, motions: Groups) -> RepetitionBlocks:
-        """Assignment in which each block is one repetition.
+        """Assigns each block to a repetition of its own.
 
         `motions` contains the motion of each block, -1 for none.
         """
@@ -65,7 +65,7 @@ class RepetitionBlocks:
 
     @classmethod
     def of_runs(cls, runs: Sequence[ObservedRun], has_rows: NDArray[np.bool_]) -> RepetitionBlocks:
-        """Assignment by the repetitions that are stored with the runs; blocks without rows belong to no repetition.
+        """Assigns blocks to the repetitions that are stored with the runs; blocks without rows belong to none.
 
         Args:
             runs: Runs in the order of their blocks.
@@ -185,7 +185,7 @@ def blend_with_textbook(scatter: Array, textbook: Array, freedom: float) -> Arra
 
 
 def correlation(information: Information, groups: Groups, values: Array, weights: Array, inverse: Array) -> float:
-    """Correlation of the gradients of neighbouring groups, (Σ s_kᵀ H⁻¹ s_k+1) / (Σ s_kᵀ H⁻¹ s_k).
+    """Correlation of the gradients s_k of neighbouring groups k: (Σ s_kᵀ H⁻¹ s_k+1) / (Σ s_kᵀ H⁻¹ s_k).
 
     Args:
         information: Factors of each block.

@@ -71,6 +71,9 @@ class LevelScatter:
 class NoiseModel:
     """Equations for the levels of the noise at several frequencies and for pairs of joints.
 
+    In the formulas, X̃ are the weighted rows and X̃_j those of joint j, H is the normal matrix, E_c the covariance of
+    noise with unit level c, and M = 1 - X̃ H⁻¹ X̃ᵀ.
+
     Attributes:
         basis: Weights with which the levels at B frequencies give the level in each of E bands, shape (B, E); the
             weights of a band add up to one.
@@ -157,15 +160,16 @@ class NoiseModel:
         return LevelScatter(covariance, self._freedom(levels), np.sqrt((squares + absorbed) / np.maximum(rows, 1.0)))
 
     def measured(self, moments: Array) -> Array:
-        """Left sides r̃ᵀ E_a r̃ of the equations, computed from the residuals, shape (levels,)."""
+        """Left sides r̃ᵀ E_a r̃ of the equations, with the weighted residuals r̃; symbols as in `NoiseModel`."""
         weighted = moments * np.outer(self.weights, self.weights)
         found = np.tensordot(self.basis, weighted, (1, 0))[:, *self.pairs] * self.multiplicity
         return np.asarray(found.ravel(), dtype=np.float64)
 
     def _matrices(self, roots: list[Array]) -> tuple[Array, Array]:
-        """Matrices Lᵀ X̃ᵀ E_c X̃ L with H⁻¹ = L Lᵀ, and the diagonals of H⁻¹ X̃ᵀ E_c X̃ H⁻¹, for each level c.
+        """Matrices Lᵀ X̃ᵀ E_c X̃ L and diagonals of H⁻¹ X̃ᵀ E_c X̃ H⁻¹ for each level c; symbols as in `NoiseModel`.
 
-        The matrices are symmetric and stored by their upper triangles, shape (levels, b (b + 1) / 2).
+        The factor L is that of H⁻¹ = L Lᵀ. The matrices are symmetric and stored by their upper triangles, shape
+        (levels, b (b + 1) / 2).
         """
         bands, b = self.bands, len(self.root)
         upper, scale = np.triu_indices(b), _packing(b)
@@ -183,7 +187,7 @@ class NoiseModel:
         return packed.reshape(-1, len(scale)), variances
 
     def _diagonal(self) -> Array:
-        """Traces tr(E_a E_c) for all pairs of levels; they are zero for levels of different pairs of joints."""
+        """Traces tr(E_a E_c) for all pairs of levels; E_a is the covariance of noise with unit level a."""
         count = self.bands.count[:, *self.pairs] * self.multiplicity
         B, P = len(self.basis), count.shape[1]
         result = np.zeros((B, P, B, P))
@@ -192,7 +196,10 @@ class NoiseModel:
         return result.reshape(B * P, B * P)
 
     def _cross_leverage(self) -> Array:
-        """Traces tr(E_a E_c Q) + tr(E_c E_a Q) with Q = X̃ H⁻¹ X̃ᵀ, shape (levels, levels)."""
+        """Traces tr(E_a E_c Q) + tr(E_c E_a Q), shape (levels, levels), with Q = X̃ H⁻¹ X̃ᵀ.
+
+        The symbols are those of `NoiseModel`.
+        """
         B, P, n = len(self.basis), len(self.pairs[0]), self.bands.n
         weighted = np.einsum("ae,ce,ejk->acjk", self.basis, self.basis, self.leverage, optimize=True)
         unit = np.zeros((P, n, n))
@@ -251,7 +258,10 @@ class NoiseModel:
 
 
 def _band_leverage(bands: BandProducts, roots: list[Array]) -> Array:
-    """Traces tr(H⁻¹ X̃_jᵀ P X̃_k) for joints j and k, where P projects on the coefficients of a band, (E, n, n)."""
+    """Traces tr(H⁻¹ X̃_jᵀ P X̃_k), shape (E, n, n), where P projects on the coefficients of a band.
+
+    The other symbols are those of `NoiseModel`.
+    """
     rows = np.concatenate(roots)
     inverse, starts = rows @ rows.T, bands.offset[:-1]
     return np.stack(
