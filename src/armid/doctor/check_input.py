@@ -84,7 +84,7 @@ class LogEvidence:
         robot: The arm as described.
         raw: The recording as logged.
         reading: Log format with which the recording is read.
-        recording: The recording in the robot's convention; `None` if it cannot be converted.
+        recording: The recording in the convention of the robot; `None` if the recording cannot be converted.
         noted: Findings that were made when the recording was read and converted.
         model: Model of the study, if there is one; its torque terms are added to the terms of the doctor's model.
         explains: Functions `explain` of the checks. Each one returns the fault that it finds, if correcting this
@@ -227,7 +227,7 @@ class LogEvidence:
 
     @cached_property
     def rate(self) -> float:
-        """Sample rate of the log [Hz]; 1 if it is unknown."""
+        """Sample rate of the log [Hz]; 1 if the rate is unknown."""
         recording = self.recording or self.raw
         if recording.time is not None and len(recording.time) > 1:
             step = float(median(np.diff(recording.time)))

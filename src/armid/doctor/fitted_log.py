@@ -206,7 +206,10 @@ class LogState:
 
     @cached_property
     def described(self) -> Array | None:
-        """Standard parameters (p,) with the links that are compared with the log; `None` if they are not known."""
+        """Standard parameters (p,) of the links that are compared with the log.
+
+        The result is `None` if these links are not known.
+        """
         if self.known is None:
             return self.model.nominal_parameters()
         theta = np.zeros(len(self.model.parameters))

@@ -196,7 +196,7 @@ def standard_parameters(estimate: Estimate) -> list[dict[str, Any]]:
 
 
 def _estimated(fit: StandardFit) -> list[dict[str, Any]]:
-    """Records of the standard parameters of an estimator that estimates them."""
+    """Records of estimated standard parameters: name, value, unit, interval and status."""
     return [
         {
             "name": name,

@@ -22,8 +22,8 @@ STRONGEST_GRAVITY = 15.0
 """Largest plausible acceleration of gravity [m/s²]. A larger value in a study or description is a mistake."""
 
 WEIGHTY = 0.1
-"""Share of the largest of these moments below which a moment is ignored. In a wrist, the first moment of a link
-itself can exceed the contribution of the masses that it carries."""
+"""Share of the largest regrouped first moment below which a first moment is ignored. In a wrist, the first moment
+of a link itself can exceed the contribution of the masses that the link carries."""
 
 MOMENTS = ("MX", "MY", "MZ")
 FRICTION = ("FV", "FS")

@@ -4,9 +4,11 @@ The equations of motion with the mass matrix M and the bias torque of the model 
 
     (M + h/2 D) a = τ - bias(q, v̂) - rest(v̂) - dry,   v(k+1/2) = v(k-1/2) + h a,   q(k+1) = q(k) + h v(k+1/2)
 
-for many windows of a recording at once. `rest` is friction without dry friction; the matrix D is its derivative by
-the velocity. `dry` is the torque of dry friction, with which a joint sticks or slides (`armid.maths.stiction`). For
-the estimation, the sign function of dry friction may be smoothed over a width; here this width is set to zero.
+for many windows of a recording at once. Here h is the time step, a the acceleration, τ the recorded torque, k the
+number of the step, and v̂ the velocity at step k, extrapolated from step k - 1/2. `rest` is friction without dry
+friction; the diagonal matrix D is the derivative of `rest` by the velocity. `dry` is the torque of dry friction, with
+which a joint sticks or slides (`armid.maths.stiction`). For the estimation, the sign function of dry friction may be
+smoothed over a width; here this width is set to zero.
 """
 
 from __future__ import annotations
@@ -51,7 +53,7 @@ CHECK_EVERY = 50
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Feedback:
-    """Linear feedback of the controller of the recording, τ = … + KP e + KD ė + KI ∫e, for each joint.
+    """Linear feedback KP e + KD ė + KI ∫e of a position error e of each joint, by the controller of the recording.
 
     The reference motion of the controller need not be known. On the recorded motion, the controller gave the recorded
     torque. On another motion it gives the recorded torque plus the feedback of e, the recorded motion minus the other
@@ -73,7 +75,10 @@ class Feedback:
         object.__setattr__(self, "derivative", array(self.derivative, kp.shape, "derivative"))
         object.__setattr__(self, "integral", array(self.integral, kp.shape, "integral"))
         if any((gain < 0.0).any() for gain in (kp, self.derivative, self.integral)):
-            raise ArmidError("The gains of the feedback must not be negative.")
+            raise ArmidError(
+                "The gains of the feedback must not be negative.",
+                remedy="give gains of 0 or more; the unit is N·m or N per unit of the position error.",
+            )
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -98,7 +103,7 @@ class Windows:
 
 
 def sharpened(model: DynamicsModel) -> DynamicsModel:
-    """Model with the same parameters in which smoothed sign functions are replaced by exact ones."""
+    """Model with the same parameters, in which exact sign functions replace smoothed ones in friction laws."""
     terms: list[Any] = list(model.terms)
     sharp = [dataclasses.replace(term, width=0.0) if smooths_sign(term) else term for term in terms]
     return dataclasses.replace(model, terms=tuple(sharp))
@@ -166,7 +171,7 @@ class _State(NamedTuple):
 
 
 class _Rollout:
-    """Integrator of all windows."""
+    """Integration of the motion in all windows of a recording, step by step."""
 
     def __init__(self, dynamics: _Dynamics, windows: Windows, feedback: Feedback | None) -> None:
         self.dynamics, self.windows, self.feedback = dynamics, windows, feedback
@@ -187,13 +192,13 @@ class _Rollout:
         return max(1, math.ceil(rate * self.windows.step * (1.0 - 1e-9)))
 
     def _check_definite(self, mass: Array) -> None:
-        """Marks the windows whose mass matrix (W, n, n) is not positive definite."""
+        """Ends the simulation of windows whose mass matrix, in `mass` (W, n, n), is not positive definite."""
         positive = np.linalg.eigvalsh(mass)[:, 0] > 0.0
         self.indefinite |= self.alive & ~positive
         self.alive &= positive
 
     def advance(self, k: int) -> None:
-        """Integrates from sample k to sample k + 1."""
+        """Integrates the motion in all windows from sample k to sample k + 1."""
         for step in range(k * self.substeps, (k + 1) * self.substeps):
             self._step(step)
 
@@ -234,7 +239,7 @@ class _Rollout:
 
 
 class _Dynamics:
-    """Mass matrix, bias torque and friction of a model."""
+    """Mass matrix, bias torque and friction of a model with given parameters."""
 
     def __init__(self, model: DynamicsModel, parameters: Array) -> None:
         self.model, self.theta = model, parameters

@@ -105,7 +105,8 @@ def score_motion(
     """
     if not (seconds > 0.0 and tolerance > 0.0):
         raise ArmidError(
-            f"The length of a window and the tolerance must be positive; found {seconds:g} s and {tolerance:g}."
+            f"The length of a window and the tolerance must be positive; found {seconds:g} s and {tolerance:g}.",
+            remedy="give, for instance, seconds=0.5 and a tolerance of 0.01 rad or m.",
         )
     windows = _cut(model, observations, seconds)
     found = roll_out(model, parameters, windows, feedback)
@@ -133,7 +134,7 @@ def score_motion(
 
 
 def _cut(model: DynamicsModel, observations: Observations, seconds: float) -> Windows:
-    """Consecutive windows of all runs with consecutive samples."""
+    """Cuts the runs with consecutive samples into consecutive windows of a given length [s]."""
     parts: list[tuple[ObservedRun, int]] = []
     length, step = 0, 0.0
     for given in observations.runs:
@@ -157,7 +158,7 @@ def _cut(model: DynamicsModel, observations: Observations, seconds: float) -> Wi
     if len({run.rate for run, _ in parts}) > 1:
         raise ArmidError(
             "The runs of one recording have different sample rates.",
-            remedy="split the recording into one for each rate.",
+            remedy="split the recording into one recording for each sample rate.",
         )
     if len(parts) > MOST_WINDOWS:
         parts = [parts[k] for k in np.linspace(0, len(parts) - 1, MOST_WINDOWS).astype(int)]

@@ -17,7 +17,7 @@ from armid.model.dynamics_model import DynamicsModel
 from armid.model.motion import Motion
 
 POSES = 4096
-"""Number of random poses."""
+"""Number of random poses at which the mass matrix is computed before the search."""
 
 STARTS = 16
 """Number of random poses with the smallest eigenvalues from which the search starts."""
@@ -75,7 +75,7 @@ def worst_along(model: DynamicsModel, standard: Array, motion: Motion) -> Pose:
 
 
 def _unit(model: DynamicsModel) -> str:
-    """Unit of the eigenvalues of the mass matrix."""
+    """Unit of the eigenvalues of the mass matrix, which depends on the kinds of the joints."""
     kinds = {joint.is_prismatic for joint in model.robot.joints}
     return "kg·m² or kg, SI units of the joints" if len(kinds) > 1 else "kg" if kinds == {True} else "kg·m²"
 

@@ -104,7 +104,10 @@ def nearest(feasible: Feasible, A: Array, y: Array, cost: Array, precision: Arra
 
 
 def interior_point(feasible: Feasible) -> Array | None:
-    """Point with the largest distance, at most `ROOM`, from the boundary of all cones; `None` if none is inside."""
+    """Point with the largest distance, at most `ROOM`, from the boundary of all cones.
+
+    The result is `None` if no point is inside.
+    """
     x = feasible.basis.shape[1]
     cones: list[Cone] = []
     for cone in feasible.cones:

@@ -121,7 +121,7 @@ def resume(
 
 
 def _definite(earlier: Fit, factors: Information | None) -> Array:
-    """Covariance of an earlier estimate, shape (b, b); if the factors are given, it is changed to have full rank."""
+    """Covariance of an earlier estimate, shape (b, b), changed to have full rank if the factors are given."""
     if factors is None or earlier.covariance_kind not in ("period", "block"):
         return earlier.covariance
     A = stack(total(factors), earlier.weights)[0]

@@ -297,7 +297,7 @@ class Uncertainty:
     def column_maps(self) -> tuple[Array, ...] | None:
         """Matrices from the parameters of the fit to the parameters of each joint's columns.
 
-        The result is `None` if these are equal.
+        The result is `None` if the columns have the parameters of the fit.
         """
         return None
 

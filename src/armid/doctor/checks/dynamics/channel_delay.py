@@ -116,7 +116,7 @@ def check(evidence: LogEvidence) -> list[Finding]:
 
 
 def _measured(evidence: LogEvidence) -> list[Finding]:
-    """Reports a delay if it explains the misfit; if it is the strongest fault, it is measured in a wider band."""
+    """Reports a delay that explains the misfit; a delay that is the strongest fault is measured in a wider band."""
     found = evidence.explained(CODE)
     sharp = _in_wider_band(evidence) if found and evidence.explanations[0].code == CODE else None
     if sharp is None or evidence.state is None:
@@ -222,7 +222,7 @@ def _with_reversals(delay: float, deviation: float, moving: float, spread: float
 
 
 def _severity(delay: float, deviation: float) -> Literal["error", "warning"]:
-    """Severity of a delay: a warning if it is uncertain or short, otherwise an error."""
+    """Severity of a delay: a warning if the delay is uncertain or short, otherwise an error."""
     return "error" if abs(delay) > max(SHORT, SURE_OF_ERROR * deviation) else "warning"
 
 
@@ -277,7 +277,7 @@ def _delay_text(delay: float, deviation: float, gain: float, rate: float) -> str
 
 
 def _total_delay(evidence: LogEvidence, delay: float) -> float | list[float]:
-    """Value of the key `delay` [s]: new delay plus that of the log format; a list if joints have different delays."""
+    """Value of the key `delay` [s]: found delay plus delay of the log format, as a list if joints differ."""
     whole = [round(float(d) + delay, DIGITS) for d in np.asarray(evidence.reading.delay)]
     return whole[0] if len(set(whole)) == 1 else whole
 

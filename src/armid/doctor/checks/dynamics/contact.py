@@ -50,7 +50,7 @@ def check(evidence: LogEvidence) -> list[Finding]:
 def explain(state: LogState) -> Explanation | None:
     """Explains the misfit of the model by contact: bursts of the residual, and the log without them.
 
-    The result is `None` if none occur.
+    The result is `None` if there are no bursts.
     """
     if state.log.band.is_open:
         return None
@@ -150,7 +150,7 @@ def _level(size: Array) -> Array:
 
 
 def _bursts(state: LogState, residual: Array, open_variance: Array | float = 0.0) -> Array:
-    """RMS residual of each joint around each row, divided by its usual size, shape (M, n)."""
+    """RMS residual of each joint around each row, divided by the usual residual of the joint, shape (M, n)."""
     rows = state.rows
     wide = max(1, round(WINDOW * rows.rate))
     power = np.empty_like(rows.torque)

@@ -67,7 +67,7 @@ STEPS = 8
 
 
 def check(evidence: LogEvidence) -> list[Finding]:
-    """Reports another direction of gravity if the model fits better with it.
+    """Reports another direction of gravity if the model fits better with this direction.
 
     If the description has no inertias, an opposite gravity is also reported if the fitted parameters have the wrong
     sign.
@@ -190,7 +190,7 @@ def _opposite_cost(state: LogState, g: Array) -> float:
 
 
 def _searched(state: LogState, g0: Array, strength: float, begin: float) -> tuple[Array, float, tuple[Array, ...]]:
-    """Vector of gravity with the smallest cost (`QuickFit.cost`), this cost, and axes with about the same cost.
+    """Vector of gravity with the smallest cost (`QuickFit.cost`), this cost, and axes with about equal costs.
 
     Args:
         state: The log.

@@ -217,7 +217,7 @@ def _without(products_of_columns: Array, columns: NDArray[np.int_]) -> Array:
 def _refined(judged: DelayableLog, j: int) -> JointDelay | None:
     """Delay of the positions of joint j, refined in several steps.
 
-    The result is `None` if it is not significant or has another cause.
+    The result is `None` if the delay is not significant or looks like another fault.
     """
     state, total, now = judged.state, 0.0, judged
     delay, deviation = _delay_of(judged, j, each_torque=False)

@@ -79,7 +79,7 @@ class _Order:
 
 
 def check(evidence: LogEvidence) -> list[Finding]:
-    """Reports another order of channels if the model fits the log better with it."""
+    """Reports another order of channels if the model fits the log better with this order."""
     return evidence.explained(CODE)
 
 

@@ -163,7 +163,7 @@ def _flipped(sign: Array, j: int) -> Array:
 
 
 def _votes(state: LogState) -> Array:
-    """Evidence for the torque sign of each joint, shape (n,); a value above 1 means that it is right, below -1 wrong.
+    """Evidence for the torque sign of each joint, shape (n,): above 1 the sign is right, below -1 it is wrong.
 
     The evidence comes from the signs of friction and inertia, and from the torque of the description.
     """

@@ -39,7 +39,7 @@ def check(evidence: LogEvidence) -> list[Finding]:
 
 
 def _rests(evidence: LogEvidence) -> Finding | None:
-    """Finding about times at which no joint moves; `None` if there are none.
+    """Finding about times at which no joint moves; `None` if there are no such times.
 
     A motion that is repeated with pauses contains several rests. They are not a fault: gravity can be seen in long
     rests, and every repetition contains them.

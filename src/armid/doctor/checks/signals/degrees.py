@@ -1,4 +1,4 @@
-"""Check for angles in another unit than the study states, by the torque; the joint limits need not show the fault."""
+"""Check for angles in another unit than the study states, from the torque: joint limits may not show the fault."""
 
 from __future__ import annotations
 
