@@ -17,15 +17,17 @@ class LogCheck:
     """Check of a log for one fault or several related faults.
 
     Attributes:
-        look: Function that finds the fault in the evidence; it repairs nothing.
+        look: Function that searches a log for the fault and returns findings; the function repairs nothing.
         scope: Recordings that are checked during an identification; `armid doctor` always checks all recordings.
-            `recording`: every one, because the fault may differ between recordings. `format`: the longest training
-            recording of each log format, and every validation recording, because the fault is in the log format.
-            `command`: no recordings; the check is done only by `armid doctor`.
-        effects: Effect of the fault on an estimate, by code of the findings of this check.
+            `recording`: all recordings, because the fault may differ between recordings. `format`: the longest
+            training recording of each log format, and every validation recording, because the fault is in the log
+            format. `command`: no recordings; the check is done only by `armid doctor`.
+        effects: Effects of the fault on an estimate, as text; the keys are the codes of the findings of this check.
         explain: Function that explains a misfit of the model by this fault, if the fault causes one.
-        untested: Reason why the remedy of a finding is not tested on left-out motion, by code of the finding.
-        hides: Codes of findings that are consequences of this fault; they are not reported together with it.
+        untested: Reasons why the remedy of a finding is not tested on left-out motion; the keys are codes of
+            findings.
+        hides: Codes of findings that are consequences of this fault; these findings are not reported together with
+            the fault.
         follows: Codes of faults that cause the findings of this check; these findings are then not reported.
         needs_torque: False if the check is also valid for a log of motor currents.
     """

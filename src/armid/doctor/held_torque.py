@@ -1,4 +1,4 @@
-"""Torque that stays constant for some time: the controller holds it until its next sample, or the log repeats it."""
+"""Torque that is held constant: by the controller until its next sample, or by a log that repeats values."""
 
 from __future__ import annotations
 

@@ -182,7 +182,7 @@ def _far_finding(run: Run, what: str, kind: str, rest: Sequence[str], *, known: 
     Args:
         run: The run.
         what: Text that names the bodies.
-        kind: Kind of the standard parameters.
+        kind: Kind of the standard parameters: `estimated`, `nearest` or `unphysical`.
         rest: Names of the main bodies among these bodies. A main body gets the inertia of its link minus the inertia
             of the attached bodies.
         known: True if the torque determines mass and centre of mass of these bodies.

@@ -28,7 +28,7 @@ def side_record(run: Run, content: Content, theta: Array, data: bytes, name: str
         theta: Standard parameters that were written, shape (p,).
         data: Content of the written file.
         name: Name of the written file.
-        kind: Kind of the parameters: `estimated`, `nearest` or `unphysical`.
+        kind: Kind of the standard parameters: `estimated`, `nearest` or `unphysical`.
     """
     model, estimate = run.model, run.estimate
     return {

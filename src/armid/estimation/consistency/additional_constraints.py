@@ -183,7 +183,7 @@ def at_mass_limit(standard: StandardParameters, asked: Requirements, values: Arr
         standard: The standard parameters.
         asked: The requirements.
         values: The estimate, shape (p,).
-        near: Largest distance from a limit at which a parameter counts as being at it, shape (p,).
+        near: Largest distance from a limit at which a parameter counts as being at the limit, shape (p,).
     """
     low, high = np.full(len(values), -np.inf), np.full(len(values), np.inf)
     masses = standard.inertial[:, 0]

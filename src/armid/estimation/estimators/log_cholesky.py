@@ -90,7 +90,7 @@ class LogCholesky:
             if not isinstance(getattr(self, option), int) or getattr(self, option) < 1:
                 raise EstimationError(
                     f"The option `{option}` must be a positive number; found {getattr(self, option)!r}.",
-                    remedy="leave the option out, which gives the usual number.",
+                    remedy="leave the option out, so that the default is used.",
                 )
 
     def with_one_start(self) -> LogCholesky:

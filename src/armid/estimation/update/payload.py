@@ -269,7 +269,10 @@ class _Region:
         return float(np.linalg.eigvalsh(pseudo_inertia(self.estimate))[0]) - EPSILON
 
     def intervals(self, nearest: Array, freedom: float, undetermined: NDArray[np.bool_]) -> Array:
-        """95 % intervals (10, 2): NaN for undetermined parameters; for known parameters the width is zero."""
+        """95 % intervals of the payload parameters, shape (10, 2).
+
+        Intervals of undetermined parameters are NaN; intervals of known parameters have no width.
+        """
         from scipy.special import fdtri  # a third of a second to import
 
         inside, rank = nearest[self.free], len(self.white)

@@ -157,7 +157,11 @@ class _Unknowns:
 
 
 def _linearise(information: Information, unknowns: _Unknowns, values: Array, scale: Array) -> Information:
-    """Linearises the problem for parameters x' and scales s' at x (c,) and s (n,): s R x' + s' R x = ρ + s R x."""
+    """Linearises the problem at parameters x (c,) and scales s (n,).
+
+    With the triangular factor R and the right-hand side ρ of a joint, the equation for the new parameters x' and the
+    new scale s' is s R x' + s' R x = ρ + s R x.
+    """
     position = np.cumsum(unknowns.free) - 1
     joints: list[JointFactors] = []
     for j, joint in enumerate(information.joints):

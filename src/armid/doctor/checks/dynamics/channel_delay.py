@@ -245,7 +245,7 @@ def _away_from_reversals_alone(state: LogState) -> tuple[float, float]:
 
 
 def _with_difference(deviation: float, difference: float, spread: float) -> float:
-    """Standard deviation [s] of a delay from all rows, including the possible error by friction at reversals."""
+    """Standard deviation [s] of a delay measured on all rows, with the possible error by friction at reversals."""
     return float(np.hypot(deviation, difference)) if np.isfinite(spread) else deviation
 
 

@@ -55,7 +55,7 @@ def check(evidence: LogEvidence) -> list[Finding]:
             "temperature-drift",
             "warning",
             ", ".join(names[j] for j in np.flatnonzero(together)),
-            f"Friction changes in {np.ptp(time):.0f} s: {listed}. If the model contains this change, the residual "
+            f"Friction changes within {np.ptp(time):.0f} s: {listed}. With this change in the model, the residual "
             f"is {1 - np.exp(-gain):.0%} smaller.",
             "record again with warm gears, or record one log for each temperature and set `friction_per_recording = "
             "true`",
