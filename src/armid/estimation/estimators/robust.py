@@ -289,7 +289,10 @@ class _Passes:
 
 
 def _working(weighted: Information, values: Array, kappa: Array) -> Information:
-    """Factors of rows with weight κ ψ / u and torque x π + r / κ, from rows with weight ψ / u and measured torque."""
+    """Factors of rows with weight κ ψ / u and torque x π + r / κ, from factors with weight ψ / u and measured torque.
+
+    Least squares on these rows has the covariance of the robust estimate; the symbols are those of the module.
+    """
     joints: list[JointFactors] = []
     for share, joint in zip(kappa, weighted.joints, strict=True):
         R = np.sqrt(share) * joint.R

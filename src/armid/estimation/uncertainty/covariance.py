@@ -385,8 +385,8 @@ def _repeated(bands: BandProducts, scatter: LevelScatter, rows: Array, weights: 
 def scale_covariance(whole: Information, weights: Array, inverse: Array) -> Array:
     """Covariance (b, b) from uncertain scales of the joints' torques, such as drive gains.
 
-    If the torque of joint j is wrong by a factor 1 + δ_j, the estimate changes by δ_j H⁻¹ w_j² R_jᵀ ρ_j; the δ_j are
-    independent.
+    If the torque of joint j is wrong by a factor 1 + δ_j, the estimate changes by δ_j H⁻¹ w_j² R_jᵀ ρ_j, with the
+    normal matrix H, and weight w_j, factor R_j and right-hand side ρ_j of the joint. The δ_j are independent.
     """
     covariance = np.zeros_like(inverse)
     for j in np.flatnonzero(whole.scale_deviation):

@@ -300,7 +300,10 @@ def _scale_sensitivity(information: Information, fit: Fit) -> Array:
 
 
 def right_hand_sides(whole: Information, weights: Array) -> Array:
-    """Right-hand sides w_j² R_jᵀ ρ_j of the normal equations for each joint j, shape (c, n)."""
+    """Right-hand sides w_j² R_jᵀ ρ_j of the normal equations for each joint j, shape (c, n).
+
+    Here w_j is the weight, R_j the triangular factor and ρ_j the right-hand side of the rows of joint j.
+    """
     sides = np.zeros((whole.count, whole.n))
     for j, joint in enumerate(whole.joints):
         sides[joint.parameters, j] = weights[j] ** 2 * (joint.R[0, :, :-1].T @ joint.R[0, :, -1])

@@ -1,9 +1,9 @@
 """Writer of URDF: writes an `<inertial>` for each link, and damping and friction for each joint.
 
-The format cannot store rotor inertia and other friction laws. It requires limits of effort and velocity for each
-joint with position limits, and a limit of zero would block the joint. A new file is therefore refused if such a limit
-is unknown. In a description only the numbers that change are replaced. The orientation of an `<inertial>` stays, and
-the inertia tensor is written in the axes of this orientation.
+The format can store neither rotor inertia nor friction laws other than viscous and Coulomb friction. It requires
+limits of effort and velocity for each joint with position limits, and a limit of zero would block the joint. A new
+file is therefore refused if such a limit is unknown. In a description only the numbers that change are replaced. The
+orientation of an `<inertial>` stays, and the inertia tensor is written in the axes of this orientation.
 """
 
 from __future__ import annotations
