@@ -26,7 +26,7 @@ LONGEST_DELAY = 1.0
 
 @dataclass(frozen=True, slots=True)
 class FormatPreset:
-    """Columns of a well-known log format.
+    """Columns and unit of time of a well-known log format.
 
     Attributes:
         columns: Column name or pattern for each quantity.
@@ -154,7 +154,7 @@ class LogFormat:
 
     @property
     def joints_numbered(self) -> bool:
-        """True if `joints` names the joints of channels by their order."""
+        """True if `joints` is a list of joints in the order of the channels, without names of channels."""
         return bool(self.joints) and all(name.isdigit() for name in self.joint_map)
 
     @property
@@ -180,7 +180,7 @@ class LogFormat:
         return np.array([unit == "deg" for unit in units], dtype=np.bool_)
 
     def _check_joint_side(self) -> None:
-        """Checks the lengths of the fields with one entry per joint."""
+        """Checks that all fields with one entry for each joint have the same length."""
         lengths: dict[str, int] = (
             {} if self.units is None or isinstance(self.units, str) else {"units": len(self.units)}
         )

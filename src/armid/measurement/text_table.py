@@ -54,7 +54,7 @@ class TextTable:
 
 
 def decoded(data: bytes, path: Path) -> str:
-    """Text of a file, which is decoded as UTF-8, UTF-16 or, if neither fits, with the Windows code page.
+    """Text of a file, which is decoded as UTF-8, UTF-16 or, if neither fits, with the Windows code page 1252.
 
     Raises:
         RecordingError: The data are not text.

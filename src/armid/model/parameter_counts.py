@@ -13,7 +13,9 @@ ROTOR = "IA"
 
 
 def count_text(names: Iterable[ParameterName]) -> str:
-    """Numbers of parameters of each kind as text; kinds without parameters are left out.
+    """Numbers of inertial, rotor inertia and friction parameters as text: `43 inertial + 14 friction`.
+
+    Kinds without parameters are left out.
 
     Args:
         names: Names of standard or base parameters, such as `ZZR_1` or `FV_2[1]`.

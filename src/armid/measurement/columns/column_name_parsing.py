@@ -269,7 +269,7 @@ def split_time(column: str) -> tuple[str, str]:
 
 
 def _quantity_of_unit(unit: str, form: Sequence[str]) -> str | None:
-    """Quantity that the unit of a joint's column shows: effort; or motion, if the name contains no unknown word.
+    """Quantity that the unit of a column shows: effort, or a quantity of motion if all words of the name are known.
 
     Args:
         unit: Unit in the name; may be empty.
@@ -336,7 +336,7 @@ def unit_kind(unit: str) -> tuple[str, float] | None:
 
 
 def column_unit(column: str) -> tuple[str, float] | None:
-    """Quantity of the unit in a column's name, and factor that converts it to armid's unit; `None` if unknown."""
+    """Quantity of the unit in a column's name, and factor that converts this unit to armid's; `None` if unknown."""
     text, unit = split_unit(column)
     if unit:
         return unit_of(unit)
@@ -344,7 +344,7 @@ def column_unit(column: str) -> tuple[str, float] | None:
 
 
 def _fits(quantity: str, kind: str) -> bool:
-    """Tests whether a quantity can be measured in a unit of the given kind."""
+    """Tests whether a quantity (`q`, `effort`, …) can have a unit of the given kind (`rad`, `torque`, …)."""
     if quantity in ("q", "dq", "ddq"):
         return kind in ("rad", "deg", "m")
     return kind == "current" if quantity == "current" else kind in ("torque", "current")

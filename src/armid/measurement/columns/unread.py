@@ -1,4 +1,4 @@
-"""Columns of a file that were not read: those that may contain a missing quantity, and errors that name them."""
+"""Findings and errors about columns that were not read and that may contain a missing quantity."""
 
 from __future__ import annotations
 

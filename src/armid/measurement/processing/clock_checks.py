@@ -151,4 +151,6 @@ def without_ties(recording: Recording) -> tuple[Recording, tuple[Finding, ...]]:
                 ") and give the key `rate`.",
             ),
         )
-    return select_rows(recording, ~tied), (Finding("clock-jitter", "info", "time", f"{evidence}; dropped."),)
+    return select_rows(recording, ~tied), (
+        Finding("clock-jitter", "info", "time", f"{evidence}; these rows were dropped."),
+    )

@@ -161,7 +161,8 @@ def cut_at_gaps(recording: Recording, cutoff: float | None) -> tuple[list[Segmen
             recording.source,
             f"There is no sample for {steps[border - 1]:.3g} s, from {whole.time[border - 1] - whole.time[0]:.2f} s "
             f"after the start of the log; this is {steps[border - 1] / median:.1f} times the median step.",
-            "The run was split at this gap; nothing is filtered across it.",
+            "The run was split at this gap, and nothing is filtered across it. If many samples are missing, record "
+            "again.",
         )
         for border in borders[1:-1]
     ]

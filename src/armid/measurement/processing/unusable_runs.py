@@ -17,7 +17,7 @@ def brief_run(segment: Segment, cutoff: float, source: str) -> Finding:
         source,
         f"The run from t = {segment.time[0]:.6g} s has {segment.samples} samples in "
         f"{segment.samples / segment.rate:.3g} s, less than a period of the cut-off of {cutoff:g} Hz.",
-        "The run was left out.",
+        "The run was left out; nothing has to be done if enough other runs remain.",
     )
 
 
@@ -30,7 +30,7 @@ def unusable_run(segment: Segment, margin: int, source: str) -> Finding:
         f"No row of the run of {segment.samples / segment.rate:.3g} s from t = {segment.time[0]:.6g} s can be used: "
         f"{margin / segment.rate:.3g} s at each end are left out, and {segment.bad.mean():.0%} of its samples are "
         "masked, because they are excluded, repeated or saturated.",
-        "The run was left out.",
+        "The run was left out; nothing has to be done if enough other runs remain.",
     )
 
 

@@ -40,7 +40,7 @@ class MeshAssets:
         folder: Folder in which files of meshes are searched.
         strip: True if the folders in the names of files are ignored.
         source: Path of the document, for messages.
-        computed: Inertias that were computed, by name of the mesh.
+        computed: Inertial parameters that were computed, by the name of the mesh.
     """
 
     elements: Mapping[str, ET.Element]

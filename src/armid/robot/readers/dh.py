@@ -221,7 +221,7 @@ def _joint(row: _Table, parent: int, placement: Array) -> Joint:
 
 
 def _capsules(data: dict[str, Any], where: str, name: str, link: int, to_end: Array) -> list[Shape]:
-    """Capsules of the link of a joint, or of the base; they are given in the frame in which the row ends."""
+    """Capsules of a link, or of the base; a DH table gives them in the frame in which the row of the link ends."""
     result: list[Shape] = []
     for number, given in enumerate(_tables(data, "capsule", where), 1):
         table = _Table(given, f"{where}, capsule {number}")

@@ -44,7 +44,7 @@ def read(text: str, *, source: str, locked: Mapping[str, float], tip: str | None
 
 
 def outline(text: str, *, source: str) -> JointOutline:
-    """Joints of the expanded text, and the joint that moves each link.
+    """Joints of the URDF to which a xacro text is expanded, and the joint that moves each link.
 
     Raises:
         MissingExtraError: xacrodoc is not installed.
