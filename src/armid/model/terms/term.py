@@ -24,7 +24,7 @@ class Law:
 
     Attributes:
         symbol: Usual symbol of the parameter, for instance `FV`.
-        joint: Index of the joint whose number is the number of the parameter.
+        joint: Index of the joint whose number is in the name of the parameter, as in `FV_2`.
         unit: Unit of the parameter.
         coordinate: Coordinate of the law, as pairs of joint index j and weight w_j.
         expression: Expression in `q`, `dq`, `ddq` and `load` of the coordinate and, with hysteresis, `state`.
