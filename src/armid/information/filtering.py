@@ -138,7 +138,7 @@ class _EarlyColumns:
         return out
 
     def periodic(self) -> Array:
-        """All decimated rows of the run, which is continued periodically."""
+        """All decimated rows of the run; beyond its ends, the run is continued periodically."""
         out = self._inside(0, self.available)
         half, N = len(self.taps) // 2, self.run.motion.samples
         lowest, highest = self.first - half, self.first + (self.available - 1) * self.step + half

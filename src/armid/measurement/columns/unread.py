@@ -209,7 +209,7 @@ def channel_sets(names: Sequence[str], labels: Sequence[str], count: int) -> lis
 
 
 def pattern_of(columns: Sequence[str], names: Sequence[str]) -> str | Sequence[str]:
-    """Pattern, such as `m{}_torque`, that matches only the columns `columns` among all names, or these columns."""
+    """Pattern, such as `m{}_torque`, that matches exactly given columns; if there is none, the columns."""
     for number in re.finditer(r"\d+", columns[0]):
         before, after = columns[0][: number.start()], columns[0][number.end() :]
         braces = {"0": "{0}", "1": "{}"}.get(number[0])

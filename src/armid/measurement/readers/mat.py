@@ -44,7 +44,7 @@ def read(path: Path, log_format: LogFormat, robot: Robot | None = None) -> Recor
 
 
 def _read_v5(path: Path, log_format: LogFormat, robot: Robot | None) -> Recording:
-    """Reads a file of version 5 or older."""
+    """Reads a MATLAB file of version 5 or older."""
     # Imported here, since it takes 0.3 s, which only MATLAB files need.
     from scipy.io import loadmat, matlab, whosmat
 
@@ -75,7 +75,7 @@ def _read_v5(path: Path, log_format: LogFormat, robot: Robot | None) -> Recordin
 
 
 def _read_v73(path: Path, log_format: LogFormat, robot: Robot | None) -> Recording:
-    """Reads a file of version 7.3, in which HDF5 stores every matrix transposed."""
+    """Reads a MATLAB file of version 7.3, an HDF5 file that contains every matrix transposed."""
     try:
         import h5py
     except ImportError as error:

@@ -20,7 +20,7 @@ POSE = {"pos": 3, "quat": 4, "xyaxes": 6, "zaxis": 3}
 
 @dataclass(frozen=True, slots=True)
 class Settings:
-    """Settings of one document.
+    """Compiler settings and default classes of one MJCF.
 
     Attributes:
         source: Path of the document, for messages.

@@ -118,7 +118,7 @@ def _see_through(root: ET.Element) -> dict[str, bool]:
 
 
 def _clear(element: ET.Element) -> bool:
-    """Tests whether a colour is see-through."""
+    """Tests whether the colour of an element is see-through."""
     colour = element.get("rgba", "").split()
     return len(colour) == 4 and float(colour[3]) < 1.0
 

@@ -1,6 +1,7 @@
 """Stribeck effect: τ = FT · exp(-(|q̇| / velocity)^shape) · sgn(q̇), friction that decreases with the speed.
 
-Together with FS · sgn(q̇), the breakaway friction is FS + FT. It is physically possible if this sum is not negative.
+Together with FS · sgn(q̇), the breakaway friction is FS + FT. The law is physically possible if this sum is not
+negative.
 """
 
 from __future__ import annotations
