@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armid.errors import ArmidError, Finding
-from armid.maths.signals.zero_phase_filters import edge_samples, low_pass
+from armid.information.joint_rests import filter_reach, rests
 from armid.measurement.low_pass_band import Band
 from armid.measurement.observations import Observations, ObservedRun
 from armid.model.dynamics_model import DynamicsModel
@@ -46,7 +46,7 @@ def with_hysteresis_states(model: DynamicsModel, run: ObservedRun, band: Band) -
             remedy=f"remove {model.nodes[0].term!r} from the model, or leave out this recording.",
         )
     motion, known = model.remembered(run.motion)
-    mask = run.mask & ~_unknown(run, band, _known_joints(model, known))
+    mask = run.mask & ~_unknown(run, band, _known_joints(model, known)) & ~_after_rests(model, run, band)
     return replace(run, motion=motion, mask=mask)
 
 
@@ -105,11 +105,31 @@ def _known_joints(model: DynamicsModel, known: NDArray[np.int64]) -> NDArray[np.
 
 def _unknown(run: ObservedRun, band: Band, since: NDArray[np.int64]) -> NDArray[np.bool_]:
     """Mask of the rows that samples before `since` of each joint influence through the filter, shape (M, n)."""
-    filter = None if not band.columns else low_pass(band.family, band.order, band.cutoff, run.rate)
-    reach = 0 if filter is None else edge_samples(filter)
+    reach = filter_reach(run, band)
     rows = run.rows[:, None]
     reached = (rows < since + reach) & (since > 0)
-    if filter is not None and band.edges == "periodic":
+    if reach and band.edges == "periodic":
         # The run is periodic: its end comes before its beginning.
         reached |= (rows >= run.motion.samples - reach) & (since > 0)
     return reached
+
+
+def _after_rests(model: DynamicsModel, run: ObservedRun, band: Band) -> NDArray[np.bool_]:
+    """Mask of the rows that a joint's rests influence, until the motion has determined the states anew, shape (M, n).
+
+    A rest at the end of a run lasts to its end.
+    """
+    samples, reach = run.motion.samples, filter_reach(run, band)
+    unknown = np.zeros((samples + 1, model.n), dtype=np.int64)
+    resting = rests(run)
+    for node in model.nodes:
+        coordinate = np.sum([weight * run.motion.q[:, j] for j, weight in node.coordinate], axis=0)
+        for j, _ in node.coordinate:
+            for begin, end in resting[j]:
+                later = coordinate[end - 1 :]
+                moved = np.maximum.accumulate(later) - np.minimum.accumulate(later) > 2.0 * node.memory.width
+                known = end - 1 + int(np.argmax(moved)) if moved.any() else samples
+                for of, _ in node.coordinate:
+                    unknown[max(begin - reach, 0), of] += 1
+                    unknown[min(known + reach, samples), of] -= 1
+    return (np.cumsum(unknown, axis=0) > 0)[run.rows]

@@ -1,0 +1,63 @@
+"""Rests of single joints at the full sampling rate, and the rows that they influence.
+
+Processing leaves out standstill between motions that it tells from a smooth passage through zero speed. A joint that
+creeps by 0.01 rad/s for a second while others move passes this test, and friction at such a speed is any torque up to
+its bound. So terms that act near standstill would be selected for what happens in rests.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armid.maths.signals.zero_phase_filters import edge_samples, low_pass
+from armid.measurement.low_pass_band import Band
+from armid.measurement.observations import Observations, ObservedRun
+
+REST = 0.5
+"""Shortest rest [s]. Within it, friction in a gear relaxes, and a controller moves the joint by less than its encoder
+resolves, so the torque at rest is not the one that the last motion left."""
+
+CREEP = 0.05
+"""Share of a joint's RMS speed in a run below which it rests. Creep of 0.01 rad/s was seen on joints that otherwise
+move at 0.5 rad/s."""
+
+
+def rests(run: ObservedRun) -> list[NDArray[np.intp]]:
+    """First sample and end of each rest of each joint, n arrays (rests, 2)."""
+    speed = np.abs(run.motion.dq)
+    slow = speed < CREEP * np.sqrt(np.mean(speed**2, axis=0))
+    result: list[NDArray[np.intp]] = []
+    for j in range(speed.shape[1]):
+        ends = np.flatnonzero(np.diff(slow[:, j], prepend=False, append=False)).reshape(-1, 2)
+        result.append(ends[ends[:, 1] - ends[:, 0] >= REST * run.rate])
+    return result
+
+
+def resting_rows(run: ObservedRun, band: Band) -> NDArray[np.bool_]:
+    """Mask of the rows that a rest of a joint influences through the filter, shape (M, n)."""
+    if not run.consecutive:
+        return np.zeros(run.mask.shape, dtype=np.bool_)
+    reach = filter_reach(run, band)
+    resting = np.zeros((run.motion.samples, run.mask.shape[1]), dtype=np.bool_)
+    for j, ends in enumerate(rests(run)):
+        for begin, end in ends:
+            resting[max(begin - reach, 0) : end + reach, j] = True
+    return resting[run.rows]
+
+
+def without_creep(observations: Observations) -> Observations:
+    """Observations without the rows of a joint that rests while others move; rests of all joints stay in use."""
+    runs: list[ObservedRun] = []
+    for run in observations.runs:
+        resting = resting_rows(run, observations.band)
+        runs.append(replace(run, mask=run.mask & (~resting | resting.all(axis=1, keepdims=True))))
+    return replace(observations, runs=tuple(runs))
+
+
+def filter_reach(run: ObservedRun, band: Band) -> int:
+    """Number of samples over which the filter spreads a wrong value of one sample."""
+    filter = low_pass(band.family, band.order, band.cutoff, run.rate) if band.columns else None
+    return 0 if filter is None else edge_samples(filter)
