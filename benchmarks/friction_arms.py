@@ -6,7 +6,8 @@ Nested: recordings are left out in turn, or segments of an arm's one recording w
 left out is seen neither by the choice nor by the estimate. Recordings and processing are those of the studies in
 `tests/real`; the choice starts from the terms of `terms = "auto"`. *Plain* is weighted least squares with the terms
 of a study that names none: rigid bodies, viscous and Coulomb friction and offset, with rotor inertia where the effort
-is that of motors. *Rotor* has it in any case; *prior* is `ridge` without further friction.
+is that of motors. *Rotor* has it in any case; *prior* has the method of the choice without further friction. All ways
+are judged on the same rows.
 """
 
 from __future__ import annotations
@@ -30,21 +31,32 @@ from numpy.typing import NDArray
 
 from armid.checked_array import Array
 from armid.errors import ArmidError
+from armid.estimation.catalogue import Estimator
 from armid.estimation.crossvalidation import folds, training_information
 from armid.estimation.estimate_record import torque_parameters
-from armid.estimation.estimators import Ridge, WeightedLeastSquares
-from armid.estimation.friction.selection import choose_friction
+from armid.estimation.estimators import WeightedLeastSquares
+from armid.estimation.friction.selection import FrictionSelection, choose_friction
 from armid.estimation.friction_per_recording import offset_names, separate_by_recording
 from armid.estimation.problem import EstimationProblem, standard_of
 from armid.information.accumulate import accumulate_information
+from armid.information.joint_rests import without_creep
 from armid.information.residuals import compare
 from armid.measurement.observations import Observations
 from armid.measurement.processing.pipeline import resolve_options
 from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics_model import DynamicsModel
-from armid.study.config import ModelChoice, build_model, load_choice, load_study
+from armid.study.config import (
+    AUTOMATIC_METHOD,
+    EstimationChoice,
+    ModelChoice,
+    build_estimator,
+    build_model,
+    load_choice,
+    load_study,
+)
 from armid.study.recordings.processed import joined_observations, process_each
 from armid.study.recordings.reading import read_choice
+from armid.study.selection_prior_options import as_chosen
 
 STUDIES = Path(__file__).parents[1] / "tests" / "real" / "studies"
 
@@ -113,13 +125,13 @@ def _only(observations: Observations, kept: NDArray[np.bool_]) -> Observations:
 
 
 def judged(
-    model: DynamicsModel, weight: float | None, training: Observations, *, apart: bool = False
+    model: DynamicsModel, method: Estimator, training: Observations, *, apart: bool = False
 ) -> tuple[DynamicsModel, Array]:
-    """A model with parameters: by `ridge` with a weight of the prior, by least squares without.
+    """A model with parameters by a method.
 
     Args:
         model: Arm and terms.
-        weight: Of the prior.
+        method: Estimator with its options.
         training: What trains.
         apart: Whether each recording has its own offsets, of which the mean is taken.
     """
@@ -128,8 +140,27 @@ def judged(
     if apart:
         information = separate_by_recording(information, np.isin(information.names, offset_names(model)))
     problem = EstimationProblem(information, standard_of(model, base), model, base)
-    method = WeightedLeastSquares() if weight is None else Ridge(weight=weight)
     return model, torque_parameters(base, method.solve(problem))
+
+
+def chosen(
+    selection: FrictionSelection, model: DynamicsModel, training: Observations
+) -> dict[str, tuple[DynamicsModel, Array]]:
+    """Models with and without the chosen friction, estimated as a study with `terms = "auto"` is.
+
+    Args:
+        selection: The choice.
+        model: Arm with the terms from which the choice started.
+        training: What trains.
+    """
+    bodies = model.robot.inertial_vector
+    described = bodies is not None and bool((bodies[:, 0] > 0.0).all())
+    method = build_estimator(as_chosen(EstimationChoice(AUTOMATIC_METHOD), selection, described=described))
+    apart, used = selection.offset_per_recording, without_creep(training)
+    return {
+        "prior": judged(model, method, used, apart=apart),
+        "auto": judged(selection.model, method, used, apart=apart),
+    }
 
 
 def measure(arm: Arm, count: int, *, verbose: bool = False) -> dict[str, Any]:
@@ -140,11 +171,10 @@ def measure(arm: Arm, count: int, *, verbose: bool = False) -> dict[str, Any]:
         at = time.process_time()
         ladder = choose_friction(arm.model, training)
         seconds += time.process_time() - at
-        weight, apart = ladder.prior_weight, ladder.offset_per_recording
-        ways = {"plain": judged(arm.plain, None, training), "rotor": judged(arm.model, None, training)}
+        plain = WeightedLeastSquares()
+        ways = {"plain": judged(arm.plain, plain, training), "rotor": judged(arm.model, plain, training)}
         try:
-            ways["prior"] = judged(arm.model, weight if weight is not None else 0.0, training, apart=apart)
-            ways["auto"] = judged(ladder.model, weight if weight is not None else 0.0, training, apart=apart)
+            ways |= chosen(ladder, arm.model, training)
         except ArmidError:
             ways["prior"] = ways["auto"] = ways["plain"]
         parts = {

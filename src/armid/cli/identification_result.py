@@ -103,13 +103,13 @@ def _warning_lines(findings: Sequence[Finding], *, verbose: bool) -> list[str]:
 
 def _method_line(result: Result) -> str:
     """Line with the estimation method after friction selection, the reason for it, and the weight of the prior."""
-    from armid.study.config import AUTOMATIC_METHOD, PLAIN_METHOD
+    from armid.study.config import PLAIN_METHOD
 
     method = result.estimate.method
-    default = method == AUTOMATIC_METHOD
-    reason = f", the default if friction is selected ({PLAIN_METHOD} if the terms are given)" if default else ""
+    suitable = result.friction_selection is not None and method == result.friction_selection.method
+    reason = f", which suits the selected friction ({PLAIN_METHOD} if the terms are given)" if suitable else ""
     has_prior = any(finding.code == "prior-weight" for finding in result.estimate.findings)
-    weight = result.friction_selection.prior_weight if result.friction_selection and has_prior else None
+    weight = result.friction_selection.weight_for(method) if result.friction_selection and has_prior else None
     prior = (
         ""
         if weight is None

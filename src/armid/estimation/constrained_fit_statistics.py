@@ -10,12 +10,13 @@ from numpy.typing import NDArray
 
 from armid.checked_array import Array
 from armid.errors import Finding
+from armid.estimation.base_covariance import project_covariance
 from armid.estimation.consistency.additional_constraints import Requirements, at_mass_limit
 from armid.estimation.consistency.analytic_centre import AnalyticCentre, find_centre
 from armid.estimation.consistency.cones import smallest_eigenvalues
 from armid.estimation.crossvalidation import held_out_squares
 from armid.estimation.fit_result import Fit
-from armid.estimation.prior import INFORMED, Prior, project_covariance, weight_finding
+from armid.estimation.prior import INFORMED, Prior, weight_finding
 from armid.estimation.problem import StandardParameters
 from armid.estimation.standard_parameter_resolution import (
     IDENTIFIED,

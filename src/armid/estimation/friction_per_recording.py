@@ -143,6 +143,7 @@ def standard_per_recording(
         standard.links,
         standard.nonnegative[which],
         None if standard.nominal is None else standard.nominal[which],
+        None if standard.added is None else standard.added[which],
     )
 
 

@@ -36,7 +36,6 @@ from armid.maths.inertia import (
     pseudo_inertia,
     vector_from_pseudo_inertia,
 )
-from armid.maths.linalg import half_of
 
 LENGTH = 0.3
 """Length with which masses, first moments and inertias of an arm are made comparable [m]: half the length of a
@@ -85,6 +84,17 @@ def weight_finding(prior: str, weight: float, origin: str) -> Finding:
     samples = "one independent sample" if weight == 1.0 else f"{weight:.3g} independent samples"
     text = {GIVEN: "set with the option `weight`"}.get(origin, origin)
     return Finding("prior-weight", "info", "", f"The {prior} counts as much as {samples} ({text}).")
+
+
+def shrinkage_option(shrinkage: float) -> float:
+    """Option `shrinkage` of an estimator.
+
+    Raises:
+        EstimationError: It is negative or not finite.
+    """
+    if not 0.0 <= shrinkage < np.inf:
+        raise EstimationError(f"The option `shrinkage` must be at least 0; found {shrinkage!r}.")
+    return float(shrinkage)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -171,10 +181,16 @@ class Prior:
         return tuple(terms)
 
 
-def make_prior(kind: str, standard: StandardParameters, weighted: WhitenedSystem) -> Prior:
+def make_prior(kind: str, standard: StandardParameters, weighted: WhitenedSystem, *, shrinkage: float = 0.0) -> Prior:
     """Makes a prior of a given kind.
 
     The kinds `log-det` and `euclidean` use the inertial parameters of the description; `mass` and `none` do not.
+
+    Args:
+        kind: The kind.
+        standard: Standard parameters.
+        weighted: The whitened data.
+        shrinkage: Precision of the friction that was added to the model, as a share of the information of its column.
 
     Raises:
         EstimationError: The kind of prior needs masses that the description does not contain.
@@ -183,6 +199,9 @@ def make_prior(kind: str, standard: StandardParameters, weighted: WhitenedSystem
     precision = np.zeros((p, p))
     others = np.setdiff1d(np.arange(p), standard.inertial)
     precision[others, others] = _others(standard, weighted, others)
+    if shrinkage and standard.added is not None:
+        added = np.flatnonzero(standard.added)
+        precision[added, added] += shrinkage / weighted.correlation * _information(standard, weighted, added)
     mean = np.zeros(p)
     none = np.zeros((0, 4, 4))
     if kind in ("mass", "none"):
@@ -199,17 +218,6 @@ def make_prior(kind: str, standard: StandardParameters, weighted: WhitenedSystem
     for own, relative in zip(standard.inertial, relative_precision(J), strict=True):
         precision[np.ix_(own, own)] = relative
     return Prior(mean, precision, np.asarray(np.linalg.inv(J), dtype=np.float64), findings)
-
-
-def project_covariance(precision: Array, regrouping: Array) -> Array:
-    """Covariance L P⁻¹ Lᵀ that a prior gives to the base parameters, shape (b, b).
-
-    Args:
-        precision: Precision P of the x unknowns, positive definite, shape (x, x).
-        regrouping: Matrix L with base parameters = L · unknowns, shape (b, x).
-    """
-    shown = regrouping @ half_of(precision)
-    return shown @ shown.T
 
 
 def size_of_bodies(standard: StandardParameters) -> Array:
@@ -259,6 +267,15 @@ def _others(standard: StandardParameters, weighted: WhitenedSystem, others: NDAr
             columns = joint.R[0, :, :-1] @ standard.regrouping[joint.parameters][:, others]
             precision += np.sum(columns**2, axis=0) / torque
     return np.where(precision > 0.0, precision, 1.0)
+
+
+def _information(standard: StandardParameters, weighted: WhitenedSystem, chosen: NDArray[np.intp]) -> Array:
+    """Weighted squared length of the columns of some parameters, shape (chosen,)."""
+    result = np.zeros(len(chosen))
+    for joint, weight in zip(weighted.whole.joints, weighted.weights, strict=True):
+        columns = weight * joint.R[0, :, :-1] @ standard.regrouping[joint.parameters][:, chosen]
+        result += np.sum(columns**2, axis=0)
+    return result
 
 
 def _nominal(standard: StandardParameters) -> tuple[Array, tuple[Finding, ...]]:

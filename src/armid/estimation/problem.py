@@ -15,6 +15,8 @@ from armid.measurement.observations import Observations
 from armid.model.base_parameters import BaseParameters, find_base_parameters
 from armid.model.dynamics_model import DynamicsModel
 from armid.model.parameter_name import ParameterName, parameter_names
+from armid.model.terms import TERMS
+from armid.model.terms.selection_candidates import automatic_choice
 from armid.robot.missing_inertia import placeholder_masses
 
 
@@ -32,6 +34,8 @@ class StandardParameters:
         nonnegative: Mask of the parameters that are not inertial and cannot be negative, shape (p,).
         nominal: Inertial parameters of the description, zero for the parameters of other terms, shape (p,); `None` if
             the description has no inertial parameters.
+        added: Mask of the friction parameters of terms that a selection may add to a model, shape (p,); `None` if not
+            known.
     """
 
     names: tuple[ParameterName, ...]
@@ -41,6 +45,7 @@ class StandardParameters:
     links: tuple[str, ...]
     nonnegative: NDArray[np.bool_]
     nominal: Array | None = None
+    added: NDArray[np.bool_] | None = None
 
     def __post_init__(self) -> None:
         p = len(self.names)
@@ -155,4 +160,7 @@ def bare_standard(model: DynamicsModel) -> StandardParameters:
         tuple(link.name for link in model.robot.links) if model.inertial_columns.size else (),
         np.array([parameter.nonnegative for parameter in parameters], dtype=np.bool_),
         model.nominal_parameters(),
+        np.array(
+            [p.kind in TERMS and automatic_choice(TERMS[p.kind]) is not None for p in parameters], dtype=np.bool_
+        ),
     )

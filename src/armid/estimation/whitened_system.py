@@ -7,6 +7,7 @@ larger residual, the increase would count as noise and reduce the weight of thes
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -62,7 +63,13 @@ class WhitenedSystem:
         return max(float(self.whole.rows[0].sum() - self.effective_dof.sum()), 1.0)
 
 
-def whiten(information: Information, *, plain: bool = False, resolution: float = RESOLUTION) -> WhitenedSystem:
+def whiten(
+    information: Information,
+    *,
+    plain: bool = False,
+    resolution: float = RESOLUTION,
+    noise: Sequence[float] | None = None,
+) -> WhitenedSystem:
     """Whitens data with the weights of weighted least squares, which are iterated until they converge.
 
     Args:
@@ -70,9 +77,10 @@ def whiten(information: Information, *, plain: bool = False, resolution: float =
         plain: True to give all joints the same weight, computed from the residual of all rows, as in ordinary least
             squares.
         resolution: Lower limit of the ratio of noise to torque.
+        noise: Standard deviation of each joint's noise, of which the weights are made without iteration.
 
     Raises:
-        EstimationError: No row is in use, or the weights do not converge.
+        EstimationError: No row is in use, the weights do not converge, or `noise` is not one number for each joint.
     """
     whole = total(information)
     rows = whole.rows[0]
@@ -84,7 +92,7 @@ def whiten(information: Information, *, plain: bool = False, resolution: float =
     torque = np.array([np.linalg.norm(joint.R[0, :, -1]) for joint in whole.joints])
     floor = resolution * torque / np.sqrt(np.maximum(rows, 1))
     floor[torque == 0.0] = 1.0  # a joint of which no row counts, or that never carried torque; any weight will do
-    deviation = np.maximum(torque / np.sqrt(np.maximum(rows, 1)), floor)
+    deviation = np.maximum(_given(noise, whole.n) if noise else torque / np.sqrt(np.maximum(rows, 1)), floor)
     A, y = stack(whole)
     joint = np.concatenate([np.full(len(each.R[0]), j) for j, each in enumerate(whole.joints)])
     for _ in range(ITERATIONS):
@@ -97,7 +105,7 @@ def whiten(information: Information, *, plain: bool = False, resolution: float =
             updated = np.full(
                 whole.n, max(np.sqrt(left.sum() / max(rows.sum() - spent.sum(), 1.0)), floor[rows > 0].min())
             )
-        settled = bool((np.abs(updated - deviation) <= STANDSTILL * deviation + floor).all())
+        settled = bool(noise) or bool((np.abs(updated - deviation) <= STANDSTILL * deviation + floor).all())
         if settled:
             triangle: Any = np.linalg.qr(weight[:, None] * A, mode="r")
             inverse = half @ half.T
@@ -108,6 +116,29 @@ def whiten(information: Information, *, plain: bool = False, resolution: float =
         f"The weights of the joints did not converge in {ITERATIONS} iterations.",
         remedy=Remedy("use ", setting("method", "ols"), " and inspect the residual of each joint."),
     )
+
+
+def _given(noise: Sequence[float], joints: int) -> Array:
+    """Standard deviations that a user or a friction selection gives, shape (n,)."""
+    if len(noise) != joints:
+        raise EstimationError(
+            f"The option `noise` needs one standard deviation for each of the {joints} joints; found {len(noise)}.",
+            remedy="give a number for each joint, or leave the option out.",
+        )
+    return np.array(noise, dtype=np.float64)
+
+
+def noise_option(noise: Sequence[float]) -> tuple[float, ...]:
+    """Option `noise` of an estimator as a tuple.
+
+    Raises:
+        EstimationError: It is no list of positive numbers.
+    """
+    if not isinstance(noise, list | tuple) or not all(0.0 < each < np.inf for each in noise):
+        raise EstimationError(
+            f"The option `noise` must be a list of positive standard deviations, one for each joint; found {noise!r}."
+        )
+    return tuple(float(each) for each in noise)
 
 
 def rows_of(information: Information, weights: Array) -> tuple[Array, Array]:

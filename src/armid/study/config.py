@@ -31,8 +31,9 @@ Shapes = Mapping[str, Any] | Sequence[Mapping[str, Any]]
 """Options of one torque term, or a list of the options of several terms with the same name."""
 
 PLAIN_METHOD = "wls"
-AUTOMATIC_METHOD = "ridge"
-"""Default estimation methods: for given friction, and for friction that is selected automatically with a prior."""
+AUTOMATIC_METHOD = "auto"
+"""Default estimation methods. Friction that was selected under a prior is estimated by the method with a prior that
+the selection finds suitable."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,7 +137,7 @@ class EstimationChoice:
     offset_per_recording: bool = False
 
     def __post_init__(self) -> None:
-        if self.method not in ESTIMATORS:
+        if self.method not in ESTIMATORS and self.method != AUTOMATIC_METHOD:
             raise StudyError(
                 f"Unknown estimation method {self.method!r}.",
                 possible=", ".join(ESTIMATORS),
@@ -170,6 +171,11 @@ class Study(Displayed):
         object.__setattr__(self, "recordings", tuple(self.recordings))
         if not any(recording.role == "train" for recording in self.recordings):
             raise StudyError('No recording has the role "train".', remedy='write role = "train" in a [[recording]].')
+        if self.estimation.method == AUTOMATIC_METHOD and not self.model.automatic:
+            raise StudyError(
+                f'The method "{AUTOMATIC_METHOD}" is chosen with the friction, but the study names its terms.',
+                remedy=f'set terms = "auto", or a method such as "{PLAIN_METHOD}".',
+            )
 
     @property
     def is_motor_side(self) -> bool:

@@ -14,6 +14,7 @@ from armid.estimation.friction.selection import FrictionSelection, choose_fricti
 from armid.estimation.friction_per_recording import changing_parameters, offset_names, separate_by_recording
 from armid.estimation.problem import EstimationProblem, build_problem
 from armid.information.hysteresis_states import memory_findings
+from armid.information.joint_rests import without_creep
 from armid.measurement.convention_conversion import understood
 from armid.measurement.processing.pipeline import resolve_options
 from armid.measurement.recording import Recording
@@ -92,7 +93,7 @@ def prepare(
     if study.model.automatic:
         tell("friction", 0.0)
         selection = choose_friction(model, observations, threads=threads)
-        model = selection.model
+        model, observations = selection.model, without_creep(observations)
         bodies = robot.inertial_vector
         described = bodies is not None and bool((bodies[:, 0] > 0.0).all())
         study = replace(study, estimation=as_chosen(study.estimation, selection, described=described))

@@ -3,52 +3,62 @@
 from __future__ import annotations
 
 import dataclasses
+from typing import Any
 
 from armid.errors import Finding
 from armid.estimation.catalogue import ESTIMATORS
 from armid.estimation.estimate_record import Estimate
+from armid.estimation.friction.forward_selection import SHRINKAGE
 from armid.estimation.friction.selection import FrictionSelection
 from armid.estimation.prior import CHOSEN, GIVEN, INFORMED, weight_finding
-from armid.study.config import EstimationChoice
+from armid.study.config import AUTOMATIC_METHOD, EstimationChoice
 
 
 def as_chosen(choice: EstimationChoice, selection: FrictionSelection, *, described: bool) -> EstimationChoice:
-    """Estimation options with the prior and the offsets that were used in the selection of friction.
+    """Estimation options with the method, prior, noise and offsets of the friction selection.
+
+    Args:
+        choice: Options of the study; the method `auto` becomes that of the selection.
+        selection: Result of the friction selection.
+        described: True if the description has masses and inertias that can be a prior.
+    """
+    method = selection.method if choice.method == AUTOMATIC_METHOD else choice.method
+    separate_offsets = choice.offset_per_recording or selection.offset_per_recording
+    named = dataclasses.replace(choice, method=method, offset_per_recording=separate_offsets)
+    return with_selection_prior(named, selection, described=described)
+
+
+def with_selection_prior(
+    choice: EstimationChoice, selection: FrictionSelection, *, described: bool
+) -> EstimationChoice:
+    """Estimation options with the prior of the friction selection, unless the study sets the prior of the estimator.
+
+    Noise and shrinkage are those with which friction was selected, so that the estimate is the one that was judged.
 
     Args:
         choice: Options of the study.
         selection: Result of the friction selection.
         described: True if the description has masses and inertias that can be a prior.
     """
-    separate_offsets = choice.offset_per_recording or selection.offset_per_recording
-    with_prior = with_selection_prior(choice, selection.prior_weight, described=described)
-    return dataclasses.replace(with_prior, offset_per_recording=separate_offsets)
-
-
-def with_selection_prior(choice: EstimationChoice, weight: float | None, *, described: bool) -> EstimationChoice:
-    """Estimation options with the prior of the friction selection, unless the study sets the prior itself.
-
-    Args:
-        choice: Options of the study.
-        weight: Weight of the prior; `None` if the selection did not determine a weight.
-        described: True if the description has masses and inertias that can be a prior.
-    """
-    if weight is None:
-        return choice
     names = {f.name for f in dataclasses.fields(ESTIMATORS[choice.method])}  # pyright: ignore[reportArgumentType]
-    prior_options = {"weight": weight, "prior": "log-det" if described else "mass"}
     given = choice.options.get(choice.method, {})
-    if "weight" not in names or given.get("weight", "auto") != "auto" or "prior" in given:
-        return choice
-    options = {**given, **{name: value for name, value in prior_options.items() if name in names}}
-    return dataclasses.replace(choice, options={**choice.options, choice.method: options})
+    options: dict[str, Any] = {}
+    if selection.noise:
+        options |= {"noise": selection.noise, "shrinkage": SHRINKAGE}
+    weight = selection.weight_for(choice.method)
+    if weight is not None and "weight" in names and given.get("weight", "auto") == "auto" and "prior" not in given:
+        options |= {"weight": weight, "prior": "log-det" if described else "mass"}
+    own = {
+        name: value for name, value in options.items() if name in names and (name == "weight" or name not in given)
+    }
+    return dataclasses.replace(choice, options={**choice.options, choice.method: {**given, **own}}) if own else choice
 
 
 def with_origin_of_weight(estimate: Estimate, selection: FrictionSelection | None) -> Estimate:
     """Estimate whose findings name the friction selection as origin of the prior's weight, if it is the origin."""
-    if selection is None or selection.prior_weight is None:
+    weight = None if selection is None else selection.weight_for(estimate.method)
+    if weight is None:
         return estimate
-    weight = selection.prior_weight
     chosen = {
         weight_finding(prior, weight, GIVEN): weight_finding(prior, weight, CHOSEN)
         for prior in (*(f"{kind} prior" for kind in INFORMED), "prior towards the description", "prior towards zero")
@@ -74,7 +84,7 @@ def chosen_finding(selection: FrictionSelection, method: str) -> Finding:
     evidence = (
         "While friction was selected, a prior was used for the inertial parameters. The weight of the prior with the "
         f"smallest error on held-out motion is {selection.prior_weight:.3g} independent samples. The "
-        f"parameters were then estimated with the method {method}. The selection is valid for speeds and "
-        "poses similar to the recorded ones."
+        f"parameters were then estimated with the method {method}, with the noise of each joint as in the selection. "
+        "The selection is valid for speeds and poses similar to the recorded ones."
     )
     return Finding("friction-chosen", "info", "", evidence, "validate the model on another recording.")

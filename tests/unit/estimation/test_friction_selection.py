@@ -11,7 +11,9 @@ import pytest
 from armid.checked_array import Array
 from armid.errors import EstimationError
 from armid.estimation.crossvalidation import held_out_squares
+from armid.estimation.estimators import Ridge
 from armid.estimation.friction import selection as module
+from armid.estimation.friction.body_prior import predicts_as_well
 from armid.estimation.friction.candidates import (
     Candidate,
     CandidateModel,
@@ -24,6 +26,7 @@ from armid.estimation.friction.forward_selection import HeldOutTrial, SelectedCa
 from armid.estimation.friction.heldout_gains import GainPrior, make_folds
 from armid.estimation.friction.selection import choose_friction
 from armid.estimation.friction.shape_fit import refine_shapes
+from armid.estimation.problem import build_problem
 from armid.estimation.whitened_system import WhitenedSystem, whiten
 from armid.information.accumulate import accumulate_information
 from armid.information.information import Information, select
@@ -132,6 +135,34 @@ def test_a_width_whose_memory_is_not_known_early_is_no_candidate():
     assert not any(piece.term == "load-coulomb" for pieces in allowed for piece in pieces)  # no load is known
 
 
+def test_a_ripple_of_which_the_angles_show_less_than_a_period_is_no_candidate():
+    model = arm()
+    (run,) = recorded(model).runs
+    turn = replace(run.motion, q=run.motion.q * (1.8 / np.ptp(run.motion.q, axis=0)))
+    allowed = allowed_candidates(model, raw(replace(run, motion=turn)))
+    assert all({piece.shape for piece in own if piece.term == "ripple"} == {4.0, 5.0, 6.0} for own in allowed)
+
+
+def test_weights_and_method_are_those_of_the_model_without_the_choice():
+    """Selected friction on one joint changes no weight, so it cannot push the error to other joints."""
+    model = arm()
+    truth = DynamicsModel(model.robot, (*model.terms, Stribeck(0.14, 2.0, 0.02, (model.robot.joint_names[1],))))
+    observations = recorded(truth)
+    ladder = choose_friction(model, observations)
+    problem = build_problem(model, observations)
+    expected = 1.0 / whiten(problem.information).weights
+    assert any(isinstance(term, Stribeck) for term in ladder.added)
+    np.testing.assert_allclose(ladder.noise, expected, rtol=0.05)  # rows with unknown memory do not count
+    assert ladder.noise[1] > 0.12  # the noise after the choice is 0.1
+
+
+def test_the_better_estimator_of_bodies_is_found():
+    problem = build_problem(arm(), recorded(arm()))
+    true, heavy = Ridge("zero", weight=1e-4), Ridge("zero", weight=1e9)
+    assert predicts_as_well(problem, true, heavy) and predicts_as_well(problem, true, true)
+    assert not predicts_as_well(problem, heavy, true)
+
+
 def test_a_velocity_law_that_the_speeds_do_not_show_whole_is_no_candidate():
     model = arm()
     (run,) = recorded(model).runs
@@ -201,10 +232,10 @@ def test_a_few_seconds_are_no_evidence():
 def test_a_prior_without_a_known_unit_is_not_handed_on(monkeypatch: pytest.MonkeyPatch):
     calls = iter(range(10))
 
-    def unsettled(information: Information) -> WhitenedSystem:
+    def unsettled(information: Information, *, noise: tuple[float, ...] = ()) -> WhitenedSystem:
         if next(calls):  # the first is for the model without what was chosen
             raise EstimationError("The joints' weights do not settle.")
-        return whiten(information)
+        return whiten(information, noise=noise)
 
     monkeypatch.setattr(module, "whiten", unsettled)
     ladder = choose_friction(arm(), recorded(arm()))

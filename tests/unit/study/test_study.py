@@ -13,8 +13,12 @@ import pytest
 from armid.errors import ArmidError, ModelError, RecordingError, StudyError
 from armid.estimation.estimate_record import Estimate, standard_parameters
 from armid.estimation.estimators import PhysicallyConsistent, Ridge, WeightedLeastSquares
+from armid.estimation.friction.forward_selection import SHRINKAGE
+from armid.estimation.friction.selection import FrictionSelection
 from armid.measurement.processing.options import ProcessingOptions
-from armid.model.terms import DEFAULT_TERMS, TERMS, Coulomb, Stribeck, Viscous
+from armid.model.dynamics_model import DynamicsModel
+from armid.model.terms import DEFAULT_TERMS, TERMS, Coulomb, RigidBody, Stribeck, Viscous
+from armid.robot import load_robot
 from armid.study.config import (
     EstimationChoice,
     ModelChoice,
@@ -30,7 +34,7 @@ from armid.study.config import (
 )
 from armid.study.identify import Result, identify
 from armid.study.recordings.data_split import cut_recording
-from armid.study.selection_prior_options import with_selection_prior
+from armid.study.selection_prior_options import as_chosen
 from labs import (
     STUDY,
     small_folder,
@@ -329,19 +333,32 @@ def test_an_option_outside_its_method_is_told_where_it_belongs(table: dict[str, 
 def test_friction_may_be_chosen_and_is_then_estimated_with_a_prior():
     study = plain(model={"terms": "auto", "coulomb": {"width": 0.05}})
     assert study.model == ModelChoice(shapes={"coulomb": {"width": 0.05}}, automatic=True)
-    assert study.estimation.method == "ridge"
+    assert study.estimation.method == "auto"
     assert plain(model={"terms": "auto"}, estimation={"method": "wls"}).estimation.method == "wls"
-    assert build_estimator(with_selection_prior(study.estimation, 2.5, described=True)) == Ridge(weight=2.5)
-    assert with_selection_prior(study.estimation, None, described=True) == study.estimation
-    physical = EstimationChoice("physical")
-    leaning = with_selection_prior(physical, 2.5, described=True)
-    assert build_estimator(leaning) == PhysicallyConsistent(prior="log-det", weight=2.5)
-    leaning_on_none = with_selection_prior(physical, 2.5, described=False)
-    assert build_estimator(leaning_on_none) == PhysicallyConsistent(prior="mass", weight=2.5)
-    assert with_selection_prior(leaning, 7.0, described=True) == leaning  # what is given stays
-    assert (
-        build_estimator(with_selection_prior(EstimationChoice("wls"), 2.5, described=True)) == WeightedLeastSquares()
-    )
+
+
+def selection(prior_weight: float | None = 2.5, method: str = "ridge") -> FrictionSelection:
+    model = DynamicsModel(load_robot("iiwa14-r820"), (RigidBody(),))
+    noise = () if prior_weight is None else (0.5,) * 7
+    return FrictionSelection(model, (), (), np.ones(7), np.zeros(7), prior_weight, noise=noise, method=method)
+
+
+def test_selected_friction_is_estimated_as_it_was_judged():
+    """Method, weight of the prior, noise and shrinkage of the estimate are those of the selection."""
+    open_, judged = EstimationChoice("auto"), {"noise": (0.5,) * 7, "shrinkage": SHRINKAGE}
+    assert build_estimator(as_chosen(open_, selection(), described=True)) == Ridge(weight=2.5, **judged)
+    consistent = PhysicallyConsistent(prior="log-det", weight=1.0, **judged)
+    assert build_estimator(as_chosen(open_, selection(method="physical"), described=True)) == consistent
+    assert build_estimator(as_chosen(open_, selection(None), described=True)) == Ridge()
+    physical = as_chosen(EstimationChoice("physical"), selection(), described=False)
+    assert build_estimator(physical) == PhysicallyConsistent(prior="mass", weight=1.0, **judged)
+    assert as_chosen(physical, selection(7.0), described=True) == physical  # what is given stays
+    assert build_estimator(as_chosen(EstimationChoice("wls"), selection(), described=True)) == WeightedLeastSquares()
+
+
+def test_the_automatic_method_needs_automatic_terms():
+    with pytest.raises(StudyError, match="the study names its terms"):
+        plain(estimation={"method": "auto"})
 
 
 def test_a_shape_without_a_meaning_names_its_term():

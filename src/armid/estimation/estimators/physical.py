@@ -24,10 +24,10 @@ from armid.estimation.constrained_fit_statistics import PhysicalEstimate, fit_of
 from armid.estimation.crossvalidation import folds, held_out_squares, one_standard_error, split
 from armid.estimation.fit_result import Fit
 from armid.estimation.friction_per_recording import standard_per_recording
-from armid.estimation.prior import GIVEN, make_prior
+from armid.estimation.prior import GIVEN, make_prior, shrinkage_option
 from armid.estimation.problem import EstimationProblem, StandardParameters
 from armid.estimation.standard_parameter_resolution import NOT_JUDGED, PriorTrial, PriorUse
-from armid.estimation.whitened_system import WhitenedSystem, rows_of, whiten
+from armid.estimation.whitened_system import WhitenedSystem, noise_option, rows_of, whiten
 from armid.information.information import Information
 from armid.threads import one_blas_thread
 
@@ -78,6 +78,10 @@ class PhysicallyConsistent:
         equal: Lists of names of parameters that have equal values, such as `[["XX_7", "YY_7"]]`.
         fixed: Known values of parameters, such as `{ XY_7 = 0.0 }`.
         known: Numbers of the links that are not estimated; their parameters are taken from the description.
+        noise: Standard deviation of each joint's noise, of which the weights of the rows are made; if not given, that
+            of the residual.
+        shrinkage: Pull towards zero of friction beyond viscous and Coulomb friction, as a share of the information in
+            its own column.
     """
 
     prior: Literal["auto", "mass", "log-det", "euclidean", "none"] = "auto"
@@ -90,6 +94,8 @@ class PhysicallyConsistent:
     equal: tuple[Sequence[str], ...] = ()
     fixed: Mapping[str, float] = field(default_factory=dict[str, float])
     known: tuple[int, ...] = ()
+    noise: tuple[float, ...] = ()
+    shrinkage: float = 0.0
     name: ClassVar[str] = "physical"
     quick: ClassVar[bool] = True
 
@@ -131,6 +137,8 @@ class PhysicallyConsistent:
                 f"The option `equal` must be a list of lists of names; found {self.equal!r}.",
                 remedy='write, for instance, equal = [["XX_7", "YY_7"]].',
             )
+        object.__setattr__(self, "noise", noise_option(self.noise))
+        object.__setattr__(self, "shrinkage", shrinkage_option(self.shrinkage))
         object.__setattr__(self, "equal", tuple(tuple(group) for group in self.equal))
 
     @one_blas_thread
@@ -146,10 +154,10 @@ class PhysicallyConsistent:
             remedy="relax the options `heaviest`, `masses`, `com`, `known`, `fixed` or `equal`, or identify with "
             "another method.",
         )
-        first = whiten(problem.information, resolution=RESOLUTIONS[0])
+        first = whiten(problem.information, resolution=RESOLUTIONS[0], noise=self.noise)
         for resolution in RESOLUTIONS:
             raised = resolution > RESOLUTIONS[0]
-            weighted = whiten(problem.information, resolution=resolution) if raised else first
+            weighted = whiten(problem.information, resolution=resolution, noise=self.noise) if raised else first
             try:
                 fit = self._estimate(problem, weighted)
             except UnsolvedError as error:
@@ -179,7 +187,7 @@ class PhysicallyConsistent:
         information = problem.information
         standard = standard_per_recording(problem.require_standard(self.name), problem.base, information)
         kind = self._kind(standard)
-        belief = make_prior(kind, standard, weighted)
+        belief = make_prior(kind, standard, weighted, shrinkage=self.shrinkage)
         asked = Requirements(
             self.epsilon, self.heaviest, self.total_mass, self.masses, self.com, self.equal, self.fixed, self.known
         )

@@ -1,14 +1,15 @@
 """Least squares with a Gaussian prior on the base parameters.
 
-    minimise |W (y - A π)|² + λ (π - π₀)ᵀ P (π - π₀)
+    minimise |W (y - A π)|² + (π - π₀)ᵀ (B / λ + F)⁻¹ (π - π₀)
 
 Here π are the base parameters, W contains the weights of the rows, A and y are the factors and their right-hand side,
 and λ is the weight of the prior. The mean π₀ of the prior is zero, or the base parameters of the bodies in the
-description. The precision P of the prior follows from the log-det divergence of the standard parameters
-(`armid.estimation.prior`), approximated to second order. A change of all parameters of a link by 100 % then has the
-same cost for large and small links. With a factor C of P = CᵀC and the singular value decomposition U S Vᵀ = W A C⁻¹,
-the solution for each λ is one product, π = π₀ + C⁻¹ V S (S² + λ)⁻¹ Uᵀ W (y - A π₀), so the cross-validation of λ
-takes a few milliseconds.
+description. The covariances B of bodies and F of other parameters (friction, offsets, rotor inertia) follow from the
+prior of the standard parameters (`armid.estimation.prior`); for each link, the inverse of B is the second-order
+approximation of the log-det divergence. A change of all parameters of a link by 100 % then has the same cost for large
+and small links. The weight belongs to the bodies alone, because a description says nothing about friction. With
+B + F = K Kᵀ and M = K V, where V are the eigenvectors of K⁻¹ B K⁻ᵀ and d its eigenvalues, the covariance for each λ is
+M diag(d / λ + 1 - d) Mᵀ, so the cross-validation of λ needs one small factorisation for each weight.
 
 If the data hardly determine a direction of the parameters, the prior keeps the estimate near the description. Unlike
 the estimator `physical`, it does not make the bodies physically consistent.
@@ -24,15 +25,21 @@ from numpy.typing import NDArray
 
 from armid.checked_array import Array
 from armid.errors import EstimationError, Finding, did_you_mean
+from armid.estimation.base_covariance import BaseCovariance, base_covariance
 from armid.estimation.crossvalidation import folds, held_out_error, held_out_squares, split
 from armid.estimation.fit_result import Fit
 from armid.estimation.least_squares import solve
-from armid.estimation.prior import GIVEN, make_prior, project_covariance, weight_finding
+from armid.estimation.prior import (
+    GIVEN,
+    make_prior,
+    shrinkage_option,
+    weight_finding,
+)
 from armid.estimation.problem import EstimationProblem
 from armid.estimation.uncertainty.covariance import scale_covariance
-from armid.estimation.whitened_system import WhitenedSystem, rows_of, whiten
+from armid.estimation.whitened_system import WhitenedSystem, noise_option, rows_of, whiten
 from armid.information.information import Information, stack
-from armid.maths.linalg import condition, scaled_condition
+from armid.maths.linalg import condition, root_of, scaled_condition
 from armid.threads import one_blas_thread
 
 STRENGTHS = np.concatenate([np.logspace(6.0, -4.0, 31), [0.0]])
@@ -52,10 +59,16 @@ class Ridge:
             `nominal` if the description gives every link a mass.
         weight: Number of independent samples to which the prior is equivalent; with `auto` it is found by
             cross-validation with blocks.
+        noise: Standard deviation of each joint's noise, of which the weights of the rows are made; if not given, that
+            of the residual.
+        shrinkage: Pull towards zero of friction beyond viscous and Coulomb friction, as a share of the information in
+            its own column.
     """
 
     towards: Literal["auto", "nominal", "zero"] = "auto"
     weight: float | Literal["auto"] = "auto"
+    noise: tuple[float, ...] = ()
+    shrinkage: float = 0.0
     name: ClassVar[str] = "ridge"
     quick: ClassVar[bool] = True
 
@@ -72,6 +85,8 @@ class Ridge:
                 possible="auto, a number",
                 remedy='use "auto", which finds the weight from the data.',
             )
+        object.__setattr__(self, "noise", noise_option(self.noise))
+        object.__setattr__(self, "shrinkage", shrinkage_option(self.shrinkage))
 
     @one_blas_thread
     def solve(self, problem: EstimationProblem) -> Fit:
@@ -81,7 +96,7 @@ class Ridge:
             EstimationError: The weight is zero and the data do not determine all parameters, or the prior needs
                 inertial parameters that the description lacks.
         """
-        weighted = whiten(problem.information)
+        weighted = whiten(problem.information, noise=self.noise)
         prior = self._prior(problem, weighted)
         if self.weight == "auto":
             weight, how = _chosen(problem.information, weighted, prior)
@@ -99,7 +114,7 @@ class Ridge:
         del fit
         if self.weight != "auto":
             return self
-        weighted = whiten(problem.information)
+        weighted = whiten(problem.information, noise=self.noise)
         return replace(self, weight=_chosen(problem.information, weighted, self._prior(problem, weighted))[0])
 
     def _prior(self, problem: EstimationProblem, weighted: WhitenedSystem) -> _Prior:
@@ -110,19 +125,21 @@ class Ridge:
             towards = "nominal" if standard.described else "zero"
         at, copy = _places(problem)
         L = standard.regrouping[at]
-        belief = make_prior("log-det" if towards == "nominal" else "mass", replace(standard, regrouping=L), weighted)
-        covariance = project_covariance(belief.precision, L)
-        covariance *= copy[:, None] == copy[None, :]  # recordings have independent friction
-        return _Prior(towards, L @ belief.mean, covariance / weighted.correlation, belief.findings)
+        kind = "log-det" if towards == "nominal" else "mass"
+        belief = make_prior(kind, replace(standard, regrouping=L), weighted, shrinkage=self.shrinkage)
+        covariance = base_covariance(belief, replace(standard, regrouping=L))
+        alike = (copy[:, None] == copy[None, :]) / weighted.correlation  # recordings have independent friction
+        own = BaseCovariance(covariance.bodies * alike, covariance.others * alike)
+        return _Prior(towards, L @ belief.mean, own, belief.findings)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Prior:
-    """Prior of the b base parameters: mean (b,) and covariance (b, b), in units of the weighted normal equations."""
+    """Prior of the b base parameters: mean (b,) and covariance, in units of the weighted normal equations."""
 
     towards: str
     mean: Array
-    covariance: Array
+    covariance: BaseCovariance
     findings: tuple[Finding, ...]
 
 
@@ -143,24 +160,22 @@ class _Path:
     """Estimates as a function of the weight of the prior, from whitened rows."""
 
     def __init__(self, rows: Array, side: Array, prior: _Prior) -> None:
+        bodies, others = prior.covariance.bodies, prior.covariance.others
+        root = root_of(bodies + others)
+        half = np.linalg.inv(root)
+        shares, vectors = np.linalg.eigh(half @ bodies @ half.T)
+        self.shares = np.clip(shares, 0.0, 1.0)
         self.mean = prior.mean
-        self.root = np.linalg.cholesky(prior.covariance)  # C⁻¹ up to a rotation, which has no effect
-        U, self.sizes, Vt = np.linalg.svd(rows @ self.root, full_matrices=True)
-        self.turned = self.root @ Vt.T
-        self.sizes = np.concatenate([self.sizes, np.zeros(Vt.shape[0] - len(self.sizes))])
-        projection = (U.T @ (side - rows @ prior.mean))[: len(self.sizes)]
-        self.projection = np.concatenate([projection, np.zeros(len(self.sizes) - len(projection))])
+        self.directions = root @ vectors
+        self.rows = rows @ self.directions
+        self.products = self.rows.T @ self.rows
+        self.projection = self.rows.T @ (side - rows @ prior.mean)
 
     def values(self, weight: float) -> Array:
         """The estimate (b,) for a weight of the prior."""
-        return self.mean + self.turned @ (self.sizes * self.projection / (self.sizes**2 + weight))
-
-    def covariance(self, weight: float) -> Array:
-        """Inverse normal matrix (H + λ P)⁻¹, shape (b, b), for a weight λ of the prior.
-
-        H is the normal matrix of the data and P the precision of the prior.
-        """
-        return (self.turned / (self.sizes**2 + weight)) @ self.turned.T
+        size = np.sqrt(self.shares / weight + 1.0 - self.shares) if weight else np.ones(len(self.mean))
+        normal = size[:, None] * self.products * size + (np.eye(len(size)) if weight else 0.0)
+        return self.mean + self.directions @ (size * np.linalg.solve(normal, size * self.projection))
 
 
 def _chosen(information: Information, weighted: WhitenedSystem, prior: _Prior) -> tuple[float, str]:
@@ -173,7 +188,7 @@ def _chosen(information: Information, weighted: WhitenedSystem, prior: _Prior) -
     for f, part in enumerate(parts):
         path = _Path(*rows_of(part.training, weighted.weights), prior)
         for k, weight in enumerate(candidates):
-            if weight > 0.0 or path.sizes.min() > 0.0:
+            if weight > 0.0 or np.linalg.matrix_rank(path.rows) == len(path.mean):
                 errors[k, f] = held_out_error(part.held_out, path.values(float(weight)), weighted.weights)
     return float(candidates[int(np.argmin(errors.mean(axis=1)))]), f"chosen on {len(parts)} held-out folds of blocks"
 
@@ -188,22 +203,21 @@ def _fit(weighted: WhitenedSystem, prior: _Prior, weight: float, how: str) -> Fi
         how: Text that says how the weight was found.
     """
     whole, weights = weighted.whole, weighted.weights
-    path = _Path(*rows_of(whole, weights), prior)
-    values, white = path.values(weight), path.covariance(weight)
-    precision = weight * np.linalg.inv(prior.covariance)
-    precision = 0.5 * (precision + precision.T)
+    rows, side = rows_of(whole, weights)
+    precision = prior.covariance.precision(weight)
+    white, values = _posterior(rows, side, prior, weight)
     share = np.diag(white @ precision)
     unweighted = stack(whole)[0]
-    rows = whole.rows[0]
+    counted = whole.rows[0]
     return Fit(
         whole.names,
         values,
         np.sqrt(np.diag(white)),
         white + scale_covariance(whole, weights, white),
         "white",
-        max(float(rows.sum()) - len(values) + float(share.sum()), 1.0),
-        np.sqrt(held_out_squares(whole, values) / np.maximum(rows, 1)),
-        rows,
+        max(float(counted.sum()) - len(values) + float(share.sum()), 1.0),
+        np.sqrt(held_out_squares(whole, values) / np.maximum(counted, 1)),
+        counted,
         condition(unweighted),
         scaled_condition(unweighted),
         weights,
@@ -211,6 +225,18 @@ def _fit(weighted: WhitenedSystem, prior: _Prior, weight: float, how: str) -> Fi
         prior_correlation=weighted.correlation,
         findings=(*prior.findings, *_findings(whole.names, prior.towards, weight, how, share)),
     )
+
+
+def _posterior(rows: Array, side: Array, prior: _Prior, weight: float) -> tuple[Array, Array]:
+    """Covariance (b, b) and values (b,) of the estimate, by singular values of the rows in units of the prior."""
+    root = root_of(prior.covariance.weighted(weight if weight else 1.0))
+    U, sizes, Vt = np.linalg.svd(rows @ root, full_matrices=True)
+    sizes = np.concatenate([sizes, np.zeros(Vt.shape[0] - len(sizes))])
+    projection = (U.T @ (side - rows @ prior.mean))[: len(sizes)]
+    projection = np.concatenate([projection, np.zeros(len(sizes) - len(projection))])
+    turned = root @ Vt.T
+    held = sizes**2 + (1.0 if weight else 0.0)
+    return (turned / held) @ turned.T, prior.mean + turned @ (sizes * projection / held)
 
 
 def _findings(names: tuple[str, ...], towards: str, weight: float, how: str, share: Array) -> list[Finding]:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from armid.estimation.friction.laws_resolved_by_band import RESOLVED, passed_height, passed_transition
 from armid.information.hysteresis_states import with_hysteresis_states
+from armid.information.joint_rests import resting_rows
 from armid.measurement.observations import Observations
 from armid.model.base_parameters import BaseParameters
 from armid.model.dynamics_model import DynamicsModel
@@ -37,6 +38,10 @@ SPEED_QUANTILE = 0.95
 MAX_UNKNOWN = 0.2
 """Largest share of a joint's rows that may be excluded because the state of a hysteresis term is not known yet. To
 exclude more rows loses more accuracy than the term usually gains."""
+
+TURN = 2.0 * np.pi
+"""Smallest range of the phase of a ripple in a joint's rows [rad]: one period. Over less, a ripple resembles gravity
+or an offset, and its torque elsewhere is an extrapolation."""
 
 
 def friction_families() -> tuple[CandidateFamily, ...]:
@@ -115,15 +120,19 @@ def allowed_candidates(model: DynamicsModel, observations: Observations) -> tupl
         for candidate in candidates
         if choice_of(candidate.term).resolution
     }
-    fast = _speeds(model, observations)
+    fast, turned = _speeds(model, observations), _angles(model, observations)
     moved = np.any([np.ptp(run.motion.q, axis=0) > 0.0 for run in observations.runs], axis=0)
     result: list[frozenset[Candidate]] = []
     for j, joint in enumerate(model.robot.joints):
         allowed = {
             candidate for candidate in candidates if candidate not in lost or lost[candidate][j] <= MAX_UNKNOWN
         }
-        if joint.is_prismatic:
-            allowed = {candidate for candidate in allowed if not choice_of(candidate.term).revolute_only}
+        allowed = {
+            candidate
+            for candidate in allowed
+            if not choice_of(candidate.term).periodic
+            or (not joint.is_prismatic and turned[j] * candidate.shape >= TURN)
+        }
         allowed = {
             candidate for candidate in allowed if candidate.shape * choice_of(candidate.term).saturation <= fast[j]
         }
@@ -237,6 +246,16 @@ def _speeds(model: DynamicsModel, observations: Observations) -> NDArray[np.floa
     return result
 
 
+def _angles(model: DynamicsModel, observations: Observations) -> NDArray[np.float64]:
+    """Range of the position of each joint in its rows, shape (n,) [rad or m]."""
+    low, high = np.full(model.n, np.inf), np.full(model.n, -np.inf)
+    for run in observations.runs:
+        q = run.motion.q[run.rows]
+        low = np.minimum(low, np.where(run.mask, q, np.inf).min(axis=0, initial=np.inf))
+        high = np.maximum(high, np.where(run.mask, q, -np.inf).max(axis=0, initial=-np.inf))
+    return np.maximum(high - low, 0.0)
+
+
 def _slope(candidate: Candidate, law: Expression) -> Expression:
     """Derivative of a friction law with respect to the logarithm of its shape."""
     log_slope = choice_of(candidate.term).log_slope
@@ -245,12 +264,13 @@ def _slope(candidate: Candidate, law: Expression) -> Expression:
 
 
 def _unknown_share(model: DynamicsModel, candidate: Candidate, observations: Observations) -> NDArray[np.float64]:
-    """Share of each joint's rows before the hysteresis state of a candidate is known, shape (n,)."""
+    """Share of each joint's rows in motion in which the hysteresis state of a candidate is unknown, shape (n,)."""
     if not all(run.consecutive for run in observations.runs):
         return np.ones(model.n)
     alone = DynamicsModel(model.robot, (_term(candidate.term, (candidate.shape,), _width(model)),))
-    had = np.sum([run.mask.sum(axis=0) for run in observations.runs], axis=0)
-    left = np.sum(
-        [with_hysteresis_states(alone, run, observations.band).mask.sum(axis=0) for run in observations.runs], axis=0
-    )
+    had, left = np.zeros(model.n), np.zeros(model.n)
+    for run in observations.runs:
+        moving = run.mask & ~resting_rows(run, observations.band)
+        had += moving.sum(axis=0)
+        left += (moving & with_hysteresis_states(alone, run, observations.band).mask).sum(axis=0)
     return 1.0 - left / np.maximum(had, 1)

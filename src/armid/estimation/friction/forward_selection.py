@@ -28,9 +28,9 @@ from armid.estimation.friction.acceptance import (
 from armid.estimation.friction.candidates import Candidate, CandidateFamily, CandidateModel, choice_of
 from armid.estimation.friction.heldout_gains import HeldOutFolds, Reduced
 
-RIDGES = (0.003, 0.03)
-"""Shrinkages of the added columns that are tried, in shares of their squared length: just enough to distribute a
-torque among similar columns, and ten times as much."""
+SHRINKAGE = 0.003
+"""Shrinkage of the added columns in trial and estimate, in shares of their squared length: just enough to distribute
+a torque among similar columns."""
 
 PASSES = 4
 """Largest number of passes over all families: a small effect becomes significant only after larger effects are in the
@@ -289,7 +289,7 @@ class _Search:
         return np.concatenate([np.zeros(0, dtype=np.intp), *columns])
 
     def _measured(self, family: CandidateFamily, reduced: Reduced) -> list[CandidateGain]:
-        """Gains of all options of a family on all joints, for each shrinkage."""
+        """Gains of all options of a family on all joints."""
         measured: list[CandidateGain] = []
         for joint, allowed in enumerate(self.allowed):
             available = allowed - self.chosen[joint]
@@ -306,13 +306,12 @@ class _Search:
                     continue
                 seen.add(remaining)
                 columns = self._columns(joint, remaining)
-                for ridge in RIDGES:
-                    gains = reduced.gains(joint, columns, ridge)
-                    if gains is not None:
-                        changes = error_log_ratios(gains[0], squares)
-                        measured.append(
-                            CandidateGain(joint, option, remaining, ridge, gains[0] / squares.sum(), changes)
-                        )
+                gains = reduced.gains(joint, columns, SHRINKAGE)
+                if gains is not None:
+                    changes = error_log_ratios(gains[0], squares)
+                    measured.append(
+                        CandidateGain(joint, option, remaining, SHRINKAGE, gains[0] / squares.sum(), changes)
+                    )
         return measured
 
     def _contradicted(self, choice: CandidateGain, strict: Reduced, on_long_folds: Reduced | None) -> bool:
@@ -332,7 +331,7 @@ class _Search:
         return bool(gain.sum() <= 0.0 and error_log_ratios(gain, squares).sum() >= 0.0)
 
     def _record(self, family: CandidateFamily, of_joint: list[CandidateGain], choice: CandidateGain | None) -> None:
-        """Records the trial of every option, with the shrinkage that gives the larger gain."""
+        """Records the trial of every option."""
         for each_gain in sorted(of_joint, key=lambda each_gain: (each_gain is choice, each_gain.gain)):
             deviation = standard_error(each_gain.gains)
             self.trials[each_gain.joint, each_gain.candidates] = HeldOutTrial(

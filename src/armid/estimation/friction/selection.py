@@ -13,12 +13,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from armid.checked_array import Array
 from armid.errors import EstimationError
+from armid.estimation.base_covariance import base_covariance
 from armid.estimation.crossvalidation import can_cross_validate, folds, one_standard_error
 from armid.estimation.estimate_record import torque_parameters
+from armid.estimation.estimators.physical import PhysicallyConsistent
 from armid.estimation.estimators.ridge import Ridge
+from armid.estimation.friction.body_prior import predicts_as_well
 from armid.estimation.friction.candidates import (
     Candidate,
     CandidateModel,
@@ -33,12 +37,12 @@ from armid.estimation.friction.forward_selection import HeldOutTrial, SelectionP
 from armid.estimation.friction.heldout_gains import GainPrior, HeldOutFolds, make_folds
 from armid.estimation.friction.shape_fit import refine_shapes
 from armid.estimation.friction_per_recording import contrasted, offset_names, separate_by_recording
-from armid.estimation.prior import make_prior, project_covariance
+from armid.estimation.prior import make_prior
 from armid.estimation.problem import EstimationProblem, build_problem
 from armid.estimation.whitened_system import WhitenedSystem, whiten
 from armid.information.accumulate import accumulate_information
-from armid.information.information import Information, restrict, total
-from armid.maths.linalg import inverse_of
+from armid.information.information import Information, JointFactors, restrict, total
+from armid.information.joint_rests import without_creep
 from armid.measurement.observations import Observations
 from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics_model import DynamicsModel
@@ -48,8 +52,8 @@ FOLDS = 8
 """Number of folds: each leaves most of the data for training, and a standard error has seven degrees of freedom."""
 
 LONG = 3
-"""Number of long folds. Their poses differ from those of the other folds, so a law that imitates gravity increases
-the error on them."""
+"""Number of long folds of a single recording. Their poses differ from those of the other folds, so a law that
+imitates gravity increases the error on them. Where there are several recordings, each of them is a long fold."""
 
 FEWEST = 8
 """Smallest number of blocks for a selection: a few seconds of motion are no evidence for or against a friction
@@ -57,6 +61,19 @@ term."""
 
 LOWEST = 1e-3
 """Lower limit of an error ratio by which a standard deviation is divided: noise-free data have ratios of zero."""
+
+CONSISTENT_WEIGHT = 1.0
+"""Weight of the prior with which physically consistent bodies are estimated under selected friction [independent
+samples]. Larger weights, as cross-validation finds them for a Gaussian prior, predicted the Panda's other motions
+worse."""
+
+ENOUGH = 2.2
+"""Independent samples of a joint for each base parameter from which held-out blocks of the same recordings tell
+bodies from friction. With fewer, a Gaussian prior was better on held-out blocks of the LWR4+ and the Med 7, and worse
+on their other recordings, up to three times the error of plain least squares. Consistent bodies were not."""
+
+LOAD_WEIGHT = 1.0
+"""Weight of the prior of the first estimate, from which the load is computed [independent samples]."""
 
 STRENGTHS = np.logspace(4.0, -4.0, 17)
 """Weights of the prior that are tried, in independent samples, the largest first."""
@@ -98,6 +115,9 @@ class FrictionSelection:
         prior_weight: Weight of the prior with the smallest held-out error, in independent samples under the selected
             model; the estimate of this model should use it. The selection used this weight or a larger one. `None` if
             nothing was tried, or if the number of independent samples is not known.
+        noise: Standard deviation of each joint's noise, from the residual of the model without further friction, of
+            which the weights of the rows were made; empty if no candidate was tried.
+        method: Estimator that is suitable: `physical` or `ridge`.
         offset_per_recording: True if each recording had its own offset of the torque; the estimate should then do the
             same.
         why: Reason why no candidate was tried, or why there is no weight of the prior; otherwise empty.
@@ -111,6 +131,12 @@ class FrictionSelection:
     prior_weight: float | None
     offset_per_recording: bool = False
     why: str = ""
+    noise: tuple[float, ...] = ()
+    method: str = Ridge.name
+
+    def weight_for(self, method: str) -> float | None:
+        """Weight of the prior of an estimator in independent samples; `None` if it is not known."""
+        return CONSISTENT_WEIGHT if self.noise and method == PhysicallyConsistent.name else self.prior_weight
 
 
 def choose_friction(model: DynamicsModel, observations: Observations, *, threads: int = 1) -> FrictionSelection:
@@ -125,6 +151,7 @@ def choose_friction(model: DynamicsModel, observations: Observations, *, threads
         ArmidError: No row is in use.
     """
     base = find_base_parameters(model)
+    observations = without_creep(observations)
     problem = build_problem(model, observations, base=base, threads=threads)
     blocks = int(problem.information.rows.any(axis=1).sum())
     if blocks < FEWEST:
@@ -132,10 +159,7 @@ def choose_friction(model: DynamicsModel, observations: Observations, *, threads
         why = f"{blocks} blocks of rows are too few to select friction: at least {FEWEST} are needed."
         return FrictionSelection(model, (), (), ones, np.zeros(model.n), None, why=why)
     drifting = _drifting_offsets(problem.information, model)
-    data = contrasted(problem.information, drifting)
-    weighted = whiten(data)
-    strong_weight, best_weight, prior = _prior(problem, data, weighted)
-    loaded = _with_load_parameters(problem, strong_weight)
+    loaded = _with_load_parameters(problem, LOAD_WEIGHT)
     allowed = allowed_candidates(loaded, observations)
 
     def extend(candidates: Sequence[frozenset[Candidate]]) -> tuple[CandidateModel, Information]:
@@ -146,14 +170,19 @@ def choose_friction(model: DynamicsModel, observations: Observations, *, threads
         in_model = np.append(extended.in_model, np.ones(information.count - extended.count, np.bool_))
         return replace(extended, in_model=in_model), information
 
+    at_first = extend(allowed)
+    data = restrict(at_first[1], np.flatnonzero(at_first[0].in_model))
+    weighted = whiten(data)
+    best_weight, prior = _prior(problem, data, weighted)
+
     def select_from(start: SelectionPath | None) -> tuple[CandidateModel, Information, HeldOutFolds, SelectionPath]:
         started = [frozenset[Candidate]()] * model.n if start is None else start.chosen(model.n)
         available = [candidates | selected for candidates, selected in zip(allowed, started, strict=True)]
-        extended, information = extend(available)
+        extended, information = at_first if start is None else extend(available)
         embedded = prior.embedded(extended.count, np.flatnonzero(extended.in_model))
-        short_folds, long_folds = (
-            make_folds(information, folds(information, count), weighted.weights, embedded) for count in (FOLDS, LONG)
-        )
+        short_folds = make_folds(information, folds(information, FOLDS), weighted.weights, embedded)
+        common = _common_offsets(information, extended.base.count)
+        long_folds = make_folds(common, _apart(information), weighted.weights, embedded)
         path = select_forward(short_folds, long_folds, extended, available, friction_families(), start)
         return extended, information, short_folds, path
 
@@ -163,11 +192,13 @@ def choose_friction(model: DynamicsModel, observations: Observations, *, threads
     added = terms_of(loaded, path.chosen(model.n))
     needs_load = depends_on_load(law for term in added for law in term.laws(model.robot))
     chosen = replace(loaded if needs_load else model, terms=(*model.terms, *added))
-    prior_weight, why = _weight_in_samples(best_weight * weighted.correlation, restrict(information, path.columns))
+    noise = tuple(float(each) for each in 1.0 / weighted.weights)
+    selected = restrict(information, path.columns)
+    prior_weight, why = _weight_in_samples(best_weight * weighted.correlation, selected, noise)
     outcome = _error_ratio(short_folds, extended, path)
-    return FrictionSelection(
-        chosen, added, _evidence(model, path.trials), *outcome, prior_weight, bool(drifting), why
-    )
+    evidence = _evidence(model, path.trials)
+    method = _method(problem, weighted, drifting, best_weight)
+    return FrictionSelection(chosen, added, evidence, *outcome, prior_weight, bool(drifting), why, noise, method)
 
 
 def _drifting_offsets(information: Information, model: DynamicsModel) -> tuple[str, ...]:
@@ -185,6 +216,24 @@ def _drifting_offsets(information: Information, model: DynamicsModel) -> tuple[s
     return names if can_cross_validate(separate_by_recording(information, is_offset), FOLDS) else ()
 
 
+def _common_offsets(information: Information, count: int) -> Information:
+    """Information without the contrasts between recordings, whose columns become zero."""
+    joints: list[JointFactors] = []
+    for joint in information.joints:
+        R = joint.R.copy()
+        R[:, :, np.flatnonzero(joint.parameters >= count)] = 0.0
+        joints.append(replace(joint, R=R))
+    return replace(information, joints=tuple(joints))
+
+
+def _apart(information: Information) -> NDArray[np.int64]:
+    """Long fold of each block: recordings where there are several, otherwise long parts of the only one."""
+    recordings = np.unique(information.recording[information.rows.any(axis=1)])
+    if len(recordings) < 2:
+        return folds(information, LONG)
+    return np.minimum(np.searchsorted(recordings, information.recording), len(recordings) - 1).astype(np.int64)
+
+
 def _with_load_parameters(problem: EstimationProblem, weight: float) -> DynamicsModel:
     """Adds the inertial parameters of a first estimate for load-dependent friction, unless the model has them."""
     model, base = problem.model, problem.base
@@ -195,23 +244,50 @@ def _with_load_parameters(problem: EstimationProblem, weight: float) -> Dynamics
     return replace(model, load_parameters=theta[model.inertial_columns].reshape(model.n, 10))
 
 
-def _weight_in_samples(rows: float, information: Information) -> tuple[float | None, str]:
+def _method(
+    problem: EstimationProblem, weighted: WhitenedSystem, drifting: tuple[str, ...], ridge_weight: float
+) -> str:
+    """Estimator that is suitable for the bodies, judged without further friction.
+
+    Args:
+        problem: Problem of the model without candidates.
+        weighted: The whitened data.
+        drifting: Names of offsets that each recording has of its own.
+        ridge_weight: Weight of the Gaussian prior with the smallest held-out error.
+    """
+    if not problem.require_standard("friction selection").described:
+        return Ridge.name
+    samples = float(weighted.whole.rows.max()) / weighted.correlation
+    if samples < ENOUGH * weighted.whole.count:
+        return PhysicallyConsistent.name
+    noise = tuple(float(each) for each in 1.0 / weighted.weights)
+    separate = separate_by_recording(problem.information, np.isin(problem.information.names, drifting))
+    consistent = predicts_as_well(
+        replace(problem, information=separate),
+        PhysicallyConsistent(noise=noise, weight=CONSISTENT_WEIGHT),
+        Ridge(noise=noise, weight=ridge_weight),
+    )
+    return PhysicallyConsistent.name if consistent else Ridge.name
+
+
+def _weight_in_samples(rows: float, information: Information, noise: tuple[float, ...]) -> tuple[float | None, str]:
     """Weight of the prior in independent samples under the selected model, or `None` and the reason.
 
     Args:
         rows: Weight of the prior in units of one row.
         information: Information about the selected model.
+        noise: Standard deviation of each joint's noise.
     """
     try:
-        return rows / whiten(information).correlation, ""
-    except EstimationError as error:  # the weights do not converge where rows hardly outnumber the parameters
+        return rows / whiten(information, noise=noise).correlation, ""
+    except EstimationError as error:
         return None, (
             "The weight of the prior is determined by the method, because the number of rows of the selected model "
             f"that count as one independent sample is not known. {error.problem}"
         )
 
 
-def _prior(problem: EstimationProblem, data: Information, weighted: WhitenedSystem) -> tuple[float, float, GainPrior]:
+def _prior(problem: EstimationProblem, data: Information, weighted: WhitenedSystem) -> tuple[float, GainPrior]:
     """Finds the weights of the prior on the base parameters by cross-validation, for selection and estimate.
 
     The selection uses the largest weight whose error is within one standard error of the smallest. With a smaller
@@ -220,26 +296,32 @@ def _prior(problem: EstimationProblem, data: Information, weighted: WhitenedSyst
 
     Args:
         problem: Problem of the model without candidates.
-        data: Information of the problem, with offsets that differ between recordings.
+        data: Information about this model, with offsets that differ between recordings.
         weighted: The whitened data of this information.
 
     Returns:
-        The weight for the selection, the weight for the estimate, and the prior for the selection.
+        The weight for the estimate, and the prior for the selection.
     """
     standard = problem.require_standard("friction selection")
     whole = total(problem.information)
     unit_prior = make_prior("log-det" if standard.described else "mass", standard, replace(weighted, whole=whole))
     mean = standard.regrouping @ unit_prior.mean
-    precision = weighted.correlation * inverse_of(project_covariance(unit_prior.precision, standard.regrouping))
+    covariance = base_covariance(unit_prior, standard)
     kept, ridge = np.arange(data.count), np.zeros(data.count)
     short_folds = make_folds(
-        data, folds(data, FOLDS), weighted.weights, GainPrior(mean, 0.0 * precision).embedded(data.count, kept)
+        data,
+        folds(data, FOLDS),
+        weighted.weights,
+        GainPrior(mean, 0.0 * covariance.bodies).embedded(data.count, kept),
     )
     errors = np.stack(
         [
-            replace(short_folds, prior=GainPrior(mean, strength * precision).embedded(data.count, kept)).errors(
-                kept, ridge
-            )
+            replace(
+                short_folds,
+                prior=GainPrior(mean, weighted.correlation * covariance.precision(strength)).embedded(
+                    data.count, kept
+                ),
+            ).errors(kept, ridge)
             @ weighted.weights**2
             for strength in STRENGTHS
         ]
@@ -247,7 +329,7 @@ def _prior(problem: EstimationProblem, data: Information, weighted: WhitenedSyst
     strong_weight, best_weight = (
         float(STRENGTHS[k]) for k in (one_standard_error(errors), int(np.argmin(errors.sum(axis=1))))
     )
-    return strong_weight, best_weight, GainPrior(mean, strong_weight * precision)
+    return best_weight, GainPrior(mean, weighted.correlation * covariance.precision(strong_weight))
 
 
 def _error_ratio(short_folds: HeldOutFolds, extended: CandidateModel, path: SelectionPath) -> tuple[Array, Array]:

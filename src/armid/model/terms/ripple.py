@@ -44,7 +44,7 @@ class Ripple:
     automatic: ClassVar[AutomaticChoice] = AutomaticChoice(
         make=lambda shapes, width, joints: Ripple(shapes, joints=joints),
         options=one_by_one(FAMILY, "ripple", HARMONICS),
-        revolute_only=True,
+        periodic=True,
     )
 
     def __post_init__(self) -> None:

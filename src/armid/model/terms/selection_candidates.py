@@ -92,7 +92,8 @@ class AutomaticChoice:
             reversal: the `height` of a law of the velocity, or the `transition` of a hysteresis element.
         log_slope: Function that gives the derivative of the law with respect to the logarithm of its shape, from
             expression and shape. It is used to refine the shape by least squares after the selection.
-        revolute_only: True if only revolute joints may have the term.
+        periodic: True if the shape is a multiple of the joint's angle; the joint must be revolute and turn by a
+            period.
         is_sum: True if the term is a sum over several shapes. The selection may then remove single shapes, but not
             the largest one.
     """
@@ -103,7 +104,7 @@ class AutomaticChoice:
     one_shape: bool = False
     resolution: Literal["", "height", "transition"] = ""
     log_slope: Callable[[Expression, float], Expression] | None = None
-    revolute_only: bool = False
+    periodic: bool = False
     is_sum: bool = False
 
 
