@@ -39,7 +39,7 @@ from armid.estimation.friction.selection import FrictionSelection, choose_fricti
 from armid.estimation.friction_per_recording import offset_names, separate_by_recording
 from armid.estimation.problem import EstimationProblem, standard_of
 from armid.information.accumulate import accumulate_information
-from armid.information.joint_rests import without_creep
+from armid.information.hysteresis_states import without_creep
 from armid.information.residuals import compare
 from armid.measurement.observations import Observations
 from armid.measurement.processing.pipeline import resolve_options

@@ -23,6 +23,7 @@ MORE_ATTRIBUTES = {
     "ProcessingOptions": 13,  # each field is a key of `[processing]` in a study
     "DesignConstraints": 13,  # each field is a limit that a design may have
     "LogFormat": 19,  # each field is a key of `[[recording]]` in a study
+    "PhysicallyConsistent": 12,  # each field is an option of the method in a study
     "Recording": 16,  # what a log may hold: five quantities, how far they can be trusted, what its reader noticed
     "Robot": 11,  # what a description says of an arm
 }

@@ -93,7 +93,10 @@ def shrinkage_option(shrinkage: float) -> float:
         EstimationError: It is negative or not finite.
     """
     if not 0.0 <= shrinkage < np.inf:
-        raise EstimationError(f"The option `shrinkage` must be at least 0; found {shrinkage!r}.")
+        raise EstimationError(
+            f"The option `shrinkage` must be at least 0; found {shrinkage!r}.",
+            remedy="leave the option out, which gives 0.",
+        )
     return float(shrinkage)
 
 

@@ -136,7 +136,8 @@ def noise_option(noise: Sequence[float]) -> tuple[float, ...]:
     """
     if not isinstance(noise, list | tuple) or not all(0.0 < each < np.inf for each in noise):
         raise EstimationError(
-            f"The option `noise` must be a list of positive standard deviations, one for each joint; found {noise!r}."
+            f"The option `noise` must list positive standard deviations, one for each joint; found {noise!r}.",
+            remedy="give a list of numbers in N·m, or leave the option out.",
         )
     return tuple(float(each) for each in noise)
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armid.errors import ArmidError, Finding
-from armid.information.joint_rests import filter_reach, rests
+from armid.information.joint_rests import filter_reach, resting_rows, rests
 from armid.measurement.low_pass_band import Band
 from armid.measurement.observations import Observations, ObservedRun
 from armid.model.dynamics_model import DynamicsModel
@@ -48,6 +48,15 @@ def with_hysteresis_states(model: DynamicsModel, run: ObservedRun, band: Band) -
     motion, known = model.remembered(run.motion)
     mask = run.mask & ~_unknown(run, band, _known_joints(model, known)) & ~_after_rests(model, run, band)
     return replace(run, motion=motion, mask=mask)
+
+
+def without_creep(observations: Observations) -> Observations:
+    """Observations without the rows of a joint that rests while others move; rests of all joints stay in use."""
+    runs: list[ObservedRun] = []
+    for run in observations.runs:
+        resting = resting_rows(run, observations.band)
+        runs.append(replace(run, mask=run.mask & (~resting | resting.all(axis=1, keepdims=True))))
+    return replace(observations, runs=tuple(runs))
 
 
 def require_consecutive(model: DynamicsModel, given: Observations, rows: NDArray[np.int64]) -> None:

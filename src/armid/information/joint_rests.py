@@ -7,14 +7,12 @@ its bound. So terms that act near standstill would be selected for what happens 
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 from numpy.typing import NDArray
 
 from armid.maths.signals.zero_phase_filters import edge_samples, low_pass
 from armid.measurement.low_pass_band import Band
-from armid.measurement.observations import Observations, ObservedRun
+from armid.measurement.observations import ObservedRun
 
 REST = 0.5
 """Shortest rest [s]. Within it, friction in a gear relaxes, and a controller moves the joint by less than its encoder
@@ -46,15 +44,6 @@ def resting_rows(run: ObservedRun, band: Band) -> NDArray[np.bool_]:
         for begin, end in ends:
             resting[max(begin - reach, 0) : end + reach, j] = True
     return resting[run.rows]
-
-
-def without_creep(observations: Observations) -> Observations:
-    """Observations without the rows of a joint that rests while others move; rests of all joints stay in use."""
-    runs: list[ObservedRun] = []
-    for run in observations.runs:
-        resting = resting_rows(run, observations.band)
-        runs.append(replace(run, mask=run.mask & (~resting | resting.all(axis=1, keepdims=True))))
-    return replace(observations, runs=tuple(runs))
 
 
 def filter_reach(run: ObservedRun, band: Band) -> int:

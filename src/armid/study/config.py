@@ -32,8 +32,7 @@ Shapes = Mapping[str, Any] | Sequence[Mapping[str, Any]]
 
 PLAIN_METHOD = "wls"
 AUTOMATIC_METHOD = "auto"
-"""Default estimation methods. Friction that was selected under a prior is estimated by the method with a prior that
-the selection finds suitable."""
+"""Default estimation methods: for given friction, and the one that the selection of friction finds suitable."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,11 +137,8 @@ class EstimationChoice:
 
     def __post_init__(self) -> None:
         if self.method not in ESTIMATORS and self.method != AUTOMATIC_METHOD:
-            raise StudyError(
-                f"Unknown estimation method {self.method!r}.",
-                possible=", ".join(ESTIMATORS),
-                remedy=did_you_mean(self.method, ESTIMATORS),
-            )
+            names, nearest = ", ".join(ESTIMATORS), did_you_mean(self.method, ESTIMATORS)
+            raise StudyError(f"Unknown estimation method {self.method!r}.", possible=names, remedy=nearest)
         for key in PER_RECORDING:
             _require(getattr(self, key) in (True, False), key, "true or false", getattr(self, key))
 
@@ -172,10 +168,7 @@ class Study(Displayed):
         if not any(recording.role == "train" for recording in self.recordings):
             raise StudyError('No recording has the role "train".', remedy='write role = "train" in a [[recording]].')
         if self.estimation.method == AUTOMATIC_METHOD and not self.model.automatic:
-            raise StudyError(
-                f'The method "{AUTOMATIC_METHOD}" is chosen with the friction, but the study names its terms.',
-                remedy=f'set terms = "auto", or a method such as "{PLAIN_METHOD}".',
-            )
+            raise StudyError('The method "auto" needs terms = "auto".', remedy='name a method such as "wls".')
 
     @property
     def is_motor_side(self) -> bool:

@@ -13,8 +13,7 @@ from armid.estimation.friction.load_torque import with_load
 from armid.estimation.friction.selection import FrictionSelection, choose_friction
 from armid.estimation.friction_per_recording import changing_parameters, offset_names, separate_by_recording
 from armid.estimation.problem import EstimationProblem, build_problem
-from armid.information.hysteresis_states import memory_findings
-from armid.information.joint_rests import without_creep
+from armid.information.hysteresis_states import memory_findings, without_creep
 from armid.measurement.convention_conversion import understood
 from armid.measurement.processing.pipeline import resolve_options
 from armid.measurement.recording import Recording

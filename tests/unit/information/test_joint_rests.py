@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from armid.checked_array import Array
-from armid.information.hysteresis_states import with_hysteresis_states
-from armid.information.joint_rests import resting_rows, rests, without_creep
+from armid.information.hysteresis_states import with_hysteresis_states, without_creep
+from armid.information.joint_rests import resting_rows, rests
 from armid.measurement.observations import ObservedRun
 from armid.model.dynamics_model import DynamicsModel
 from armid.model.motion import Motion

@@ -357,7 +357,7 @@ def test_selected_friction_is_estimated_as_it_was_judged():
 
 
 def test_the_automatic_method_needs_automatic_terms():
-    with pytest.raises(StudyError, match="the study names its terms"):
+    with pytest.raises(StudyError, match="needs terms"):
         plain(estimation={"method": "auto"})
 
 

@@ -5,11 +5,11 @@
 Here π are the base parameters, W contains the weights of the rows, A and y are the factors and their right-hand side,
 and λ is the weight of the prior. The mean π₀ of the prior is zero, or the base parameters of the bodies in the
 description. The covariances B of bodies and F of other parameters (friction, offsets, rotor inertia) follow from the
-prior of the standard parameters (`armid.estimation.prior`); for each link, the inverse of B is the second-order
-approximation of the log-det divergence. A change of all parameters of a link by 100 % then has the same cost for large
-and small links. The weight belongs to the bodies alone, because a description says nothing about friction. With
-B + F = K Kᵀ and M = K V, where V are the eigenvectors of K⁻¹ B K⁻ᵀ and d its eigenvalues, the covariance for each λ is
-M diag(d / λ + 1 - d) Mᵀ, so the cross-validation of λ needs one small factorisation for each weight.
+prior of the standard parameters (`armid.estimation.prior`). For each link, the inverse of B is the second-order
+approximation of the log-det divergence. A change of all parameters of a link by 100 % then has the same cost for
+large and small links. The weight belongs to the bodies alone, because a description says nothing about friction. With
+B + F = K Kᵀ and M = K V, where V are the eigenvectors of K⁻¹ B K⁻ᵀ and d its eigenvalues, the covariance for each λ
+is M diag(d / λ + 1 - d) Mᵀ, so the cross-validation of λ needs one small factorisation for each weight.
 
 If the data hardly determine a direction of the parameters, the prior keeps the estimate near the description. Unlike
 the estimator `physical`, it does not make the bodies physically consistent.

@@ -17,12 +17,10 @@ from numpy.typing import NDArray
 
 from armid.checked_array import Array
 from armid.errors import EstimationError
-from armid.estimation.base_covariance import base_covariance
-from armid.estimation.crossvalidation import can_cross_validate, folds, one_standard_error
+from armid.estimation.crossvalidation import can_cross_validate, folds
 from armid.estimation.estimate_record import torque_parameters
-from armid.estimation.estimators.physical import PhysicallyConsistent
 from armid.estimation.estimators.ridge import Ridge
-from armid.estimation.friction.body_prior import predicts_as_well
+from armid.estimation.friction.body_prior import CONSISTENT, CONSISTENT_WEIGHT, choose_prior, suitable_method
 from armid.estimation.friction.candidates import (
     Candidate,
     CandidateModel,
@@ -34,15 +32,14 @@ from armid.estimation.friction.candidates import (
     terms_of,
 )
 from armid.estimation.friction.forward_selection import HeldOutTrial, SelectionPath, select_forward
-from armid.estimation.friction.heldout_gains import GainPrior, HeldOutFolds, make_folds
+from armid.estimation.friction.heldout_gains import HeldOutFolds, make_folds
 from armid.estimation.friction.shape_fit import refine_shapes
 from armid.estimation.friction_per_recording import contrasted, offset_names, separate_by_recording
-from armid.estimation.prior import make_prior
 from armid.estimation.problem import EstimationProblem, build_problem
-from armid.estimation.whitened_system import WhitenedSystem, whiten
+from armid.estimation.whitened_system import whiten
 from armid.information.accumulate import accumulate_information
-from armid.information.information import Information, JointFactors, restrict, total
-from armid.information.joint_rests import without_creep
+from armid.information.hysteresis_states import without_creep
+from armid.information.information import Information, JointFactors, restrict
 from armid.measurement.observations import Observations
 from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics_model import DynamicsModel
@@ -62,21 +59,8 @@ term."""
 LOWEST = 1e-3
 """Lower limit of an error ratio by which a standard deviation is divided: noise-free data have ratios of zero."""
 
-CONSISTENT_WEIGHT = 1.0
-"""Weight of the prior with which physically consistent bodies are estimated under selected friction [independent
-samples]. Larger weights, as cross-validation finds them for a Gaussian prior, predicted the Panda's other motions
-worse."""
-
-ENOUGH = 2.2
-"""Independent samples of a joint for each base parameter from which held-out blocks of the same recordings tell
-bodies from friction. With fewer, a Gaussian prior was better on held-out blocks of the LWR4+ and the Med 7, and worse
-on their other recordings, up to three times the error of plain least squares. Consistent bodies were not."""
-
 LOAD_WEIGHT = 1.0
 """Weight of the prior of the first estimate, from which the load is computed [independent samples]."""
-
-STRENGTHS = np.logspace(4.0, -4.0, 17)
-"""Weights of the prior that are tried, in independent samples, the largest first."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,12 +99,12 @@ class FrictionSelection:
         prior_weight: Weight of the prior with the smallest held-out error, in independent samples under the selected
             model; the estimate of this model should use it. The selection used this weight or a larger one. `None` if
             nothing was tried, or if the number of independent samples is not known.
-        noise: Standard deviation of each joint's noise, from the residual of the model without further friction, of
-            which the weights of the rows were made; empty if no candidate was tried.
-        method: Estimator that is suitable: `physical` or `ridge`.
         offset_per_recording: True if each recording had its own offset of the torque; the estimate should then do the
             same.
         why: Reason why no candidate was tried, or why there is no weight of the prior; otherwise empty.
+        noise: Standard deviation of each joint's noise, from the residual of the model without further friction, of
+            which the weights of the rows were made; empty if no candidate was tried.
+        method: Estimator that is suitable: `physical` or `ridge`.
     """
 
     model: DynamicsModel
@@ -136,7 +120,7 @@ class FrictionSelection:
 
     def weight_for(self, method: str) -> float | None:
         """Weight of the prior of an estimator in independent samples; `None` if it is not known."""
-        return CONSISTENT_WEIGHT if self.noise and method == PhysicallyConsistent.name else self.prior_weight
+        return CONSISTENT_WEIGHT if self.noise and method == CONSISTENT else self.prior_weight
 
 
 def choose_friction(model: DynamicsModel, observations: Observations, *, threads: int = 1) -> FrictionSelection:
@@ -173,7 +157,7 @@ def choose_friction(model: DynamicsModel, observations: Observations, *, threads
     at_first = extend(allowed)
     data = restrict(at_first[1], np.flatnonzero(at_first[0].in_model))
     weighted = whiten(data)
-    best_weight, prior = _prior(problem, data, weighted)
+    best_weight, prior = choose_prior(problem, data, weighted)
 
     def select_from(start: SelectionPath | None) -> tuple[CandidateModel, Information, HeldOutFolds, SelectionPath]:
         started = [frozenset[Candidate]()] * model.n if start is None else start.chosen(model.n)
@@ -197,7 +181,7 @@ def choose_friction(model: DynamicsModel, observations: Observations, *, threads
     prior_weight, why = _weight_in_samples(best_weight * weighted.correlation, selected, noise)
     outcome = _error_ratio(short_folds, extended, path)
     evidence = _evidence(model, path.trials)
-    method = _method(problem, weighted, drifting, best_weight)
+    method = suitable_method(problem, weighted, drifting, best_weight)
     return FrictionSelection(chosen, added, evidence, *outcome, prior_weight, bool(drifting), why, noise, method)
 
 
@@ -244,32 +228,6 @@ def _with_load_parameters(problem: EstimationProblem, weight: float) -> Dynamics
     return replace(model, load_parameters=theta[model.inertial_columns].reshape(model.n, 10))
 
 
-def _method(
-    problem: EstimationProblem, weighted: WhitenedSystem, drifting: tuple[str, ...], ridge_weight: float
-) -> str:
-    """Estimator that is suitable for the bodies, judged without further friction.
-
-    Args:
-        problem: Problem of the model without candidates.
-        weighted: The whitened data.
-        drifting: Names of offsets that each recording has of its own.
-        ridge_weight: Weight of the Gaussian prior with the smallest held-out error.
-    """
-    if not problem.require_standard("friction selection").described:
-        return Ridge.name
-    samples = float(weighted.whole.rows.max()) / weighted.correlation
-    if samples < ENOUGH * weighted.whole.count:
-        return PhysicallyConsistent.name
-    noise = tuple(float(each) for each in 1.0 / weighted.weights)
-    separate = separate_by_recording(problem.information, np.isin(problem.information.names, drifting))
-    consistent = predicts_as_well(
-        replace(problem, information=separate),
-        PhysicallyConsistent(noise=noise, weight=CONSISTENT_WEIGHT),
-        Ridge(noise=noise, weight=ridge_weight),
-    )
-    return PhysicallyConsistent.name if consistent else Ridge.name
-
-
 def _weight_in_samples(rows: float, information: Information, noise: tuple[float, ...]) -> tuple[float | None, str]:
     """Weight of the prior in independent samples under the selected model, or `None` and the reason.
 
@@ -285,51 +243,6 @@ def _weight_in_samples(rows: float, information: Information, noise: tuple[float
             "The weight of the prior is determined by the method, because the number of rows of the selected model "
             f"that count as one independent sample is not known. {error.problem}"
         )
-
-
-def _prior(problem: EstimationProblem, data: Information, weighted: WhitenedSystem) -> tuple[float, GainPrior]:
-    """Finds the weights of the prior on the base parameters by cross-validation, for selection and estimate.
-
-    The selection uses the largest weight whose error is within one standard error of the smallest. With a smaller
-    weight, errors of the bodies can imitate friction; the fit of the same recording is then as good, but the
-    prediction of other recordings is wrong. The estimate uses the weight with the smallest error.
-
-    Args:
-        problem: Problem of the model without candidates.
-        data: Information about this model, with offsets that differ between recordings.
-        weighted: The whitened data of this information.
-
-    Returns:
-        The weight for the estimate, and the prior for the selection.
-    """
-    standard = problem.require_standard("friction selection")
-    whole = total(problem.information)
-    unit_prior = make_prior("log-det" if standard.described else "mass", standard, replace(weighted, whole=whole))
-    mean = standard.regrouping @ unit_prior.mean
-    covariance = base_covariance(unit_prior, standard)
-    kept, ridge = np.arange(data.count), np.zeros(data.count)
-    short_folds = make_folds(
-        data,
-        folds(data, FOLDS),
-        weighted.weights,
-        GainPrior(mean, 0.0 * covariance.bodies).embedded(data.count, kept),
-    )
-    errors = np.stack(
-        [
-            replace(
-                short_folds,
-                prior=GainPrior(mean, weighted.correlation * covariance.precision(strength)).embedded(
-                    data.count, kept
-                ),
-            ).errors(kept, ridge)
-            @ weighted.weights**2
-            for strength in STRENGTHS
-        ]
-    )
-    strong_weight, best_weight = (
-        float(STRENGTHS[k]) for k in (one_standard_error(errors), int(np.argmin(errors.sum(axis=1))))
-    )
-    return best_weight, GainPrior(mean, weighted.correlation * covariance.precision(strong_weight))
 
 
 def _error_ratio(short_folds: HeldOutFolds, extended: CandidateModel, path: SelectionPath) -> tuple[Array, Array]:
