@@ -228,12 +228,13 @@ def test_each_offered_next_command_works(armid: Armid, small: Path, tmp_path: Pa
     done = armid("identify", *arm, *options, "--out", Path("runs") / "a run")  # with a blank in its name
     assert done.code == 0
     offered = [line.split("   ")[0].strip() for line in done.out.rpartition("next:\n")[2].splitlines()]
-    assert len(offered) >= 3 and ("--to urdf" in " ".join(offered)) == ("physical" in options)
+    consistent = bool({"physical", "auto"} & set(options))  # selected friction is estimated with consistent bodies
+    assert len(offered) >= 3 and ("--to urdf" in " ".join(offered)) == consistent
     for command in offered:
         program, *words = shlex.split(command)
         assert program == "armid"
         assert armid(*("other.csv" if word == "RECORDING" else word for word in words)).code == 0, command
-    if "physical" not in options:  # what the line says of the other format holds, too
+    if not consistent:  # what the line says of the other format holds, too
         assert "(--to urdf): bodies nearest to the description" in done.out
         written = armid("export", Path("runs") / "a run", "--to", "urdf", "--out", "nearest.urdf")
         assert written.code == 0 and "nearest to the description" in " ".join(written.err.split())
