@@ -19,6 +19,7 @@ NATIVE = sorted((ROOT / "native").glob("*.?pp"))
 FILE, NATIVE_FILE, FUNCTION, ATTRIBUTES, NAMES, MODULES = 400, 500, 60, 10, 25, 15
 
 MORE_ATTRIBUTES = {
+    "Estimate": 11,  # what a run stores of an estimate, and what a prediction needs to know of its training
     "Fit": 18,  # what an estimate is judged by, each number of a kind of its own
     "ProcessingOptions": 13,  # each field is a key of `[processing]` in a study
     "DesignConstraints": 13,  # each field is a limit that a design may have

@@ -9,6 +9,7 @@ from inspect import signature
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
 from rich.markup import escape
 
 from armid.cli.commands.doctor import doctor
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     from armid.errors import Finding
     from armid.estimation.fit_result import Fit
     from armid.study.identify import Result
+    from armid.validation.torque_validation import Validation
 
 COVARIANCE_SOURCES = {
     "white": "the variance of the residuals, which are assumed to be uncorrelated",
@@ -60,6 +62,8 @@ def print_result(result: Result, *, verbose: bool = False) -> None:
             console.print(line)
     units = [joint.effort_unit for joint in result.robot.joints]
     console.print(validation_table(result.validation, result.training, units))
+    if result.validation.left_out is not None:
+        console.print(_expected_line(result.validation, units))
     if result.friction_selection is not None:
         console.print(friction_selection_table(result.friction_selection, result.robot))
         console.print(_method_line(result))
@@ -79,6 +83,27 @@ def print_result(result: Result, *, verbose: bool = False) -> None:
         f"{_assumption(result)}\n"
         f"{estimate.seconds:.2f} s from recordings to result"
     )
+
+
+def _expected_line(validation: Validation, units: Sequence[str]) -> str:
+    """Line with the error expected on another recording, and whether the validation recordings kept it."""
+    assert validation.left_out is not None
+    expected = validation.left_out.expected
+    low, rms, high = (float(np.linalg.norm(each)) for each in (expected.low, expected.rms, expected.high))
+    unit = f" {units[0]}" if len(set(units)) == 1 else ""
+    line = (
+        f"expected on another recording of such a motion: RMS error {rms:.3g}{unit}, 90 % interval {low:.3g} to "
+        f"{high:.3g} (root of the sum of squares over the joints; from the left-out {validation.left_out.kind} and "
+        "the uncertainty of the estimate)"
+    )
+    if not validation.recordings:
+        return line
+    errors = np.array([each.rms for each in validation.recordings])
+    joints = np.array(validation.joints)
+    with np.errstate(invalid="ignore"):
+        above = joints[(errors > expected.high).any(axis=0)]
+    kept = f"above it on {', '.join(above)}" if len(above) else "kept on every joint"
+    return f"{line}; validation: {escape(kept)}"
 
 
 def _assumption(result: Result) -> str:

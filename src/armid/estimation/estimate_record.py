@@ -13,6 +13,7 @@ from armid.checked_array import Array
 from armid.errors import Finding
 from armid.estimation.fit_result import Fit
 from armid.estimation.standard_parameter_resolution import StandardFit, Status
+from armid.estimation.uncertainty.prediction_error import PredictionError
 from armid.information.information import FactorOrigin
 from armid.model.base_parameters import BaseParameters
 from armid.model.parameter_name import ParameterName
@@ -82,6 +83,8 @@ class Estimate(Displayed):
         seconds: Computing time from the recordings to the estimate [s].
         speeds: Highest speed of each joint in the training rows, shape (n,) [rad/s or m/s]; `None` if it is not
             known.
+        prediction: Facts about the training recordings that determine the prediction intervals of another recording;
+            `None` if they are not known, as in runs of earlier versions.
     """
 
     robot: str
@@ -94,6 +97,7 @@ class Estimate(Displayed):
     made_by: FactorOrigin = field(default_factory=FactorOrigin)
     seconds: float = 0.0
     speeds: Array | None = None
+    prediction: PredictionError | None = None
 
     def summary(self) -> Summary:
         """Table of the base parameters with standard deviations and intervals."""

@@ -16,6 +16,7 @@ import numpy as np
 from armid.checked_array import Array
 from armid.errors import ArmidError
 from armid.estimation.friction.selection import SelectionEvidence
+from armid.estimation.uncertainty.prediction_error import ExpectedError
 from armid.measurement.log_format import LogFormat
 from armid.measurement.processing.options import ProcessingOptions
 from armid.runs.run import Run
@@ -23,6 +24,7 @@ from armid.study.compare_methods import MethodScore, MethodTable
 from armid.study.config import EstimationChoice, ModelChoice, RecordingChoice, Study, parse_robot
 from armid.study.identify import Result
 from armid.study.storage.records import SelectionSummary, selection_summary
+from armid.validation.left_out_error import LeftOutError
 from armid.validation.torque_validation import Check, Score, Validation
 
 
@@ -121,11 +123,27 @@ def _validation(record: Mapping[str, Any]) -> Validation:
             _numbers(each["peak"]),
             _numbers(each["coverage95"]),
             None if each["prior_rms"] is None else _numbers(each["prior_rms"]),
+            _numbers(each.get("offset", ())),
         )
         for each in record["recordings"]
     )
     checks = tuple(Check(c["name"], _number(c["value"]), _number(c["bound"]), c["ok"]) for c in record["checks"])
-    return Validation(tuple(record["joints"]), scores, str(record["verdict"]), checks)
+    return Validation(
+        tuple(record["joints"]), scores, str(record["verdict"]), checks, _left_out(record.get("left_out"))
+    )
+
+
+def _left_out(record: Mapping[str, Any] | None) -> LeftOutError | None:
+    """Error on left-out training data from the record of a validation; `None` in runs of earlier versions."""
+    if record is None:
+        return None
+    described, expected = record["description_rms"], record["expected"]
+    return LeftOutError(
+        record["kind"],
+        _numbers(record["rms"]),
+        None if described is None else _numbers(described),
+        ExpectedError(*(_numbers(expected[key]) for key in ("rms", "low", "high"))),
+    )
 
 
 def _spread(rms: Array, relative: Array) -> Array:

@@ -18,17 +18,17 @@ from numpy.typing import NDArray
 
 from armid.checked_array import Array
 from armid.errors import ArmidError, EstimationError
-from armid.estimation.catalogue import ESTIMATORS, Estimator, EstimatorWithPrior, MultiStartEstimator
-from armid.estimation.crossvalidation import folds, held_out_squares, training_information
+from armid.estimation.catalogue import ESTIMATORS, Estimator, MultiStartEstimator
+from armid.estimation.crossvalidation import held_out_squares
 from armid.estimation.estimate_record import collapse
 from armid.estimation.fit_result import Fit
 from armid.estimation.problem import EstimationProblem
 from armid.information.accumulate import accumulate_information
-from armid.information.information import Information, select, total
-from armid.measurement.observations import Observations
+from armid.information.information import Information, total
 from armid.study.config import build_estimator
 from armid.study.prepare import Prepared, stated_problem
 from armid.study.progress import Progress
+from armid.study.recordings.left_out import left_out_squares
 from armid.study.recordings.processed import joined_observations, of_role
 from armid.validation.distance_to_consistency import certify_values
 
@@ -211,42 +211,21 @@ def _no_error(method: Estimator, fit: Fit) -> Array:
 
 def _on_folds(problem: EstimationProblem) -> UnseenError:
     """Function that computes the cross-validation error of a method on folds of the training data."""
-    information = problem.information
 
     def error(method: Estimator, fit: Fit) -> Array:
         if not method.quick:
             raise EstimationError(
                 "Cross-validation was left out, because the method would take too long.", remedy=VALIDATE
             )
-        fold = folds(information)
-        numbers = np.unique(fold)
-        if len(numbers) < 2:
+        squares = left_out_squares(problem, method, fit)
+        if squares is None:
             raise EstimationError(
                 "Cross-validation is not possible, because the recording is too short to leave a part of it out.",
                 remedy=VALIDATE,
             )
-        fixed_method = method.with_prior_of(problem, fit) if isinstance(method, EstimatorWithPrior) else method
-        squares = np.zeros(information.n)
-        for k in numbers:
-            out = fold == k
-            fit_without = fixed_method.solve(_without(problem, out | training_information(information, out)))
-            squares += held_out_squares(select(information, out), fit_without.values)
-        return _rms(squares, information.rows.sum(axis=0))
+        return _rms(squares, problem.information.rows.sum(axis=0))
 
     return error
-
-
-def _without(problem: EstimationProblem, left_out: NDArray[np.bool_]) -> EstimationProblem:
-    """Estimation problem without the blocks that a mask selects, both in its factors and in its samples."""
-    information = problem.information
-    observations = problem.observations
-    if observations is not None:
-        runs = list(observations.runs)
-        for k, run in enumerate(runs):
-            removed_blocks = np.unique(run.block)[left_out[information.run == k]]
-            runs[k] = replace(run, mask=run.mask & ~np.isin(run.block, removed_blocks)[:, None])
-        observations = Observations(tuple(runs), observations.band)
-    return replace(problem, information=select(information, ~left_out), observations=observations)
 
 
 def _rms(squares: Array, rows: NDArray[np.int64]) -> Array:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 
+from armid.errors import EstimationError
 from armid.estimation.estimate_record import Estimate, InputDigest, TermUse
 from armid.estimation.problem import EstimationProblem
 from armid.estimation.run_estimator import estimate
@@ -15,8 +16,25 @@ from armid.study.config import (
     Study,
     build_estimator,
 )
+from armid.study.diagnosis import diagnosed_error
 from armid.study.extrapolation import highest_speeds
+from armid.study.prepare import Prepared, stated_problem
 from armid.study.recordings.processed import ProcessedRecording
+from armid.study.selection_prior_options import with_origin_of_weight
+
+
+def estimate_prepared(prepared: Prepared) -> Estimate:
+    """Estimates the parameters of a prepared study with the method of the study.
+
+    Raises:
+        EstimationError: The data do not determine the parameters; the message contains the errors of the doctor.
+    """
+    problem = stated_problem(prepared)
+    try:
+        found = estimate_study(prepared.study, prepared.model, prepared.base, problem, prepared.recordings)
+    except EstimationError as error:
+        raise diagnosed_error(error, prepared.findings) from error
+    return with_origin_of_weight(found, prepared.friction_selection)
 
 
 def estimate_study(

@@ -5,8 +5,8 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 
-from armid.errors import EstimationError
 from armid.estimation.estimate_record import Estimate
 from armid.estimation.friction.selection import FrictionSelection
 from armid.information.information import Information
@@ -16,16 +16,13 @@ from armid.model.dynamics_model import DynamicsModel
 from armid.notebook_display import Displayed, Summary
 from armid.robot import Robot
 from armid.study import plausibility
-from armid.study.config import (
-    Study,
-)
-from armid.study.diagnosis import diagnosed_error
-from armid.study.estimate_study import estimate_study
-from armid.study.prepare import Prepared, prepare, stated_problem
+from armid.study.config import Study, build_estimator
+from armid.study.estimate_study import estimate_prepared
+from armid.study.prepare import Prepared, prepare, separated_problem, stated_problem
 from armid.study.progress import Progress, no_progress
+from armid.study.recordings.left_out import with_left_out
 from armid.study.recordings.processed import of_role
 from armid.study.score_recordings import score_recordings
-from armid.study.selection_prior_options import with_origin_of_weight
 from armid.threads import one_blas_thread
 from armid.validation.torque_validation import (
     PredictedRecording,
@@ -104,22 +101,23 @@ def conclude(prepared: Prepared, *, progress: Progress | None = None) -> Result:
     robot = model.robot
     information = prepared.problem.information
     tell("estimation", 0.0)
-    try:
-        estimate = estimate_study(study, model, prepared.base, stated_problem(prepared), recordings)
-    except EstimationError as error:
-        raise diagnosed_error(error, prepared.findings) from error
-    estimate = with_origin_of_weight(estimate, prepared.friction_selection)
+    estimate = estimate_prepared(prepared)
     chosen = prepared.friction_selection is not None
     remarks = plausibility.plausibility_findings(
         model, information, stated_problem(prepared), estimate.fit, chosen=chosen
     )
     findings = [*prepared.findings, *estimate.findings, *remarks]
     tell("validation", 0.0)
+    estimate, left_out = with_left_out(
+        estimate, prepared.problem, partial(separated_problem, prepared), build_estimator(study.estimation)
+    )
     train = of_role(recordings, "train")
     predictions = {each: predict_recording(model, estimate, each.observations) for each in recordings}
     training, _ = score_recordings(model, estimate, train, predictions)
     scores, found = score_recordings(model, estimate, of_role(recordings, "validate"), predictions)
-    validation = plausibility.contradicted(validate(robot.joint_names, scores, estimate), prepared.findings)
+    validation = plausibility.contradicted(
+        validate(robot.joint_names, scores, estimate, left_out, training), prepared.findings
+    )
     tell("validation", 1.0)
     seconds = time.perf_counter() - prepared.began
     estimate = replace(estimate, findings=(*findings, *found), seconds=seconds)

@@ -124,15 +124,20 @@ def stated_problem(prepared: Prepared) -> EstimationProblem:
     Raises:
         StudyError: The study asks for parameters for each recording, but has only one training recording.
     """
-    problem, choice = prepared.problem, prepared.study.estimation
-    asked = [key for key in PER_RECORDING if getattr(choice, key)]
-    if not asked:
-        return problem
-    if len(np.unique(problem.information.recording)) < 2:
+    asked = [key for key in PER_RECORDING if getattr(prepared.study.estimation, key)]
+    if asked and len(np.unique(prepared.problem.information.recording)) < 2:
         raise StudyError(
             f"The key `{asked[0]}` needs at least two training recordings, but the study has only one.",
             remedy="add another training recording, or leave this key of [estimation] out.",
         )
+    return separated_problem(prepared, prepared.problem)
+
+
+def separated_problem(prepared: Prepared, problem: EstimationProblem) -> EstimationProblem:
+    """Problem of some training recordings, with friction or offsets for each if the study asks for them."""
+    choice = prepared.study.estimation
+    if not any(getattr(choice, key) for key in PER_RECORDING):
+        return problem
     offsets = np.isin(problem.information.names, offset_names(prepared.model))
     own = changing_parameters(prepared.model)[prepared.base.kept] if choice.friction_per_recording else offsets
     return replace(problem, information=separate_by_recording(problem.information, own))

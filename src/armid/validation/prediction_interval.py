@@ -1,8 +1,11 @@
-"""Prediction interval (95 %) of a torque, from the uncertainty of the parameters and the noise.
+"""Prediction interval (95 %) of the torque on another recording.
 
-If x is a row of the regressor, Σ the covariance of the parameters and σ the noise of the joint, the variance is xᵀ Σ
-x + σ². The degrees of freedom of the first part are those of the parameters. The noise has many degrees of freedom,
-so their number is taken as infinite. The degrees of freedom of the sum are computed as in [Satterthwaite1946].
+If x is a row of the regressor, Σ the covariance of the parameters and σ the noise of the joint, noise and parameters
+explain the variance v + σ² with v = xᵀ Σ x. The variance on another recording is larger by model error, and the
+standard deviation is multiplied by a lognormal factor (`armid.estimation.uncertainty.prediction_error`).
+
+The degrees of freedom of v are those of the parameters. The noise has many degrees of freedom, so their number is
+taken as infinite. The degrees of freedom of the sum are computed as in [Satterthwaite1946].
 """
 
 from __future__ import annotations
@@ -14,9 +17,10 @@ import numpy as np
 from armid.checked_array import Array
 from armid.estimation.estimate_record import Estimate
 from armid.estimation.fit_result import Fit
+from armid.estimation.uncertainty.prediction_error import with_model_error
 from armid.information.base_regressor_layout import column_source
 from armid.information.filtered_rows import all_rows
-from armid.maths.distributions import student_quantile
+from armid.maths.distributions import NORMAL, scale_mixture_quantile, student_quantile
 from armid.maths.median import median
 from armid.measurement.low_pass_band import Band
 from armid.measurement.observations import Observations, ObservedRun
@@ -60,11 +64,18 @@ def band_of_rows(model: DynamicsModel, estimate: Estimate, observations: Observa
         observations: Contiguous runs and the band of their filter.
         every: Number k: the interval is computed on every k-th row.
     """
-    base, fit = estimate.base, estimate.fit
+    base, fit, training = estimate.base, estimate.fit, estimate.prediction
+    if training is not None:
+        fit = replace(fit, covariance=training.without_scales(fit.covariance))
     share = _parameter_variance(model, base, _covariance_of_means(base, fit), observations, every)
-    variance = np.maximum(share + fit.noise**2, np.finfo(float).tiny)
-    free = median(fit.freedom) * (variance / np.maximum(share, SMALLEST_SHARE * variance)) ** 2
-    return np.asarray(student_quantile(free) * np.sqrt(variance), dtype=np.float64)
+    variance = explained = np.maximum(share + fit.noise**2, np.finfo(float).tiny)
+    factor = 1.0
+    if training is not None:
+        positions = np.concatenate([run.motion.q[run.rows][::every] for run in observations.runs])
+        variance = with_model_error(training, share, fit.noise, positions)
+        factor = np.exp(training.log_factor) * scale_mixture_quantile(training.log_deviation) / NORMAL
+    free = median(fit.freedom) * (explained / np.maximum(share, SMALLEST_SHARE * explained)) ** 2
+    return np.asarray(factor * student_quantile(free) * np.sqrt(variance), dtype=np.float64)
 
 
 def _covariance_of_means(base: BaseParameters, fit: Fit) -> Array:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -14,6 +14,7 @@ from armid.information.residuals import Comparison, compare
 from armid.measurement.observations import Observations
 from armid.model.dynamics_model import DynamicsModel
 from armid.notebook_display import Displayed, Summary, names_apart
+from armid.validation.left_out_error import LeftOutError
 from armid.validation.prediction_interval import band_of_rows
 
 CLOSE_TO_TRAINING = 3.0
@@ -64,6 +65,8 @@ class Score:
         coverage95: Share of rows inside the 95 % prediction interval.
         prior_rms: RMS error of the torque in the band with the inertial parameters of the description and without
             friction; `None` if the description has no inertial parameters.
+        offset: Mean error of the torque in the band: a constant that this recording adds to the predicted torque, for
+            instance because a sensor was zeroed again [N·m or N]; empty in records of earlier versions.
     """
 
     path: str
@@ -74,9 +77,10 @@ class Score:
     peak: Array
     coverage95: Array
     prior_rms: Array | None
+    offset: Array = field(default_factory=lambda: np.zeros(0))
 
     def __post_init__(self) -> None:
-        for name in ("rms", "rms_raw", "spread", "peak", "coverage95", "prior_rms"):
+        for name in ("rms", "rms_raw", "spread", "peak", "coverage95", "prior_rms", "offset"):
             value = getattr(self, name)
             if value is not None:
                 object.__setattr__(self, name, array(value, (None,), name, finite=False))
@@ -87,6 +91,13 @@ class Score:
         with np.errstate(divide="ignore", invalid="ignore"):
             return self.rms / self.spread
 
+    @property
+    def rms_with_own_offset(self) -> Array:
+        """RMS error if the constant part of the error is known, shape (n,) [N·m or N]; NaN if it is not stored."""
+        if not len(self.offset):
+            return np.full(len(self.rms), np.nan)
+        return np.sqrt(np.maximum(self.rms**2 - self.offset**2, 0.0))
+
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Validation(Displayed):
@@ -95,21 +106,26 @@ class Validation(Displayed):
     Attributes:
         joints: Names of the joints.
         recordings: Torque error on each recording.
-        verdict: `pass` if every check holds, `fail` if a check does not hold, `not judged` without validation
-            recordings.
+        verdict: `pass` if every check holds, `fail` if a check does not hold, `not judged` if no data are held out.
         checks: Conditions of the verdict.
+        left_out: Error on training data that were left out of the estimate in turn, and the error expected on another
+            recording; `None` if it is not known.
     """
 
     joints: tuple[str, ...]
     recordings: tuple[Score, ...]
     verdict: str
     checks: tuple[Check, ...]
+    left_out: LeftOutError | None = None
 
     @property
     def subject(self) -> str:
-        """Name of the motion to which the verdict refers: training motion if no motion is held out."""
-        on_training = not self.recordings and self.verdict != "not judged"
-        return "training motion (no motion is held out)" if on_training else "held-out motion"
+        """Name of the motion to which the verdict refers."""
+        if self.recordings or self.verdict == "not judged":
+            return "held-out motion"
+        if self.left_out is None:
+            return "training motion (no motion is held out)"
+        return f"left-out {self.left_out.kind} of the training data"
 
     def summary(self) -> Summary:
         """Table of the torque error of every joint on each recording."""
@@ -176,34 +192,62 @@ def score(
         _of_known(np.max, np.abs(residual)),
         _coverage(prediction, residual),
         prior_rms,
+        _of_known(np.mean, residual),
     )
 
 
-def validate(joints: Sequence[str], scores: Sequence[Score], estimate: Estimate) -> Validation:
-    """Checks the torque errors on validation recordings and derives the verdict."""
+def validate(
+    joints: Sequence[str],
+    scores: Sequence[Score],
+    estimate: Estimate,
+    left_out: LeftOutError | None = None,
+    training: Sequence[Score] = (),
+) -> Validation:
+    """Checks the torque errors on validation recordings and derives the verdict.
+
+    Without validation recordings, the errors on left-out training data are checked.
+
+    Args:
+        joints: Names of the joints.
+        scores: Torque error on each validation recording.
+        estimate: The estimate.
+        left_out: Torque error on left-out training data, if it is known.
+        training: Torque error on each training recording, for the standard deviation of the torque.
+    """
     checks: list[Check] = []
-    training = float(np.linalg.norm(estimate.fit.residual_rms))
     for each in scores:
-        known = np.isfinite(each.rms)
-        total = float(np.linalg.norm(each.rms[known]))
         where = f" on {each.path}" if len(scores) > 1 else ""
-        if each.prior_rms is not None:
-            bound = float(np.linalg.norm(each.prior_rms[known]))
-            checks.append(Check(f"total error below the description's{where}", total, bound, total < bound))
-        spread = float(np.linalg.norm(each.spread[known]))
-        bound = max(CLOSE_TO_TRAINING * training, SMALL_SHARE * spread)
-        name = f"total error within {CLOSE_TO_TRAINING:g} x training or {SMALL_SHARE:.0%} of the torque{where}"
-        checks.append(Check(name, total, bound, total <= bound))
-        worst = float(each.relative[known].max(initial=0.0))
-        checks.append(Check(f"relative RMS of every joint below 1{where}", worst, 1.0, worst < 1.0))
+        checks += _checks(each.rms, each.spread, each.prior_rms, estimate, where)
+    if not scores and left_out is not None and training and np.isfinite(left_out.rms).any():
+        spread = np.sqrt(np.mean([each.spread**2 for each in training], axis=0))
+        words = f" on left-out {left_out.kind}"
+        checks += _checks(left_out.rms, spread, left_out.description, estimate, words)
     if scores:
         compared = np.any([np.isfinite(each.rms) for each in scores], axis=0)
         lacking = [joint for joint, known in zip(joints, compared, strict=True) if not known]
         if lacking:
             name = f"joints without rows for validation ({', '.join(lacking)})"
             checks.append(Check(name, float(len(lacking)), 0.0, ok=False))
-    verdict = "not judged" if not scores else "pass" if all(check.ok for check in checks) else "fail"
-    return Validation(tuple(joints), tuple(scores), verdict, tuple(checks))
+    verdict = "not judged" if not checks else "pass" if all(check.ok for check in checks) else "fail"
+    return Validation(tuple(joints), tuple(scores), verdict, tuple(checks), left_out)
+
+
+def _checks(rms: Array, spread: Array, description: Array | None, estimate: Estimate, where: str) -> list[Check]:
+    """Conditions for the torque errors (n,) on held-out data, whose names end in `where`."""
+    checks: list[Check] = []
+    known = np.isfinite(rms)
+    training = float(np.linalg.norm(estimate.fit.residual_rms))
+    total = float(np.linalg.norm(rms[known]))
+    if description is not None:
+        bound = float(np.linalg.norm(description[known]))
+        checks.append(Check(f"total error below the description's{where}", total, bound, total < bound))
+    bound = max(CLOSE_TO_TRAINING * training, SMALL_SHARE * float(np.linalg.norm(spread[known])))
+    name = f"total error within {CLOSE_TO_TRAINING:g} x training or {SMALL_SHARE:.0%} of the torque{where}"
+    checks.append(Check(name, total, bound, total <= bound))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        worst = float((rms / spread)[known].max(initial=0.0))
+    checks.append(Check(f"relative RMS of every joint below 1{where}", worst, 1.0, worst < 1.0))
+    return checks
 
 
 def _together(parts: Sequence[Comparison]) -> Comparison:

@@ -6,6 +6,7 @@ import re
 import shutil
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -35,17 +36,20 @@ def material(tmp_path_factory: pytest.TempPathFactory) -> PageData:
     return gather(make_run(tmp_path_factory.mktemp("small")))
 
 
-def scored(material: PageData, scores: tuple[Score, ...], **changes: str) -> PageData:
+def scored(material: PageData, scores: tuple[Score, ...], **changes: Any) -> PageData:
     """The same with other scores on held-out motion."""
     validation = replace(material.validation, recordings=scores, **changes)
     return replace(material, records=replace(material.records, validation=validation))
 
 
-def test_a_run_without_validation_asks_for_it(material: PageData):
-    words = judge_trust(scored(material, (), verdict="not judged"))
-    assert any("held-out motion" in each for each in words.doubted) and any(
-        "--validate" in each for each in words.wanted
-    )
+@pytest.mark.parametrize("left_out", [True, False])
+def test_a_run_without_validation_asks_for_it(material: PageData, left_out: bool):
+    changes = {} if left_out else {"left_out": None, "verdict": "not judged"}
+    words = judge_trust(scored(material, (), **changes))
+    assert any(
+        "left-out parts of the training data only" if left_out else "held-out motion" in each
+        for each in words.doubted
+    ) and any("--validate" in each for each in words.wanted)
     assert not any("validation" in each for each in words.trusted)
 
 

@@ -27,6 +27,7 @@ from armid.study.compare_methods import compare_methods, compare_record
 from armid.study.config import parse_study
 from armid.study.identify import conclude
 from armid.study.prepare import Prepared, prepare
+from armid.study.recordings import left_out
 from armid.study.storage.records import to_json
 from labs import STUDY, small_recording, write_arm
 
@@ -146,7 +147,7 @@ def test_samples_of_a_fold_left_out_stay_out():
     problem = prepared(validated=False).problem
     assert problem.observations is not None and problem.model is not None and problem.base is not None
     out = folds(problem.information) == 0
-    rest = module._without(problem, out)  # pyright: ignore[reportPrivateUsage]
+    rest = left_out._without(problem, out)  # pyright: ignore[reportPrivateUsage]
     assert rest.observations is not None
     again = accumulate_information(problem.model, problem.base, rest.observations)
     np.testing.assert_array_equal(again.rows.sum(axis=0), problem.information.rows[~out].sum(axis=0))

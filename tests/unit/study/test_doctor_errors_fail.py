@@ -39,10 +39,12 @@ def test_a_common_fault_fails_although_the_recordings_agree(of_opposite_torque: 
 def test_the_title_of_a_verdict_says_which_motion_it_is_about(of_opposite_torque: Result):
     validation = of_opposite_torque.validation
     assert validation.summary().title == "verdict on held-out motion: fail"
-    alone = contradicted(replace(validation, recordings=(), checks=(), verdict="not judged"), ())
+    alone = contradicted(replace(validation, recordings=(), checks=(), verdict="not judged", left_out=None), ())
     assert alone.summary().title == "verdict on held-out motion: not judged"
     failed = contradicted(alone, [Finding("torque-sign", "error", "", "", "")])
     assert failed.summary().title == "verdict on training motion (no motion is held out): fail"
+    without = replace(validation, recordings=(), checks=(), verdict="pass")
+    assert without.summary().title == "verdict on left-out parts of the training data: pass"
 
 
 @pytest.mark.parametrize("code", sorted(effects()))

@@ -85,9 +85,18 @@ Sentences = tuple[list[str], list[str], list[str]]
 def _torque(page_data: PageData) -> Sentences:
     """Sentences about the torque error in validation: of all joints together, and of each joint."""
     if not page_data.validation.recordings:
+        left_out = page_data.validation.left_out
+        words = "The model was not checked on held-out motion."
+        if left_out is not None:
+            low, high = (float(np.linalg.norm(x)) for x in (left_out.expected.low, left_out.expected.high))
+            words = (
+                f"The model was checked on left-out {left_out.kind} of the training data only. On another recording "
+                f"with such a motion, an RMS error of {short(low)} to {short(high)} {effort_unit(page_data)} is "
+                "expected (90 % interval, root of the sum of squares over the joints)."
+            )
         return (
             [],
-            ["The model was not checked on held-out motion."],
+            [words],
             ['Use another motion for validation: --validate RECORDING, or role = "validate" in the study.'],
         )
     held_out, unit = page_data.validation_rms(), effort_unit(page_data)
@@ -182,6 +191,16 @@ def _intervals(page_data: PageData) -> Sentences:
     )
 
 
+def intervals_hold(page_data: PageData) -> bool:
+    """False if held-out data contradict the intervals: the verdict fails, or prediction intervals hold too few rows.
+
+    Intervals of parameters assume the same noise and model as the prediction intervals, so they are not praised then.
+    """
+    coverage = page_data.validation_column(lambda score: score.coverage95)
+    with np.errstate(invalid="ignore"):
+        return page_data.validation.verdict != "fail" and not bool((coverage < POOR_COVERAGE).any())
+
+
 def _parameters(page_data: PageData) -> Sentences:
     """Sentences about parameters whose interval excludes zero, contains zero, or has an impossible sign."""
     estimate = page_data.run.estimate
@@ -189,6 +208,8 @@ def _parameters(page_data: PageData) -> Sentences:
     low, high = estimate.intervals.T
     significant = (low > 0.0) | (high < 0.0)
     good = [f"{int(significant.sum())} of {len(names)} parameters have 95 % intervals that do not include zero."]
+    if not intervals_hold(page_data):
+        good = []
     insignificant = [name for name, yes in zip(names, significant, strict=True) if not yes]
     bad = (
         [

@@ -13,6 +13,7 @@ from armid.report.data.trust import POOR_COVERAGE
 from armid.report.plots.plot_specification import Axes, Plot, PlotRange, line, spread
 from armid.report.section import Section, clipped_caption, effort_unit
 from armid.report.tables import Column, Table, TableCell
+from armid.validation.left_out_error import LeftOutError
 
 
 def show_torque(page_data: PageData) -> Section:
@@ -55,6 +56,8 @@ def _table(page_data: PageData) -> Table:
         Column("joint", words=True),
         Column("training RMS", unit),
         Column("validation RMS", unit),
+        Column("with own offset", unit),
+        Column("expected on another", unit),
         Column("validation, as recorded", unit),
         Column("CAD/URDF model", unit),
         Column("relative RMS", "%"),
@@ -66,10 +69,13 @@ def _table(page_data: PageData) -> Table:
     column = page_data.validation_column
     raw, prior, peak = column(lambda s: s.rms_raw), column(lambda s: s.prior_rms), column(lambda s: s.peak)
     relative, coverage = column(lambda s: s.relative), column(lambda s: s.coverage95)
+    own, left_out = column(lambda s: s.rms_with_own_offset), page_data.validation.left_out
     rows = [
         (
             TableCell(label_of(page_data.joints, j), kind="name"),
-            *(TableCell(short(x), float(x)) for x in (training[j], held_out[j], raw[j], prior[j])),
+            *(TableCell(short(x), float(x)) for x in (training[j], held_out[j], own[j])),
+            _expected(left_out, j),
+            *(TableCell(short(x), float(x)) for x in (raw[j], prior[j])),
             TableCell(fixed(100.0 * relative[j], 1), float(100.0 * relative[j])),
             TableCell(short(peak[j]), float(peak[j])),
             _coverage(float(coverage[j])),
@@ -77,11 +83,22 @@ def _table(page_data: PageData) -> Table:
         for j in range(len(page_data.joints))
     ]
     note = (
-        "RMS in the band of the study, unless stated otherwise. CAD/URDF model: inertial parameters of the "
+        "RMS in the band of the study, unless stated otherwise. With own offset: RMS error if the mean error of the "
+        "validation recording is subtracted; each recording has its own offset, because sensors are zeroed again. "
+        "Expected on another: 90 % interval of the RMS error that the training data let expect on another recording "
+        "with such a motion. CAD/URDF model: inertial parameters of the "
         "description, without friction. Relative RMS: RMS error divided by the standard deviation of the measured "
         "torque. ▼ marks intervals that contain far fewer rows than 95 %."
     )
     return Table("torque", "Torque error of each joint", columns, rows, note)
+
+
+def _expected(left_out: LeftOutError | None, j: int) -> TableCell:
+    """90 % interval of the RMS error that is expected on another recording; a dash if it is not known."""
+    if left_out is None:
+        return TableCell("–")
+    low, high = float(left_out.expected.low[j]), float(left_out.expected.high[j])
+    return TableCell(f"{short(low, 2)} to {short(high, 2)}", float(left_out.expected.rms[j]))
 
 
 def _coverage(value: float) -> TableCell:

@@ -7,7 +7,7 @@ import numpy as np
 from armid.report.data.findings import serious
 from armid.report.data.number_format import share, short
 from armid.report.data.page_data import PageData
-from armid.report.data.trust import forbids_simulation, judge_trust
+from armid.report.data.trust import forbids_simulation, intervals_hold, judge_trust
 from armid.report.heading import commands_of
 from armid.report.section import Section, effort_unit
 from armid.report.tables import Column, Table, TableCell
@@ -22,6 +22,8 @@ SENTENCES = {
 }
 
 BADGES = {"pass": "✓ pass", "fail": "✗ fail", "not judged": "– not judged"}
+
+PASSED_LEFT_OUT = "There is no validation recording; every check on left-out training data passed."
 
 FAILED_WITHOUT_VALIDATION = "There is no validation recording, and a check of the training recordings failed."
 
@@ -57,8 +59,8 @@ def _badge(page_data: PageData) -> dict[str, str]:
     """Colour, badge and sentence for the verdict, or for an error or impossible bodies of a run that did not fail."""
     verdict = page_data.validation.verdict
     sentence = SENTENCES.get(verdict, "")
-    if verdict == "fail" and not page_data.validation.recordings:
-        sentence = FAILED_WITHOUT_VALIDATION
+    if verdict != "not judged" and not page_data.validation.recordings:
+        sentence = PASSED_LEFT_OUT if verdict == "pass" else FAILED_WITHOUT_VALIDATION
     errors = bool(serious(page_data.run.estimate.findings, "error"))
     if verdict == "fail" or not (errors or forbids_simulation(page_data)):
         colour = verdict if verdict in BADGES else "not judged"
@@ -80,6 +82,12 @@ def _figures(page_data: PageData) -> list[tuple[str, str, str]]:
     coverage = page_data.validation_column(lambda score: score.coverage95)
     if np.isfinite(coverage).any():
         figures.append((share(float(np.nanmean(coverage))), "", "of held-out rows inside 95 % prediction intervals"))
+    if page_data.validation.left_out is not None:
+        expected = page_data.validation.left_out.expected
+        low, high = (float(np.linalg.norm(each)) for each in (expected.low, expected.high))
+        figures.append((f"{short(low)} to {short(high)}", unit, f"expected {error} on another recording (90 %)"))
+    if not intervals_hold(page_data):
+        return figures
     low, high = page_data.run.estimate.intervals.T
     significant = int(np.sum((low > 0.0) | (high < 0.0)))
     figures.append((f"{significant} of {len(fit.names)}", "", "parameters whose interval excludes zero"))

@@ -22,6 +22,7 @@ from armid.measurement.log_format import LogFormat
 from armid.model.base_formulas import base_formulas, groupings
 from armid.study.config import Study
 from armid.study.plausibility import contradictions
+from armid.validation.left_out_error import LeftOutError
 from armid.validation.torque_validation import Validation
 
 LIST_OF_NUMBERS = re.compile(r'\[\n([^][{}"]*?)\n *\]')
@@ -235,11 +236,25 @@ def validation_record(validation: Validation) -> dict[str, Any]:
                 "peak": each.peak,
                 "coverage95": each.coverage95,
                 "prior_rms": each.prior_rms,
+                "offset": each.offset,
+                "rms_with_own_offset": each.rms_with_own_offset,
             }
             for each in validation.recordings
         ],
         "verdict": validation.verdict,
         "checks": [{"name": c.name, "value": c.value, "bound": c.bound, "ok": c.ok} for c in validation.checks],
+        "left_out": None if validation.left_out is None else left_out_record(validation.left_out),
+    }
+
+
+def left_out_record(error: LeftOutError) -> dict[str, Any]:
+    """Torque error on left-out training data, and the error expected on another recording."""
+    expected = error.expected
+    return {
+        "kind": error.kind,
+        "rms": error.rms,
+        "description_rms": error.description,
+        "expected": {"rms": expected.rms, "low": expected.low, "high": expected.high},
     }
 
 

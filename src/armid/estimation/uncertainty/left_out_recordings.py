@@ -1,0 +1,101 @@
+"""Estimates without one of the training recordings, and their error on the recording that was left out.
+
+A recording that was left out shows what changes between recordings: friction, offsets, zeros of sensors, and model
+error on another motion. Parts of one recording do not show it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armid.checked_array import Array
+from armid.errors import EstimationError
+from armid.estimation.crossvalidation import held_out_squares
+from armid.estimation.fit_result import Fit
+from armid.estimation.problem import EstimationProblem, build_problem
+from armid.estimation.uncertainty.prediction_error import (
+    PredictionError,
+    mean_parameter_variance,
+    prediction_error,
+    with_model_error,
+)
+from armid.information.information import Information, select, total
+
+MOST = 5
+"""Largest number of estimates. Of more recordings, several are left out together."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class LeftOut:
+    """Estimate without some training recordings, and its error on these recordings.
+
+    Attributes:
+        recordings: Numbers of the recordings that were left out.
+        fit: Estimate from the other recordings, in the parameters of one recording.
+        squares: Sum of squared errors of each joint on the left-out recordings, shape (n,) [(N·m)² or N²].
+        rows: Number of rows of each joint in the left-out recordings, shape (n,).
+        variance: Variance of the torque error by noise, parameters and model error, mean over these rows, shape (n,)
+            [(N·m)² or N²].
+    """
+
+    recordings: tuple[int, ...]
+    fit: Fit
+    squares: Array
+    rows: NDArray[np.int64]
+    variance: Array
+
+    @property
+    def log_factor(self) -> float:
+        """Logarithm of RMS error divided by its standard deviation, mean over joints with rows; NaN if none."""
+        known = (self.rows > 0) & (self.variance > 0.0) & (self.squares > 0.0)
+        if not known.any():
+            return float("nan")
+        return float(np.mean(0.5 * np.log(self.squares[known] / self.rows[known] / self.variance[known])))
+
+
+def leave_out_recordings(
+    problem: EstimationProblem, solve: Callable[[EstimationProblem], Fit]
+) -> tuple[LeftOut, ...]:
+    """Leaves out each training recording in turn, and estimates from the others; torque scales count as exact.
+
+    Recordings are left out in at most `MOST` groups. A group without which the data do not determine the parameters
+    is skipped.
+
+    Args:
+        problem: Problem of all training recordings, with samples; its parameters are common to all recordings.
+        solve: Function that estimates a problem, and returns values and covariance of the parameters of one
+            recording: means, if it estimates parameters for each recording.
+
+    Returns:
+        One result for each group; empty if there is only one recording.
+    """
+    model, base, observations = problem.require_samples("cross-validation")
+    numbers = np.unique(problem.information.recording)
+    if len(numbers) < 2:
+        return ()
+    found: list[LeftOut] = []
+    for group in np.array_split(numbers, min(MOST, len(numbers))):
+        rest = tuple(run for run in observations.runs if run.recording not in group)
+        try:
+            training = build_problem(model, replace(observations, runs=rest), base=base)
+            fit = solve(training)
+        except EstimationError:
+            continue
+        held_out = total(select(problem.information, np.isin(problem.information.recording, group)))
+        out = [run.motion.q[run.rows][run.mask.any(axis=1)] for run in observations.runs if run.recording in group]
+        error = prediction_error(training.information, fit, replace(observations, runs=rest))
+        found.append(_left_out(tuple(int(k) for k in group), fit, error, held_out, np.concatenate(out)))
+    return tuple(found)
+
+
+def _left_out(
+    recordings: tuple[int, ...], fit: Fit, error: PredictionError, held_out: Information, positions: Array
+) -> LeftOut:
+    """Error of an estimate on left-out recordings with the joint positions (M, n) of their rows in use."""
+    share = mean_parameter_variance(held_out, fit.covariance)
+    variance = with_model_error(error, share, fit.noise, positions).mean(axis=0)
+    return LeftOut(recordings, fit, held_out_squares(held_out, fit.values), held_out.rows[0], variance)

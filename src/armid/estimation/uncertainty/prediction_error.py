@@ -1,0 +1,207 @@
+"""Error of the predicted torque on another recording, compared with the error that noise and parameters explain.
+
+Noise σ of a joint and variance v of the predicted torque by the parameters explain the variance σ² + v of the torque
+error. Model error adds to it, the more the further a row is from the training motion. With model error, the variance
+is taken as
+
+    (σ² + v) max(1, v / (U v̄))^P (1 + B d),
+
+with the mean v̄ of v over the training rows, and the largest distance d of a joint's position from its training
+range, relative to this range. On another recording, the RMS error of a joint differs from its standard deviation by a
+factor, because friction, offsets and sensors change from one recording to the next. The logarithm of the factor is
+taken as normally distributed, with a mean for the arm, a deviation between recordings, and a deviation between the
+joints of one recording.
+
+The deviations were measured on the recordings of eight arms: each recording, or each part of an arm's only recording,
+was predicted by a model of the others (`benchmarks/bands.py`). Where an arm has several recordings, its own left-out
+recordings determine the mean. Left-out parts of a single recording do not: over the arms, their factor was not
+correlated with the factor on another recording.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from armid.checked_array import Array, array
+from armid.estimation.fit_result import Fit
+from armid.information.information import Information, total
+from armid.measurement.observations import Observations
+
+FAR = 4.0
+"""Ratio U of v to its mean over the training rows, above which a row counts as unlike the training motion. The
+covariance describes noise; where the motion differs, the error of the model acts on the parameters as well. The
+constants U, P and B were chosen with the recordings of eight arms, each predicted without itself. Without them, the
+intervals of a model from a single recording held 63 % of the rows of one arm, and 30 % of the rows of one of its
+joints; with them, 91 % and 72 %."""
+
+GROWTH = 0.8
+"""Exponent P of the growth of the variance with v, beyond that of v itself."""
+
+OUTSIDE = 8.0
+"""Factor B of the relative distance of a position from the training range."""
+
+SMALL_RANGE = 0.1
+"""Range [rad or m] that is added to the training range of a joint before a distance is divided by it, because a joint
+that stood still in training has no range."""
+
+BETWEEN_ARMS = 0.25
+"""Standard deviation between arms of the mean logarithm of the factor, for an arm of which no recording was left out.
+Over the eight arms, the means had a standard deviation of 0.2, and were up to 0.5 for arms whose single training
+recording had another speed."""
+
+BETWEEN_RECORDINGS = 0.25
+"""Standard deviation between recordings of one arm of the mean logarithm of the factor; measured: 0.06 to 0.26."""
+
+PRIOR_RECORDINGS = 3.0
+"""Number of recordings to which the knowledge of `BETWEEN_RECORDINGS` is equivalent."""
+
+BETWEEN_JOINTS = 0.4
+"""Standard deviation of the logarithm of the factor between the joints of one recording; measured: 0.17 to 0.6."""
+
+OTHER_MOTION = 0.45
+"""Further standard deviation of the logarithm of the error on another recording whose motion is not known yet."""
+
+NINETY = 1.6448536269514722
+"""Quantile 0.95 of the normal distribution, for two-sided 90 % intervals."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class PredictionError:
+    """Facts about the training recordings that determine how far a prediction for another recording can be trusted.
+
+    Attributes:
+        recordings: Number of training recordings.
+        parameter_variance: Variance of the predicted torque that the uncertainty of the parameters causes, mean over
+            the training rows of each joint, shape (n,) [(N·m)² or N²].
+        positions: Smallest and largest position of each joint in the training rows, shape (n, 2) [rad or m].
+        log_factor: Mean of the logarithm of the factor: RMS error on another recording divided by the standard
+            deviation with model error.
+        log_deviation: Standard deviation of the logarithm of the factor for a joint of another recording.
+        by_scales: Part of the covariance of the parameters by uncertain torque scales, such as drive gains, shape (b,
+            b). The measured torque of another recording has the same scales, so this part is not an error of its
+            prediction. Empty if the scales are exact.
+    """
+
+    recordings: int
+    parameter_variance: Array
+    positions: Array
+    log_factor: float = 0.0
+    log_deviation: float = float(np.hypot(BETWEEN_ARMS, BETWEEN_JOINTS))
+    by_scales: Array = field(default_factory=lambda: np.zeros((0, 0)))
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "parameter_variance", array(self.parameter_variance, (None,), "parameter_variance"))
+        n = len(self.parameter_variance)
+        object.__setattr__(self, "positions", array(self.positions, (n, 2), "positions"))
+        object.__setattr__(self, "by_scales", array(self.by_scales, (None, None), "by_scales"))
+
+    def without_scales(self, covariance: Array) -> Array:
+        """Covariance (b, b) of the parameters without the part by uncertain torque scales."""
+        return covariance - self.by_scales if self.by_scales.size else covariance
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class ExpectedError:
+    """RMS torque error of each joint that is expected on another recording with a motion like that of the training.
+
+    Attributes:
+        rms: Expected RMS error, shape (n,) [N·m or N].
+        low: Lower end of the 90 % interval, shape (n,) [N·m or N].
+        high: Upper end of the 90 % interval, shape (n,) [N·m or N].
+    """
+
+    rms: Array
+    low: Array
+    high: Array
+
+
+def prediction_error(
+    information: Information, fit: Fit, observations: Observations, by_scales: Array | None = None
+) -> PredictionError:
+    """Facts about training recordings for the prediction of another recording, before any recording is left out.
+
+    Args:
+        information: Factors of the training recordings, in the parameters of the fit.
+        fit: Estimate with its covariance.
+        observations: The training recordings.
+        by_scales: Part of the covariance by uncertain torque scales, shape (b, b); `None` if the scales are exact.
+    """
+    covariance = fit.covariance if by_scales is None else fit.covariance - by_scales
+    return PredictionError(
+        len(np.unique(information.recording)),
+        mean_parameter_variance(information, covariance),
+        position_range(observations),
+        by_scales=np.zeros((0, 0)) if by_scales is None else by_scales,
+    )
+
+
+def with_model_error(training: PredictionError, share: Array, noise: Array, positions: Array) -> Array:
+    """Variance of the torque error with model error, on M rows, shape (M, n) [(N·m)² or N²].
+
+    Args:
+        training: Facts about the training recordings.
+        share: Variance v of the predicted torque by the parameters, shape (M, n) or (n,) [(N·m)² or N²].
+        noise: Standard deviation σ of the torque about the model, shape (n,) [N·m or N].
+        positions: Joint positions, shape (M, n) [rad or m].
+    """
+    tiny = np.finfo(float).tiny
+    unlike = np.maximum(1.0, share / np.maximum(FAR * training.parameter_variance, tiny)) ** GROWTH
+    low, high = training.positions.T
+    distance = np.maximum(np.maximum(low - positions, positions - high), 0.0) / (high - low + SMALL_RANGE)
+    outside = 1.0 + OUTSIDE * distance.max(axis=1, keepdims=True)
+    return np.maximum((noise**2 + share) * unlike * outside, tiny)
+
+
+def mean_parameter_variance(information: Information, covariance: Array) -> Array:
+    """Variance of the predicted torque by the covariance (b, b), mean over the rows of each joint, shape (n,)."""
+    whole = total(information)
+    variance = np.zeros(whole.n)
+    for j, joint in enumerate(whole.joints):
+        R = joint.R[0, :, :-1]
+        own = covariance[np.ix_(joint.parameters, joint.parameters)]
+        variance[j] = np.sum((R @ own) * R) / max(int(whole.rows[0, j]), 1)
+    return np.maximum(variance, 0.0)
+
+
+def position_range(observations: Observations) -> Array:
+    """Smallest and largest position of each joint in the rows in use, shape (n, 2) [rad or m]."""
+    used = [run.motion.q[run.rows][run.mask.any(axis=1)] for run in observations.runs]
+    q = np.concatenate(used)
+    return np.stack([q.min(axis=0), q.max(axis=0)], axis=1)
+
+
+def updated(error: PredictionError, log_factors: Sequence[float]) -> PredictionError:
+    """Updates the distribution of the factor with the left-out recordings of the arm.
+
+    Mean and deviation are those of the posterior for normal distributions: the mean of the arm has the prior mean 0
+    and the deviation `BETWEEN_ARMS`. The deviation between recordings is that of the left-out recordings and of
+    `PRIOR_RECORDINGS` more with the deviation `BETWEEN_RECORDINGS`.
+
+    Args:
+        error: Facts about the training recordings.
+        log_factors: Logarithm of the factor on each left-out recording, mean over the joints.
+    """
+    if not log_factors:
+        return error
+    each = np.asarray(log_factors, dtype=np.float64)
+    squares = PRIOR_RECORDINGS * BETWEEN_RECORDINGS**2 + float(np.sum((each - each.mean()) ** 2))
+    between = squares / (PRIOR_RECORDINGS + len(each) - 1)
+    precision = BETWEEN_ARMS**-2 + len(each) / between
+    mean = each.sum() / between / precision
+    deviation = np.sqrt(1.0 / precision + between + BETWEEN_JOINTS**2)
+    return replace(error, log_factor=float(mean), log_deviation=float(deviation))
+
+
+def expected_error(error: PredictionError, noise: Array) -> ExpectedError:
+    """RMS torque error that is expected on another recording, before that recording is known.
+
+    Args:
+        error: Facts about the training recordings.
+        noise: Standard deviation of the torque of each joint about the model, shape (n,) [N·m or N].
+    """
+    center = np.exp(error.log_factor) * np.sqrt(noise**2 + error.parameter_variance)
+    factor = float(np.exp(NINETY * np.hypot(error.log_deviation, OTHER_MOTION)))
+    return ExpectedError(center, center / factor, center * factor)

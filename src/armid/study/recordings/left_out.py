@@ -1,0 +1,128 @@
+"""Training recordings of a study, or parts of its only one, that are left out in turn and predicted by the others."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armid.checked_array import Array
+from armid.errors import ArmidError
+from armid.estimation.catalogue import Estimator, EstimatorWithPrior
+from armid.estimation.crossvalidation import folds, held_out_squares, training_information
+from armid.estimation.estimate_record import Estimate, averaged
+from armid.estimation.fit_result import Fit
+from armid.estimation.problem import EstimationProblem
+from armid.estimation.run_estimator import estimate
+from armid.estimation.uncertainty.left_out_recordings import LeftOut, leave_out_recordings
+from armid.estimation.uncertainty.prediction_error import prediction_error, updated
+from armid.estimation.uncertainty.recording_scatter import covariance_by_scales, with_recording_scatter
+from armid.information.information import Information, select
+from armid.measurement.observations import Observations
+from armid.validation.left_out_error import LeftOutError, left_out_error
+
+Separated = Callable[[EstimationProblem], EstimationProblem]
+"""Function that gives each recording of a problem its own friction or offsets, if the study asks for this."""
+
+
+def with_left_out(
+    result: Estimate, problem: EstimationProblem, separated: Separated, method: Estimator
+) -> tuple[Estimate, LeftOutError]:
+    """Leaves out training data in turn, and completes an estimate with what the left-out errors show.
+
+    Each recording is left out if there are several, else parts of the only one. The covariance gets the scatter
+    between recordings, and the estimate the facts from which intervals of predictions are computed.
+
+    Args:
+        result: Estimate from all training recordings.
+        problem: Problem of all training recordings; its parameters are common to all recordings.
+        separated: Function that gives each recording its own parameters.
+        method: Estimator of the estimate, with its options.
+
+    Returns:
+        The estimate, and the error on left-out data, which is NaN if nothing can be left out.
+    """
+    fixed = method.with_prior_of(separated(problem), result.fit) if isinstance(method, EstimatorWithPrior) else method
+
+    def solve(part: EstimationProblem) -> Fit:
+        return averaged(result.base.names, estimate(separated(part), fixed))
+
+    found = leave_out_recordings(problem, solve)
+    whole = separated(problem)
+    by_scales = covariance_by_scales(result.fit, whole)
+    fit = with_recording_scatter(result.fit, found, by_scales)
+    _, _, observations = problem.require_samples("cross-validation")
+    error = prediction_error(whole.information, fit, observations, by_scales if by_scales.any() else None)
+    error = updated(error, [each.log_factor for each in found if np.isfinite(each.log_factor)])
+    result = replace(result, fit=fit, prediction=error)
+    rows = problem.information.rows.sum(axis=0)
+    if found:
+        rows = np.sum([each.rows for each in found], axis=0)
+        squares = np.sum([each.squares for each in found], axis=0)
+        kind, left = "recordings", _recordings_of(problem.information, found)
+    else:
+        squares = _squares_of_parts(whole, fixed, result.fit)
+        kind, left = "parts", problem.information
+    return result, left_out_error(
+        kind, squares, rows, error, fit.noise, problem.require_standard("cross-validation"), left
+    )
+
+
+def left_out_squares(problem: EstimationProblem, method: Estimator, fit: Fit) -> Array | None:
+    """Sum of squared errors of each joint on parts that are left out in turn, shape (n,) [(N·m)² or N²].
+
+    Args:
+        problem: Problem of all training recordings.
+        method: Estimator with its options; a prior keeps the weight that it has in the fit.
+        fit: Estimate from all training recordings.
+
+    Returns:
+        The sums; `None` if the recording is too short to leave a part of it out.
+
+    Raises:
+        EstimationError: Without one of the parts, the data do not determine the parameters.
+    """
+    information = problem.information
+    fold = folds(information)
+    numbers = np.unique(fold)
+    if len(numbers) < 2:
+        return None
+    fixed = method.with_prior_of(problem, fit) if isinstance(method, EstimatorWithPrior) else method
+    squares = np.zeros(information.n)
+    for k in numbers:
+        out = fold == k
+        fit_without = fixed.solve(_without(problem, out | training_information(information, out)))
+        squares += held_out_squares(select(information, out), fit_without.values)
+    return squares
+
+
+def _squares_of_parts(problem: EstimationProblem, method: Estimator, fit: Fit) -> Array:
+    """Result of `left_out_squares`; NaN where nothing can be left out, an estimate fails, or it takes too long."""
+    nothing = np.full(problem.information.n, np.nan)
+    if not method.quick:
+        return nothing
+    try:
+        found = left_out_squares(problem, method, fit)
+    except (ArmidError, np.linalg.LinAlgError):
+        return nothing
+    return nothing if found is None else found
+
+
+def _recordings_of(information: Information, found: tuple[LeftOut, ...]) -> Information:
+    """Blocks of the recordings that were left out."""
+    return select(information, np.isin(information.recording, [k for each in found for k in each.recordings]))
+
+
+def _without(problem: EstimationProblem, left_out: NDArray[np.bool_]) -> EstimationProblem:
+    """Estimation problem without the blocks that a mask selects, both in its factors and in its samples."""
+    information = problem.information
+    observations = problem.observations
+    if observations is not None:
+        runs = list(observations.runs)
+        for k, run in enumerate(runs):
+            removed_blocks = np.unique(run.block)[left_out[information.run == k]]
+            runs[k] = replace(run, mask=run.mask & ~np.isin(run.block, removed_blocks)[:, None])
+        observations = Observations(tuple(runs), observations.band)
+    return replace(problem, information=select(information, ~left_out), observations=observations)

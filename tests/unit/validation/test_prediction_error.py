@@ -1,0 +1,131 @@
+"""Laws of the prediction intervals of another recording: factor, distance from training, left-out recordings."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from armid.estimation.problem import build_problem
+from armid.estimation.run_estimator import estimate
+from armid.estimation.uncertainty.left_out_recordings import leave_out_recordings
+from armid.estimation.uncertainty.prediction_error import (
+    BETWEEN_ARMS,
+    PredictionError,
+    expected_error,
+    mean_parameter_variance,
+    prediction_error,
+    updated,
+    with_model_error,
+)
+from armid.estimation.uncertainty.recording_scatter import with_recording_scatter
+from armid.maths.distributions import NORMAL, scale_mixture_quantile
+from armid.measurement.low_pass_band import Band
+from armid.measurement.observations import Observations, ObservedRun
+from labs import small_model, small_plan, small_truth
+from problems import one_run
+
+RATE, NOISE = 50.0, 0.05
+
+ROUNDING = 1e-10
+"""Relative error of sums over some thousand rows."""
+
+
+def run_of(seed: int, recording: int = 0, *, friction: float = 1.0) -> ObservedRun:
+    """24 s of the small arm with white noise; all friction is multiplied by a factor."""
+    model, truth = small_model(), small_truth()
+    changing = np.array([p.name.startswith(("FV", "FS")) for p in model.parameters])
+    motion = small_plan(seed).sample(RATE, 3)
+    torque = model.torque(motion, np.where(changing, friction, 1.0) * truth)
+    torque = torque + NOISE * np.random.default_rng(seed).normal(size=torque.shape)
+    return replace(one_run(motion, torque, RATE), recording=recording)
+
+
+def observed(*runs: ObservedRun) -> Observations:
+    return Observations(runs, Band())
+
+
+def test_the_quantile_of_a_scale_mixture_holds_its_share():
+    """By simulation; 2 000 000 draws give the share to 0.0002, one standard deviation."""
+    rng = np.random.default_rng(0)
+    assert scale_mixture_quantile(0.0) == pytest.approx(NORMAL, rel=1e-6)
+    for deviation in (0.2, 0.5, 0.7):
+        draws = np.exp(deviation * rng.normal(size=2_000_000)) * rng.normal(size=2_000_000)
+        inside = np.mean(np.abs(draws) <= scale_mixture_quantile(deviation))
+        assert abs(inside - 0.95) < 5 * 0.0002
+
+
+def test_the_mean_variance_is_that_of_the_rows():
+    problem = build_problem(small_model(), observed(run_of(1)))
+    fit = estimate(problem)
+    found = mean_parameter_variance(problem.information, fit.covariance)
+    for j, joint in enumerate(problem.information.joints):
+        own = fit.covariance[np.ix_(joint.parameters, joint.parameters)]
+        squares = sum(np.trace(R[:, :-1] @ own @ R[:, :-1].T) for R in joint.R)
+        assert found[j] == pytest.approx(squares / problem.information.rows[:, j].sum(), rel=ROUNDING)
+
+
+def test_the_variance_grows_with_the_distance_from_the_training_motion():
+    error = PredictionError(1, np.full(2, 0.01), np.array([[-1.0, 1.0], [0.0, 0.5]]))
+    inside, outside, far = np.zeros((1, 2)), np.array([[1.5, 0.0]]), np.array([[3.0, 0.0]])
+    usual = with_model_error(error, np.full((1, 2), 0.01), np.full(2, 0.1), inside)
+    assert (usual == with_model_error(error, np.full((1, 2), 0.01), np.full(2, 0.1), np.array([[0.9, 0.4]]))).all()
+    away = [with_model_error(error, np.full((1, 2), 0.01), np.full(2, 0.1), each) for each in (outside, far)]
+    assert (usual < away[0]).all() and (
+        away[0] < away[1]
+    ).all()  # of every joint: its torque depends on all positions
+    unlike = with_model_error(error, np.full((1, 2), 0.16), np.full(2, 0.1), inside)
+    assert (unlike > 0.01 + 2.0 * 0.16).all()
+
+
+def test_left_out_recordings_determine_the_factor():
+    error = PredictionError(3, np.full(2, 0.01), np.zeros((2, 2)))
+    assert updated(error, []) == error
+    alike = updated(error, [0.4, 0.4, 0.4])
+    assert 0.2 < alike.log_factor < 0.4 and alike.log_deviation < error.log_deviation
+    many = updated(error, [0.4] * 1000)
+    assert many.log_factor == pytest.approx(0.4, abs=1e-3)
+    assert abs(updated(error, [BETWEEN_ARMS]).log_factor) < BETWEEN_ARMS
+
+
+def test_recordings_alike_are_predicted_as_noise_explains():
+    """Twelve joints of recordings: the mean logarithm has a standard deviation of 0.05, since rows are many."""
+    model, both = small_model(), observed(*(run_of(k, k) for k in range(4)))
+    problem = build_problem(model, both)
+    left_out = leave_out_recordings(problem, estimate)
+    assert [each.recordings for each in left_out] == [(0,), (1,), (2,), (3,)]
+    assert abs(np.mean([each.log_factor for each in left_out])) < 0.15
+    fit = estimate(problem)
+    wider = with_recording_scatter(fit, left_out, np.zeros_like(fit.covariance))
+    ratio = wider.deviation / fit.deviation
+    assert (ratio >= 1.0).all() and np.median(ratio) < 1.3  # by chance, single parameters differ by two deviations
+    assert leave_out_recordings(build_problem(model, observed(run_of(1))), estimate) == ()
+
+
+def test_friction_that_changes_between_recordings_widens_intervals_and_bands():
+    """Friction x 1, 1.3, 0.8, 1.1: intervals of noise alone would hold hardly any of the values."""
+    factors = (1.0, 1.3, 0.8, 1.1)
+    problem = build_problem(small_model(), observed(*(run_of(k, k, friction=f) for k, f in enumerate(factors))))
+    fit = estimate(problem)
+    left_out = leave_out_recordings(problem, estimate)
+    factor = updated(
+        prediction_error(problem.information, fit, problem.observations), [x.log_factor for x in left_out]
+    )
+    assert factor.log_deviation > 0.7  # the factors differ by 0.8
+    wider = with_recording_scatter(fit, left_out, np.zeros_like(fit.covariance))
+    friction = [k for k, name in enumerate(fit.names) if name.symbol in ("FV", "FS")]
+    ratio = wider.deviation / fit.deviation
+    assert np.median(ratio[friction]) > 1.5
+    np.testing.assert_allclose(wider.values, fit.values)
+
+
+def test_the_expected_error_is_an_interval_about_the_explained_error():
+    problem = build_problem(small_model(), observed(run_of(1)))
+    fit = estimate(problem)
+    expected = expected_error(prediction_error(problem.information, fit, observed(run_of(1))), fit.noise)
+    assert (expected.low < expected.rms).all() and (expected.rms < expected.high).all()
+    assert (expected.rms >= fit.noise).all() and math.isclose(
+        expected.rms[0] ** 2, expected.low[0] * expected.high[0]
+    )
