@@ -302,7 +302,7 @@ def print_verdict(console: Console, validation: Validation) -> None:
     subject = validation.subject
     console.print(f"verdict on {subject}: [bold {colour}]{validation.verdict}[/]{count}")
     _print_checks(console, validation.checks)
-    if validation.verdict == "not judged":
+    if not validation.recordings:
         console.print(
             '  no validation recording: give one with --validate RECORDING, or role = "validate" in the study'
         )

@@ -167,13 +167,13 @@ def print_next(
     steps: list[tuple[str, str]] = []
     if not page:
         steps.append((f"armid report {run}", "a page about this run"))
-    if result.validation.verdict == "not judged":
+    if not result.validation.recordings:
         steps.append((f"armid validate {run} RECORDING", "torque error on a recording not used for training"))
     if result.validation.verdict == "fail" and inputs:
         words = [*map(shlex.quote, inputs), *given_options(signature(doctor).parameters)]
         steps.append((f"armid doctor {' '.join(words)}", "faults of the recordings; exit code 1 if there are any"))
     steps.append(export_command(run, result.estimate, result.robot, result.study.robot.description))
-    if result.validation.verdict != "not judged":
+    if result.validation.recordings:
         steps.append((f"armid validate {run} RECORDING", "torque error on a further recording"))
     steps.append((f"armid preview {run}", "the recorded motion of the arm"))
     width = max(len(command) for command, _ in steps)
