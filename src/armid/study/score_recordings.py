@@ -5,13 +5,19 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+import numpy as np
+
 from armid.errors import Finding
 from armid.estimation.estimate_record import Estimate
 from armid.model.dynamics_model import DynamicsModel
+from armid.robot import Robot
 from armid.study.extrapolation import highest_speeds, speed_finding
 from armid.study.recordings.labels import labels
 from armid.study.recordings.processed import ProcessedRecording
 from armid.validation.torque_validation import PredictedRecording, Score, score
+
+MOSTLY = 0.5
+"""Share of the mean square error above which the constant part of the error is reported: half of it."""
 
 
 def score_recordings(
@@ -31,4 +37,36 @@ def score_recordings(
         prediction = (predictions or {}).get(each)
         sha256 = each.recording.sha256
         scores.append(score(model, estimate, each.observations, path=path, sha256=sha256, prediction=prediction))
+        own = own_offset_finding(scores[-1], model.robot, label or Path(path).name)
+        findings += [own] if own is not None and each.choice.role == "validate" else []
     return tuple(scores), tuple(findings)
+
+
+def own_offset_finding(found: Score, robot: Robot, where: str) -> Finding | None:
+    """Finding on joints whose torque error on a recording is mostly a constant; `None` without such joints.
+
+    Args:
+        found: Torque error on the recording.
+        robot: The arm.
+        where: Name of the recording.
+    """
+    rest = found.rms_with_own_offset
+    with np.errstate(invalid="ignore"):
+        mostly = found.offset**2 > MOSTLY * found.rms**2
+    if not mostly.any():
+        return None
+    listed = "; ".join(
+        f"{robot.joints[j].name}: mean error {found.offset[j]:.3g} {robot.joints[j].effort_unit}, RMS error "
+        f"{found.rms[j]:.3g} {robot.joints[j].effort_unit} with it and {rest[j]:.3g} {robot.joints[j].effort_unit} "
+        "without it"
+        for j in np.flatnonzero(mostly)
+    )
+    return Finding(
+        "own-offset",
+        "info",
+        "",
+        f"{where}: most of the torque error is a constant ({listed}). A recording can have an offset of its own, "
+        "because torque sensors are zeroed again and warm up.",
+        "zero the torque sensors before a recording, or train with several recordings and with the key "
+        "offset_per_recording = true.",
+    )
