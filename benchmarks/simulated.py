@@ -16,9 +16,8 @@ from armid.checked_array import Array
 from armid.estimation.estimators import WeightedLeastSquares
 from armid.estimation.fit_result import Fit
 from armid.estimation.problem import EstimationProblem, build_problem
-from armid.estimation.run_estimator import estimate
 from armid.estimation.uncertainty.bootstrap import bootstrap
-from armid.estimation.uncertainty.covariance import choose_covariance_kind
+from armid.estimation.uncertainty.covariance import choose_covariance_kind, estimate_covariance
 from armid.estimation.uncertainty.cross_products_by_frequency import BandProducts, band_products, residual_moments
 from armid.estimation.uncertainty.noise_spectrum import NoiseModel
 from armid.estimation.uncertainty.whiteness import spectrum_test, variance_test
@@ -164,9 +163,9 @@ class Simulation:
         return Observations((run,), self.case.band)
 
     def real_path(self, drawn: Array) -> Fit:
-        """The fit, from the samples, as a study makes it."""
-        observations = self.observed(drawn)
-        return estimate(build_problem(self.model, observations, base=self.base))
+        """The fit, from the samples, as a study makes it, but without systematic errors, which no run here has."""
+        problem = build_problem(self.model, self.observed(drawn), base=self.base)
+        return estimate_covariance(WeightedLeastSquares().solve(problem), problem, systematic_errors=False)
 
     def bootstrapped(self, drawn: Array, seed: int) -> Array:
         """Half widths by drawing blocks of about a second."""

@@ -20,10 +20,10 @@ FILE, NATIVE_FILE, FUNCTION, ATTRIBUTES, NAMES, MODULES = 400, 500, 60, 10, 25, 
 
 MORE_ATTRIBUTES = {
     "Estimate": 11,  # what a run stores of an estimate, and what a prediction needs to know of its training
-    "Fit": 18,  # what an estimate is judged by, each number of a kind of its own
+    "Fit": 19,  # what an estimate is judged by, each number of a kind of its own
     "ProcessingOptions": 13,  # each field is a key of `[processing]` in a study
     "DesignConstraints": 13,  # each field is a limit that a design may have
-    "LogFormat": 19,  # each field is a key of `[[recording]]` in a study
+    "LogFormat": 20,  # each field is a key of `[[recording]]` in a study
     "PhysicallyConsistent": 12,  # each field is an option of the method in a study
     "Recording": 16,  # what a log may hold: five quantities, how far they can be trusted, what its reader noticed
     "Robot": 11,  # what a description says of an arm

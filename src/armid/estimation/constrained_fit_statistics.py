@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,7 +29,8 @@ from armid.estimation.standard_parameter_resolution import (
     stated,
     status_of,
 )
-from armid.estimation.uncertainty.covariance import scale_covariance
+from armid.estimation.uncertainty.prior_scale import link_covariances, prior_scales
+from armid.estimation.uncertainty.scale_covariance import scale_covariance
 from armid.estimation.whitened_system import WhitenedSystem
 from armid.information.information import stack
 from armid.maths.linalg import condition, inverse_of, scaled_condition
@@ -145,6 +146,10 @@ def fit_of(estimate: PhysicalEstimate, findings: Sequence[Finding] = ()) -> Fit:
         np.zeros(len(values)) if centre is None else centre.values - values,
         _bounded(estimate.standard),
     )
+    excess = _prior_excess(estimate)
+    if excess is not None:
+        lift = replace(lift, rest=lift.rest + _left_over(lift.share, estimate.standard.regrouping, excess))
+        excess = estimate.standard.regrouping @ excess @ estimate.standard.regrouping.T
     standard, held = _standard_fit(estimate, prior, eigenvalues, price, lift)
     standard = stated(standard, data.correlation * white, known, np.full(whole.count, data.freedom))
     return Fit(
@@ -161,6 +166,7 @@ def fit_of(estimate: PhysicalEstimate, findings: Sequence[Finding] = ()) -> Fit:
         data.weights,
         prior_precision=precision,
         prior_correlation=data.correlation,
+        prior_excess=excess,
         findings=(*findings, *estimate.prior.findings, *_findings(estimate, eigenvalues, price, held)),
         standard=standard,
     )
@@ -171,6 +177,36 @@ def _prior_precision(estimate: PhysicalEstimate) -> Array:
     weight = estimate.use.weight if estimate.is_informed else 1.0
     curvature = estimate.prior.curvature(estimate.standard, estimate.values, weight)
     return estimate.weighted.correlation * (estimate.basis.T @ curvature @ estimate.basis)
+
+
+def _prior_excess(estimate: PhysicalEstimate) -> Array | None:
+    """Covariance (p, p) by which links are further from the description than the prior says; `None` if not judged."""
+    if not estimate.is_informed or estimate.is_reduced:
+        return None
+    standard, data, prior = estimate.standard, estimate.weighted, estimate.prior
+    L = standard.regrouping
+    precision = prior.curvature(standard, estimate.values, estimate.use.weight)
+    links = link_covariances(precision, standard)
+    others = np.setdiff1d(np.arange(len(precision)), standard.inertial)
+    friction = project_covariance(precision[np.ix_(others, others)], L[:, others])
+    # The strongest weight within one standard error predicts well; the best one says how far links are.
+    trials = estimate.use.trials
+    best = min(trials, key=lambda trial: trial.error).weight if trials else estimate.use.weight
+    scales = prior_scales(
+        data.rows,
+        data.values - L @ prior.mean,
+        L @ links @ L.T,
+        friction,
+        data.correlation,
+        expected=estimate.use.weight / best,
+    )
+    return np.asarray(np.tensordot(scales - 1.0, links, 1), dtype=np.float64)
+
+
+def _left_over(share: Array, regrouping: Array, excess: Array) -> Array:
+    """Part of a covariance (p, p) of standard parameters that does not follow from the base parameters, (p, p)."""
+    left = np.eye(len(share)) - share @ regrouping
+    return left @ excess @ left.T
 
 
 def _centre(estimate: PhysicalEstimate, lowest_eigenvalue: float) -> AnalyticCentre | None:

@@ -79,6 +79,8 @@ class Fit(Displayed):
         standard: Standard parameters, if the estimator estimates them.
         prior_correlation: Number of rows that count as one independent sample in the weight of the prior. The
             covariance of the prior is the inverse of its precision times this number.
+        prior_excess: Covariance (b, b) by which the prior is wider than its precision says, because the data
+            contradict it; `None` for none.
     """
 
     names: tuple[ParameterName, ...]
@@ -99,6 +101,7 @@ class Fit(Displayed):
     information: Information | None = field(default=None, repr=False)
     standard: StandardFit | None = None
     prior_correlation: float = 1.0
+    prior_excess: Array | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         b, n = len(self.names), len(self.rows)

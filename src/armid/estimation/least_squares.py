@@ -14,7 +14,7 @@ import numpy as np
 from armid.checked_array import Array
 from armid.errors import EstimationError
 from armid.estimation.fit_result import Fit
-from armid.estimation.uncertainty.covariance import scale_covariance
+from armid.estimation.uncertainty.scale_covariance import scale_covariance
 from armid.information.information import Information, stack, total
 from armid.maths.linalg import condition, null_directions, scaled_condition, unit_columns
 

@@ -17,7 +17,16 @@ from armid.model.dynamics_model import DynamicsModel
 from armid.model.parameter_name import ParameterName, parameter_names
 from armid.model.terms import TERMS
 from armid.model.terms.selection_candidates import automatic_choice
+from armid.robot import Robot
 from armid.robot.missing_inertia import placeholder_masses
+
+ZERO_ANGLE = 1e-3
+"""Standard deviation of the zero error of a revolute joint if a study does not state it [rad]: what calibrations of
+industrial arms find."""
+
+ZERO_LENGTH = 5e-4
+"""Standard deviation of the zero error of a prismatic joint if a study does not state it [m]: `ZERO_ANGLE` at a
+lever of half a metre."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -68,6 +77,11 @@ class StandardParameters:
         return placeholder_masses(masses)
 
 
+def default_zero_deviation(robot: Robot) -> Array:
+    """Standard deviation of the zero error of each joint's positions if a study does not state it, shape (n,)."""
+    return np.array([ZERO_LENGTH if joint.is_prismatic else ZERO_ANGLE for joint in robot.joints])
+
+
 @dataclass(frozen=True, eq=False, slots=True)
 class EstimationProblem:
     """Input of an estimator: parameters and data.
@@ -78,6 +92,8 @@ class EstimationProblem:
         model: The model, for estimators that process the samples a second time.
         base: Base parameters of the model, for estimators that process the samples a second time.
         observations: Samples of the recordings, for estimators that process the samples a second time.
+        position_zero_deviation: Standard deviation of the zero error of each joint's positions, shape (n,) [rad or
+            m]; `None` for the default.
     """
 
     information: Information
@@ -85,6 +101,16 @@ class EstimationProblem:
     model: DynamicsModel | None = field(default=None, repr=False)
     base: BaseParameters | None = field(default=None, repr=False)
     observations: Observations | None = field(default=None, repr=False)
+    position_zero_deviation: Array | None = field(default=None, repr=False)
+
+    @property
+    def zero_deviation(self) -> Array:
+        """Standard deviation of the zero error of each joint's positions, shape (n,) [rad or m]."""
+        if self.position_zero_deviation is not None:
+            return self.position_zero_deviation
+        if self.model is None:
+            return np.zeros(self.information.n)
+        return default_zero_deviation(self.model.robot)
 
     def require_standard(self, method: str) -> StandardParameters:
         """Returns the standard parameters of the problem; `method` is the name of the estimator that needs them.
@@ -119,6 +145,7 @@ def build_problem(
     *,
     base: BaseParameters | None = None,
     scale_deviation: Array | None = None,
+    position_zero_deviation: Array | None = None,
     threads: int = 1,
     progress: Progress | None = None,
 ) -> EstimationProblem:
@@ -130,6 +157,8 @@ def build_problem(
         base: Base parameters of the model; computed if not given.
         scale_deviation: Relative standard deviation of the torque scale of each joint, shape (n,); if not given, all
             are zero.
+        position_zero_deviation: Standard deviation of the zero error of each joint's positions, shape (n,) [rad or
+            m]; `ZERO_ANGLE` and `ZERO_LENGTH` if not given.
         threads: Number of threads of the kernel.
         progress: Function that is called with the number of finished samples and the number of all samples.
 
@@ -141,7 +170,9 @@ def build_problem(
     information = accumulate_information(model, base, observations, threads=threads, progress=progress)
     if scale_deviation is not None:
         information = replace(information, scale_deviation=scale_deviation)
-    return EstimationProblem(information, standard_of(model, base), model, base, observations)
+    return EstimationProblem(
+        information, standard_of(model, base), model, base, observations, position_zero_deviation
+    )
 
 
 def standard_of(model: DynamicsModel, base: BaseParameters) -> StandardParameters:

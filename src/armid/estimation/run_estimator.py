@@ -22,4 +22,4 @@ def estimate(problem: EstimationProblem, method: Estimator | None = None) -> Fit
         EstimationError: The data do not determine the parameters, or the problem lacks data that the estimator needs.
     """
     fit = (method or WeightedLeastSquares()).solve(problem)
-    return replace(estimate_covariance(fit, problem), information=None)
+    return replace(estimate_covariance(fit, problem), information=None, prior_excess=None)

@@ -28,7 +28,7 @@ WRAP_TOLERANCE = 0.5
 the motion of the joint from sample to sample, also over a short gap. If the typical step of a channel is larger,
 wraps cannot be detected."""
 
-COMMON = ("torque_sign", "position_sign", "delay", "drive_gain", "drive_gain_deviation")
+COMMON = ("torque_sign", "position_sign", "delay", "drive_gain", "drive_gain_deviation", "position_zero_deviation")
 """Fields of the log format that may be one number for all joints."""
 
 

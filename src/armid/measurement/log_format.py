@@ -82,6 +82,8 @@ class LogFormat:
         transmission: Matrix N, shape (n, n), if the log is on the motor side: q_motor = N (q - joint_offset) and
             torque_joint = Nᵀ torque_motor.
         joint_offset: Joint position at which the logged position is zero, shape (n,) [rad or m].
+        position_zero_deviation: Standard deviation of the zero errors of the positions, one value or shape (n,) [rad
+            or m]; by default 0.001 rad or 0.0005 m.
         delay: Delay of the logged torque relative to the positions, negative if the torque comes earlier; one value
             or shape (n,) [s].
         columns: For `time`, `q`, `dq`, `ddq`, `effort`: a pattern in which `{}` counts from 1 and `{0}` from 0,
@@ -111,6 +113,7 @@ class LogFormat:
     drive_gain_deviation: ArrayLike | None = None
     transmission: ArrayLike | None = None
     joint_offset: ArrayLike | None = None
+    position_zero_deviation: ArrayLike | None = None
     delay: ArrayLike = 0.0
     columns: Mapping[str, str | Sequence[str]] = field(default_factory=dict[str, "str | Sequence[str]"])
     units: Literal["rad", "deg"] | Sequence[str] | None = None
@@ -185,7 +188,10 @@ class LogFormat:
             {} if self.units is None or isinstance(self.units, str) else {"units": len(self.units)}
         )
         given = {name: _signs(getattr(self, name), name) for name in ("torque_sign", "position_sign")}
-        for name, value in (given | {"delay": _delays(self.delay)}).items():
+        given["delay"] = _delays(self.delay)
+        if self.position_zero_deviation is not None:
+            given["position_zero_deviation"] = _zero_deviations(self.position_zero_deviation)
+        for name, value in given.items():
             _set(self, name, value)
             lengths |= {name: value.size} if value.size > 1 else {}
         if self.joint_offset is not None:
@@ -285,6 +291,13 @@ def _gains(value: object) -> Array:
             "torque_sign",
         )
     return array(gain, (None,), "drive_gain")
+
+
+def _zero_deviations(value: object) -> Array:
+    deviation = np.atleast_1d(_numbers(value, None, "position_zero_deviation"))
+    if deviation.ndim != 1 or (deviation < 0).any():
+        raise _wrong("position_zero_deviation", value, "numbers that are 0 or larger, in rad or m")
+    return array(deviation, (None,), "position_zero_deviation")
 
 
 def _delays(value: object) -> Array:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -86,13 +86,17 @@ class Observations:
     Attributes:
         runs: The runs.
         band: Filter for torque and columns, not yet applied.
+        position_noise: Standard deviation of the noise of each joint's positions if accelerations are differences of
+            positions, shape (n,) [rad or m]; zero if velocities were recorded or if it is not known.
     """
 
     runs: tuple[ObservedRun, ...]
     band: Band
+    position_noise: Array = field(default_factory=lambda: np.zeros(0))
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "runs", tuple(self.runs))
+        object.__setattr__(self, "position_noise", array(self.position_noise, (None,), "position_noise"))
         if len({run.motion.n for run in self.runs}) > 1:
             raise ArmidError("All runs must have the same joints.")
 

@@ -31,7 +31,7 @@ from armid.study.diagnosis import findings_of_each, merged
 from armid.study.progress import Progress, no_progress
 from armid.study.recordings.agreement import disagreement_findings
 from armid.study.recordings.processed import ProcessedRecording, joined_observations, of_role, process_each
-from armid.study.recordings.reading import read_all, scale_deviation
+from armid.study.recordings.reading import position_zero_deviation, read_all, scale_deviation
 from armid.study.selection_prior_options import as_chosen, chosen_finding
 from armid.threads import one_blas_thread
 
@@ -111,6 +111,7 @@ def prepare(
         observations,
         base=base,
         scale_deviation=scale_deviation([choice for choice, _ in train], robot),
+        position_zero_deviation=position_zero_deviation([choice for choice, _ in train], robot),
         threads=threads,
         progress=lambda done, all: tell("information", done / all),
     )

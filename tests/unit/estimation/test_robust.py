@@ -116,7 +116,7 @@ def test_intervals_cover_the_truth(loss: str, share: float):
         inside.append((ends[:, 0] <= arm()[2]) & (arm()[2] <= ends[:, 1]))
         off.append((covered.values - arm()[2]) / np.sqrt(np.diag(covered.covariance)))
     assert np.mean(inside) >= 0.92  # of 660 intervals, those of one recording hanging together
-    assert 0.75 <= np.sqrt(np.mean(np.square(off))) <= 1.15
+    assert 0.7 <= np.sqrt(np.mean(np.square(off))) <= 1.15  # intervals hold systematic errors, too; here are none
 
 
 @LOSSES

@@ -44,7 +44,7 @@ KNOWN = 1e-3
 def test_white_residuals_keep_the_textbook_covariance_and_the_report_says_why():
     given = once(3, memory=0.0)
     fit = WLS.solve(given)
-    found = estimate_covariance(fit, given)
+    found = estimate_covariance(fit, given, systematic_errors=False)
     assert found.covariance_kind == "white" and "uncorrelated in time" in found.report.why
     assert found.report.whiteness is not None and found.report.whiteness > 0.05
     np.testing.assert_array_equal(found.covariance, fit.covariance)
@@ -72,7 +72,7 @@ def test_deviations_marks_and_intervals_tell_one_size():
 
 
 def test_enough_periods_are_compared_with_each_other():
-    found = covered(repeated(1, FEWEST_PERIODS))
+    found = without_errors(repeated(1, FEWEST_PERIODS))
     assert found.covariance_kind == "period" and "repeats" in found.report.why
     assert found.report.parts == FEWEST_PERIODS
     np.testing.assert_array_equal(found.freedom, FEWEST_PERIODS - 1)
@@ -153,6 +153,11 @@ def test_neighbouring_blocks_that_pull_alike_are_merged():
     assert fast.report.parts == 40 and slow.report.parts < 40
 
 
+def without_errors(given: EstimationProblem) -> Fit:
+    """Fit with its covariance by the noise alone, without systematic errors of measurement and friction."""
+    return estimate_covariance(WLS.solve(given), given, systematic_errors=False)
+
+
 def covered_by_factors(given: EstimationProblem) -> Fit:
     return estimate_covariance(WLS.solve(given), given.information)
 
@@ -170,7 +175,7 @@ def test_the_choice(white: float, free: int | None, repeats: float, kind: str):
 
 def test_period_covariance_is_the_textbook_t_interval_of_the_periods_own_estimates():
     given = repeated(2, 8)
-    found = covered(given)
+    found = without_errors(given)
     own = []
     for k in range(8):
         part = select(given.information, np.array([k]))

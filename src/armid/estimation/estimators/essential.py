@@ -35,7 +35,7 @@ from armid.estimation.estimators.wls import WeightedLeastSquares
 from armid.estimation.fit_result import Fit
 from armid.estimation.least_squares import Solution
 from armid.estimation.problem import EstimationProblem
-from armid.estimation.uncertainty.covariance import block_covariance
+from armid.estimation.uncertainty.jackknife import block_covariance
 from armid.information.information import Information, restrict, stack, total
 from armid.maths.linalg import condition, scaled_condition
 from armid.maths.median import median

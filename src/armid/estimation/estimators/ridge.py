@@ -36,7 +36,8 @@ from armid.estimation.prior import (
     weight_finding,
 )
 from armid.estimation.problem import EstimationProblem
-from armid.estimation.uncertainty.covariance import scale_covariance
+from armid.estimation.uncertainty.prior_scale import link_covariances, prior_scales
+from armid.estimation.uncertainty.scale_covariance import scale_covariance
 from armid.estimation.whitened_system import WhitenedSystem, noise_option, rows_of, whiten
 from armid.information.information import Information, stack
 from armid.maths.linalg import condition, root_of, scaled_condition
@@ -130,16 +131,22 @@ class Ridge:
         covariance = base_covariance(belief, replace(standard, regrouping=L))
         alike = (copy[:, None] == copy[None, :]) / weighted.correlation  # recordings have independent friction
         own = BaseCovariance(covariance.bodies * alike, covariance.others * alike)
-        return _Prior(towards, L @ belief.mean, own, belief.findings)
+        links = L @ link_covariances(belief.precision, standard) @ L.T / weighted.correlation
+        return _Prior(towards, L @ belief.mean, own, links, belief.findings)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Prior:
-    """Prior of the b base parameters: mean (b,) and covariance, in units of the weighted normal equations."""
+    """Prior of the b base parameters: mean (b,) and covariance, in units of the weighted normal equations.
+
+    `links` are the parts of the covariance that belong to mass, centre of mass and inertia of each link, shape
+    (parts, b, b).
+    """
 
     towards: str
     mean: Array
     covariance: BaseCovariance
+    links: Array
     findings: tuple[Finding, ...]
 
 
@@ -209,6 +216,12 @@ def _fit(weighted: WhitenedSystem, prior: _Prior, weight: float, how: str) -> Fi
     share = np.diag(white @ precision)
     unweighted = stack(whole)[0]
     counted = whole.rows[0]
+    correlation = weighted.correlation
+    excess = None
+    if weight:
+        links, others = prior.links * (correlation / weight), prior.covariance.others * correlation
+        scales = prior_scales(weighted.rows, weighted.values - prior.mean, links, others, correlation)
+        excess = np.tensordot(scales - 1.0, links, 1)
     return Fit(
         whole.names,
         values,
@@ -222,7 +235,8 @@ def _fit(weighted: WhitenedSystem, prior: _Prior, weight: float, how: str) -> Fi
         scaled_condition(unweighted),
         weights,
         prior_precision=precision if weight else None,
-        prior_correlation=weighted.correlation,
+        prior_correlation=correlation,
+        prior_excess=excess,
         findings=(*prior.findings, *_findings(whole.names, prior.towards, weight, how, share)),
     )
 

@@ -36,7 +36,7 @@ from armid.estimation.fit_result import Fit
 from armid.estimation.friction_per_recording import separate_by_recording
 from armid.estimation.least_squares import Solution, solve
 from armid.estimation.problem import EstimationProblem
-from armid.estimation.uncertainty.covariance import scale_covariance
+from armid.estimation.uncertainty.scale_covariance import scale_covariance
 from armid.information.base_regressor_layout import column_source
 from armid.information.information import Information, JointFactors, stack, total
 from armid.information.weighted_rows import Batch, WeightedRows, weighted_information

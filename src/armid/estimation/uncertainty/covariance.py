@@ -35,17 +35,23 @@ from armid.estimation.uncertainty.covariance_choice_thresholds import (
     FEWEST_BLOCKS,
     FEWEST_PERIODS,
     FEWEST_ROWS,
-    MAX_NEIGHBOUR_CORRELATION,
     MAX_REPEATED,
-    MIN_MERGED_BLOCKS,
     RATE_TOLERANCE,
     SHIFT_SHARE,
     WHITENESS_LEVEL,
 )
 from armid.estimation.uncertainty.cross_products_by_frequency import BandProducts, band_products, find_periods
-from armid.estimation.uncertainty.jackknife import RepetitionBlocks, correlation, group_blocks, jackknife, periods
+from armid.estimation.uncertainty.jackknife import RepetitionBlocks, block_covariance, jackknife, periods
 from armid.estimation.uncertainty.noise_spectrum import MAX_SIZE, LevelScatter, NoiseModel
 from armid.estimation.uncertainty.reversal_sensitivity import shift_by_reversals
+from armid.estimation.uncertainty.scale_covariance import scale_covariance
+from armid.estimation.uncertainty.systematic.regressor_noise import noise_finding, regressor_noise_bias
+from armid.estimation.uncertainty.systematic.systematic_error_effect import (
+    ErrorEffect,
+    effect_of_errors,
+    error_findings,
+)
+from armid.estimation.uncertainty.systematic.systematic_errors import OUTLIER, error_kinds, error_products
 from armid.estimation.uncertainty.whiteness import whiteness
 from armid.information.hysteresis_states import with_hysteresis_states
 from armid.information.information import Information, stack, total
@@ -60,15 +66,16 @@ direction, the direction then gets a very large variance, and there is no divisi
 
 
 @one_blas_thread
-def estimate_covariance(fit: Fit, source: EstimationProblem | Information) -> Fit:
+def estimate_covariance(fit: Fit, source: EstimationProblem | Information, *, systematic_errors: bool = True) -> Fit:
     """Estimates the covariance of a fit so that intervals have the correct coverage, and states the reason.
 
     Args:
         fit: Fit of an estimator.
         source: The problem, whose samples are processed again; or only information, with separate blocks.
+        systematic_errors: False to leave systematic errors out, as textbooks do; for comparisons only.
     """
     problem = source if isinstance(source, EstimationProblem) else EstimationProblem(source)
-    return Uncertainty(fit, problem).with_covariance()
+    return Uncertainty(fit, problem).with_covariance(systematic_errors=systematic_errors)
 
 
 def choose_covariance_kind(white: float, free: int | None, repeated: float) -> tuple[str, str]:
@@ -111,6 +118,7 @@ class Uncertainty:
         moved: Shift of the estimate by rows near velocity reversals, multiplied by the share that counts as one
             standard deviation, shape (b,).
         observed: Mask of the parameters on which the rows depend, shape (b,).
+        errors: Effect of systematic errors of measurement and friction; empty if there are no samples.
     """
 
     def __init__(self, fit: Fit, problem: EstimationProblem, information: Information | None = None) -> None:
@@ -134,15 +142,24 @@ class Uncertainty:
         self.known_covariance = self.known_covariance + fit.prior_correlation * (
             self.inverse @ self.prior @ self.inverse
         )
-        own = None if fit.standard is None else fit.standard.lift
-        # An estimate on the boundary of the cone differs from the analytic centre.
-        self.border_covariance: Array = np.zeros((b, b)) if own is None else np.outer(own.base_shift, own.base_shift)
+        if fit.prior_excess is not None:
+            change = self.inverse @ self.prior
+            self.known_covariance = self.known_covariance + change @ fit.prior_excess @ change.T
         self.moved: Array = np.zeros(b)  # by reversals
         self.observed: NDArray[np.bool_] = np.ones(b, dtype=np.bool_)
+        self.errors = ErrorEffect(covariance=np.zeros((b, b)), attenuation=np.zeros(b))
 
-    def with_covariance(self) -> Fit:
-        """Fit with its covariance, of the kind that samples and motion allow."""
+    @property
+    def border_covariance(self) -> Array:
+        """Covariance by the distance between an estimate on the boundary of the cone and the analytic centre."""
+        own = None if self.fit.standard is None else self.fit.standard.lift
+        return np.zeros_like(self.inverse) if own is None else np.outer(own.base_shift, own.base_shift)
+
+    def with_covariance(self, *, systematic_errors: bool = True) -> Fit:
+        """Fit with its covariance, of the kind that samples and motion allow, with systematic errors or without."""
         motions = self._motions()
+        if systematic_errors:
+            self.errors = self._systematic_errors()
         spectrum, obstacle = self._spectrum()
         if spectrum is None:
             return self._from_factors(motions, obstacle)
@@ -255,7 +272,8 @@ class Uncertainty:
         The covariance is the sum of `scatter`, caused by the noise of the data, and `known_covariance`, which is not
         estimated from residuals; `freedom` are the degrees of freedom of `scatter`.
         """
-        known_covariance = known_covariance + np.outer(self.moved, self.moved)
+        known_covariance = known_covariance + np.outer(self.moved, self.moved) + self.errors.covariance
+        known_covariance = known_covariance + np.outer(self.errors.attenuation, self.errors.attenuation)
         certain = known_covariance + self.border_covariance
         estimated, certain_part = np.diag(scatter), np.diag(certain)
         # A covariance of known size has infinite degrees of freedom [Satterthwaite1946].
@@ -264,7 +282,32 @@ class Uncertainty:
         standard = fit.standard
         if standard is not None and standard.lift is not None:
             standard = replace(stated(standard, scatter, known_covariance, each), lift=None)
-        return replace(fit, covariance=scatter + certain, freedom=each * share**2, standard=standard)
+        findings = fit.findings
+        if self.errors.kinds and self.problem.model is not None:
+            findings = (*findings, *error_findings(self.errors, scatter, fit.names, self.problem.model.robot))
+            findings = (*findings, *noise_finding(self.errors.attenuation, scatter, fit.names))
+        return replace(
+            fit, covariance=scatter + certain, freedom=each * share**2, standard=standard, findings=findings
+        )
+
+    def _systematic_errors(self) -> ErrorEffect:
+        """Effect of systematic errors on the estimate; empty if there are no samples of the same rows."""
+        problem = self.problem
+        if problem.base is None or problem.model is None or problem.observations is None:
+            return self.errors
+        if not _samples_match(self.problem, self.whole.rows[0]):
+            return self.errors
+        values = np.broadcast_to(self.joint_values(), (self.whole.n, self.problem.information.count))
+        kinds = error_kinds(self.problem, values)
+        if not kinds:
+            return self.errors
+        attenuation = self.errors.attenuation
+        if self.column_maps() is None:
+            attenuation = regressor_noise_bias(problem, self.fit.values, self.fit.weights, self.inverse)
+        # Rows that a robust method gives less weight, such as those in contact, say nothing about systematic errors.
+        largest = np.inf if self.fit.information is None else OUTLIER
+        products = error_products(problem, kinds, values, self.fit.weights, self.column_maps(), largest)
+        return replace(effect_of_errors(products, self.inverse, self.prior), attenuation=attenuation)
 
     def _spectrum(self) -> tuple[_Spectrum | None, str]:
         """Noise spectrum of the samples, and an empty text; or `None`, and the reason why it cannot be estimated."""
@@ -331,38 +374,6 @@ class _Spectrum:
     repeated: float
 
 
-def block_covariance(
-    information: Information, values: Array, weights: Array, inverse: Array
-) -> tuple[Array, float] | None:
-    """Jackknife covariance (b, b) over blocks, and its degrees of freedom.
-
-    Correlated neighbouring blocks are merged first.
-
-    Args:
-        information: Factors of each block, in the order of time.
-        values: Estimate, shape (b,).
-        weights: Weight of each joint's rows, shape (n,).
-        inverse: Inverse H⁻¹ of the weighted normal matrix, prior included, shape (b, b).
-
-    Returns:
-        Covariance and degrees of freedom; `None` if there are too few blocks with rows in use.
-    """
-    per_group = 1
-    groups = group_blocks(information)
-    count = int(groups.max()) + 1
-    if count < FEWEST_BLOCKS:
-        return None
-    while (
-        count // 2 >= MIN_MERGED_BLOCKS
-        and correlation(information, groups, values, weights, inverse) > MAX_NEIGHBOUR_CORRELATION
-    ):
-        per_group *= 2
-        groups = group_blocks(information, per_group)
-        count = int(groups.max()) + 1
-    one = np.zeros(count, dtype=np.int64)
-    return jackknife(information, groups, one, values, weights, inverse), count - 1.0
-
-
 def _samples_match(problem: EstimationProblem, rows: NDArray[np.int64]) -> bool:
     """True if samples and information have the same rows and parameters."""
     model, base, observations = problem.require_samples("cover")
@@ -380,18 +391,3 @@ def _repeated(bands: BandProducts, scatter: LevelScatter, rows: Array, weights: 
     whole = scatter.noise**2 * np.maximum(rows, 1)  # differences between periods and what is left of their mean
     of_mean = np.maximum(whole - squares, 0.0) / np.maximum(folded, 1.0)
     return float(np.sum(weights**2 * of_mean) / np.sum(weights**2 * squares / free))
-
-
-def scale_covariance(whole: Information, weights: Array, inverse: Array) -> Array:
-    """Covariance (b, b) from uncertain scales of the joints' torques, such as drive gains.
-
-    If the torque of joint j is wrong by a factor 1 + δ_j, the estimate changes by δ_j H⁻¹ w_j² R_jᵀ ρ_j, with the
-    normal matrix H, and weight w_j, factor R_j and right-hand side ρ_j of the joint. The δ_j are independent.
-    """
-    covariance = np.zeros_like(inverse)
-    for j in np.flatnonzero(whole.scale_deviation):
-        only = np.where(np.arange(whole.n) == j, weights, 0.0)
-        A, y = stack(whole, only)
-        change = inverse @ (A.T @ y)
-        covariance += whole.scale_deviation[j] ** 2 * np.outer(change, change)
-    return covariance

@@ -21,7 +21,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armid.checked_array import Array
-from armid.estimation.uncertainty.covariance_choice_thresholds import SAME_PRODUCTS
+from armid.estimation.uncertainty.covariance_choice_thresholds import (
+    FEWEST_BLOCKS,
+    MAX_NEIGHBOUR_CORRELATION,
+    MIN_MERGED_BLOCKS,
+    SAME_PRODUCTS,
+)
 from armid.information.information import Information
 from armid.measurement.observations import ObservedRun
 
@@ -239,3 +244,35 @@ def block_products(
             normal[k, own[:, None], own] += products[into == k].sum(axis=0)
             gradient[k, own] += gradients[into == k].sum(axis=0)
     return normal, gradient
+
+
+def block_covariance(
+    information: Information, values: Array, weights: Array, inverse: Array
+) -> tuple[Array, float] | None:
+    """Jackknife covariance (b, b) over blocks, and its degrees of freedom.
+
+    Correlated neighbouring blocks are merged first.
+
+    Args:
+        information: Factors of each block, in the order of time.
+        values: Estimate, shape (b,).
+        weights: Weight of each joint's rows, shape (n,).
+        inverse: Inverse H⁻¹ of the weighted normal matrix, prior included, shape (b, b).
+
+    Returns:
+        Covariance and degrees of freedom; `None` if there are too few blocks with rows in use.
+    """
+    per_group = 1
+    groups = group_blocks(information)
+    count = int(groups.max()) + 1
+    if count < FEWEST_BLOCKS:
+        return None
+    while (
+        count // 2 >= MIN_MERGED_BLOCKS
+        and correlation(information, groups, values, weights, inverse) > MAX_NEIGHBOUR_CORRELATION
+    ):
+        per_group *= 2
+        groups = group_blocks(information, per_group)
+        count = int(groups.max()) + 1
+    one = np.zeros(count, dtype=np.int64)
+    return jackknife(information, groups, one, values, weights, inverse), count - 1.0

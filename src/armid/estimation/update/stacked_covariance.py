@@ -128,9 +128,9 @@ class JointCovariance(Uncertainty):
         self.moved = remaining.reach * remaining.moved
         self.observed = np.any([np.any(each, axis=0) for each in column_maps], axis=0)
 
-    def with_covariance(self) -> Fit:
-        """Fit with its covariance, of the kind that samples and motion allow."""
-        fit = super().with_covariance()
+    def with_covariance(self, *, systematic_errors: bool = True) -> Fit:
+        """Fit with its covariance, of the kind that samples and motion allow, with systematic errors or without."""
+        fit = super().with_covariance(systematic_errors=systematic_errors)
         why = f"{fit.report.why}; the earlier recordings are included with the covariance of their run"
         report = replace(fit.report, why=why)
         if not len(report.moved):  # only the kind `spectral` computes the shifts of both

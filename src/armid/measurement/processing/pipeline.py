@@ -13,6 +13,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from armid.checked_array import Array
 from armid.errors import Finding, RecordingError
 from armid.maths.signals.motion_cutoff import automatic_cutoff
 from armid.measurement.observations import Observations, ObservedRun
@@ -80,7 +81,19 @@ def process_recordings(
         )
         runs.extend(more)
         findings.extend((*recording.findings, *noticed))
-    return Observations(tuple(runs), processing.band), tuple(findings)
+    noise = np.max([differenced_noise(each, processing) for each in recordings], axis=0)
+    return Observations(tuple(runs), processing.band, noise), tuple(findings)
+
+
+def differenced_noise(recording: Recording, processing: ProcessingOptions) -> Array:
+    """Standard deviation of the noise of the positions, rounding included, shape (n,) [rad or m].
+
+    It is zero if accelerations are not differences of positions.
+    """
+    recorded = processing.derivatives in (None, "velocity") and recording.dq is not None
+    if recorded or _uses_given(recording, processing) or recording.consecutive is False or recording.time is None:
+        return np.zeros(recording.q.shape[1])
+    return position_noise(recording.q, recording.time)
 
 
 def process_recording(

@@ -11,7 +11,7 @@ import numpy as np
 from armid.errors import Finding
 from armid.measurement.observations import Observations
 from armid.measurement.processing.options import ProcessingOptions
-from armid.measurement.processing.pipeline import process_recording, resolve_options
+from armid.measurement.processing.pipeline import differenced_noise, process_recording, resolve_options
 from armid.measurement.recording import Recording
 from armid.robot import Robot
 from armid.study.config import RecordingChoice
@@ -58,14 +58,16 @@ def process_each(
             effort_limits=limits,
             index=next(number[choice.role]),
         )
-        processed.append(ProcessedRecording(choice, recording, Observations(runs, processing.band), findings))
+        observations = Observations(runs, processing.band, differenced_noise(recording, processing))
+        processed.append(ProcessedRecording(choice, recording, observations, findings))
     return tuple(processed)
 
 
 def joined_observations(processed: Sequence[ProcessedRecording]) -> Observations:
     """Observations of several recordings that were processed with the same options."""
     runs = tuple(run for each in processed for run in each.observations.runs)
-    return Observations(runs, processed[0].observations.band)
+    noise = np.max([each.observations.position_noise for each in processed], axis=0)
+    return Observations(runs, processed[0].observations.band, noise)
 
 
 def of_role(processed: Iterable[ProcessedRecording], role: str) -> tuple[ProcessedRecording, ...]:

@@ -9,6 +9,7 @@ import numpy as np
 
 from armid.checked_array import Array
 from armid.errors import Finding
+from armid.estimation.problem import default_zero_deviation
 from armid.measurement.convention_conversion import to_robot_convention
 from armid.measurement.readers import load_recording
 from armid.measurement.recording import Recording
@@ -84,3 +85,19 @@ def scale_deviation(choices: Sequence[RecordingChoice], robot: Robot) -> Array:
     given = [choice.reading.drive_gain_deviation for choice in choices]
     deviations = [np.broadcast_to(np.asarray(each, dtype=np.float64), robot.n) for each in given if each is not None]
     return np.max([np.zeros(robot.n), *deviations], axis=0)
+
+
+def position_zero_deviation(choices: Sequence[RecordingChoice], robot: Robot) -> Array:
+    """Standard deviation of the zero error of each joint's positions: the largest value of all recordings.
+
+    Args:
+        choices: Recordings with their log formats.
+        robot: The arm.
+
+    Returns:
+        Standard deviations, shape (n,) [rad or m]. A recording that does not state them has the default.
+    """
+    given = [choice.reading.position_zero_deviation for choice in choices]
+    default = default_zero_deviation(robot)
+    each = [default if value is None else np.asarray(value, dtype=np.float64) for value in given]
+    return np.max([np.broadcast_to(value, robot.n) for value in each] or [default], axis=0)

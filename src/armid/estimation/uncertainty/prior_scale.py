@@ -1,0 +1,85 @@
+"""Scale of a prior of the links, held against its own misfit.
+
+The weight of a prior is chosen by its error on held-out motion, or given. It says how close the links are to the
+description, but with one number for all links. A strong prior may predict well although single links are further away
+than it says, so intervals must not rely on it. The least-squares parameters π̂ of whitened rows R, with noise of
+variance c in each row, differ from the mean π₀ of the prior by
+
+    R (π̂ - π₀) ~ N(0, c I + R (Σ_l s_l B_l + F) Rᵀ),
+
+with the covariances B_l of mass, centre of mass and inertia of each link, and F of all other parameters. The scales
+s_l are estimated by maximum likelihood [Harville1977] with a weak prior, and they are never below one: a prior may be
+wider than it says, not narrower.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from armid.checked_array import Array
+from armid.estimation.problem import StandardParameters
+from armid.maths.linalg import half_of, root_of
+
+PASSES = 40
+"""Number of steps of the fixed-point iteration; each halves the error in the logarithm of a scale at least."""
+
+PARTS = (slice(0, 1), slice(1, 4), slice(4, 10))
+"""Mass, first moments and second moments among the ten parameters of a link."""
+
+FREEDOM = 1.0
+"""Weight of the prior of each scale, in squared parameters: a scale of which the data see one parameter moves
+half of the way."""
+
+LARGEST = 1e6
+"""Largest scale: a link may be a thousand standard deviations from the description."""
+
+
+def link_covariances(precision: Array, standard: StandardParameters) -> Array:
+    """Covariances (3 · links, p, p) of the p standard parameters by the prior, in three parts for each link.
+
+    The parts are those of a triangular factor of the link's covariance in the order of its parameters: the mass, with
+    all that changes with it; the centre of mass at a given mass; and the inertia at a given mass and centre.
+
+    Args:
+        precision: Precision of the prior, without correlations between links, shape (p, p).
+        standard: Standard parameters.
+    """
+    result = np.zeros((len(standard.inertial), len(PARTS), *precision.shape))
+    for own, parts in zip(standard.inertial, result, strict=True):
+        half = half_of(precision[np.ix_(own, own)])
+        upper: Any = np.linalg.qr(half.T, mode="r")
+        root = upper.T  # lower triangular, with the same covariance root rootᵀ
+        for part, covariance in zip(PARTS, parts, strict=True):
+            covariance[np.ix_(own, own)] = root[:, part] @ root[:, part].T
+    return result.reshape(-1, *precision.shape)
+
+
+def prior_scales(
+    rows: Array, difference: Array, links: Array, others: Array, correlation: float, *, expected: float = 1.0
+) -> Array:
+    """Factors by which parts of the covariance are larger than the prior says, shape (parts,), at least 1.
+
+    Args:
+        rows: Whitened rows, shape (k, b).
+        difference: Least-squares parameters minus mean of the prior, shape (b,).
+        links: Parts of the covariance of the base parameters by the prior of the links, shape (parts, b, b).
+        others: Covariance of the base parameters by the prior of all other parameters, shape (b, b).
+        correlation: Variance of the noise of a whitened row: rows that count as one independent sample.
+        expected: Scale that is expected before the misfit is seen.
+    """
+    misfit = rows @ difference
+    halves = [rows @ root_of(link) for link in links]
+    spreads = [half @ half.T for half in halves]
+    noise = correlation * np.eye(len(rows)) + rows @ others @ rows.T
+    scales = np.full(len(links), max(expected, 1.0))
+    for _ in range(PASSES):
+        whole = noise + sum((s * spread for s, spread in zip(scales, spreads, strict=True)), np.zeros_like(noise))
+        inverse = np.linalg.inv(whole)
+        pulled = inverse @ misfit
+        found = np.array([pulled @ spread @ pulled for spread in spreads])
+        by_chance = np.array([np.sum(inverse * spread) for spread in spreads])
+        scales = scales * np.sqrt((found + FREEDOM * expected / scales**2) / (by_chance + FREEDOM / scales))
+        scales = np.clip(scales, 1.0, LARGEST)
+    return scales

@@ -1,0 +1,1 @@
+"""Systematic errors of measurement and friction, and their effect on an estimate."""
