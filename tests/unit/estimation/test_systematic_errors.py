@@ -9,16 +9,19 @@ import pytest
 
 from armid.checked_array import Array
 from armid.estimation.fit_result import Fit
-from armid.estimation.problem import build_problem
+from armid.estimation.problem import ZERO_ANGLE, build_problem
 from armid.estimation.run_estimator import estimate
 from armid.estimation.uncertainty.covariance import estimate_covariance
 from armid.estimation.uncertainty.prior_scale import prior_scales
 from armid.estimation.uncertainty.systematic.regressor_noise import SHARE, regressor_noise_bias
 from armid.excitation.fourier import Excitation
+from armid.measurement.log_format import LogFormat
 from armid.measurement.observations import Observations
 from armid.measurement.processing.options import ProcessingOptions
 from armid.measurement.processing.pipeline import differenced_noise, process_recordings
 from armid.measurement.recording import Recording
+from armid.study.config import RecordingChoice
+from armid.study.recordings.reading import position_zero_deviation
 from noisy import RATE, WLS, arm
 
 SECONDS = 20.0
@@ -30,6 +33,9 @@ LATE = 0.5 / RATE
 
 RUNS = 30
 """Recordings of a coverage; with seven parameters each a share is then known to about 3 %."""
+
+
+ZEROS = LogFormat(position_zero_deviation=[2e-4, 3e-3])
 
 
 def plan(slow: float = 1.0) -> Excitation:
@@ -105,6 +111,13 @@ def test_intervals_hold_with_zero_errors_of_the_stated_size():
     given = [recorded(seed, zero=deviation * rng.normal(size=2), noise=0.02) for seed in range(RUNS)]
     assert share_inside([textbook(each) for each in given]) < 0.8
     assert share_inside([identified(each, zero_deviation=deviation) for each in given]) >= 0.9
+
+
+def test_recordings_state_how_far_zeros_may_be_off():
+    robot = arm()[0].robot
+    stated, silent = (RecordingChoice("a.csv", reading=reading) for reading in (ZEROS, LogFormat()))
+    np.testing.assert_array_equal(position_zero_deviation([stated], robot), [2e-4, 3e-3])
+    np.testing.assert_array_equal(position_zero_deviation([stated, silent], robot), [ZERO_ANGLE, 3e-3])
 
 
 def test_the_bias_by_noise_of_the_positions_is_predicted_and_reported():

@@ -60,6 +60,7 @@ def test_saving_and_loading_gives_the_same_reading(tmp_path):
         ({"drive_gain": [5.0, 0.0]}, "drive_gain"),
         ({"drive_gain_deviation": 0.1}, "without `drive_gain`"),
         ({"drive_gain": [1.0], "drive_gain_deviation": -0.1}, "drive_gain_deviation"),
+        ({"position_zero_deviation": -0.001}, "position_zero_deviation"),
         ({"transmission": [[1.0, 2.0]]}, "must be a square matrix"),
         ({"transmission": [[1.0, 2.0], [2.0, 4.0]]}, "singular"),
         ({"drive_gain": [1.0, 2.0], "torque_sign": [1, 1, 1]}, "torque_sign has 3, drive_gain has 2"),
