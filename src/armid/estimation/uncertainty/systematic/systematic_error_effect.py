@@ -2,8 +2,8 @@
 
 What is known about m errors e before the data are seen is their standard deviation. The residuals give a second
 source: with S and F the sensitivity of the estimate and the information of the residuals about e
-(`armid.estimation.uncertainty.systematic.systematic_errors`), the errors have the mean ê and the covariance C. The estimate is
-not corrected, so its error is S e; the intervals contain
+(`armid.estimation.uncertainty.systematic.systematic_errors`), the errors have the mean ê and the covariance C. The
+estimate is not corrected, so its error is S e; the intervals contain
 
     S C Sᵀ + ρ² (S ê)(S ê)ᵀ.
 
