@@ -10,7 +10,7 @@ import pytest
 
 from armid.checked_array import Array
 from armid.errors import EstimationError
-from armid.estimation.crossvalidation import held_out_squares
+from armid.estimation.crossvalidation import folds, held_out_squares
 from armid.estimation.estimators import Ridge
 from armid.estimation.friction import selection as module
 from armid.estimation.friction.body_prior import predicts_as_well
@@ -22,7 +22,12 @@ from armid.estimation.friction.candidates import (
     describe,
     terms_of,
 )
-from armid.estimation.friction.forward_selection import HeldOutTrial, SelectedCandidate, SelectionPath
+from armid.estimation.friction.forward_selection import (
+    HeldOutTrial,
+    SelectedCandidate,
+    SelectionPath,
+    select_forward,
+)
 from armid.estimation.friction.heldout_gains import GainPrior, make_folds
 from armid.estimation.friction.selection import choose_friction
 from armid.estimation.friction.shape_fit import refine_shapes
@@ -161,6 +166,28 @@ def test_the_better_estimator_of_bodies_is_found():
     true, heavy = Ridge("zero", weight=1e-4), Ridge("zero", weight=1e9)
     assert predicts_as_well(problem, true, heavy) and predicts_as_well(problem, true, true)
     assert not predicts_as_well(problem, heavy, true)
+
+
+@pytest.mark.parametrize("true_width", [None, 0.03])
+def test_no_width_of_hysteresis_stays_without_gain(true_width: float | None):
+    """Not even the widest, which is never removed for itself; the true width stays, and few others."""
+    model = arm()
+    truth = model if true_width is None else DynamicsModel(model.robot, (*model.terms, Hysteresis((true_width,))))
+    observations, base = recorded(truth), find_base_parameters(model)
+    widths = tuple(Candidate("hysteresis", width) for width in (0.003, 0.01, 0.03, 0.1))
+    wide = candidate_model(model, base, [frozenset(widths)] * 3)
+    information = accumulate_information(wide.model, wide.base, observations)
+    b = information.count
+    segments = make_folds(information, folds(information, 8), np.ones(3), GainPrior(np.zeros(b), np.zeros((b, b))))
+    taken = tuple(SelectedCandidate("hysteresis", j, widths, 0.003) for j in range(3))
+    trials = tuple(HeldOutTrial(each.joint, each.family, each.candidates, 0.1, 0.1, True) for each in taken)
+    start = SelectionPath(taken, np.arange(b), np.zeros(b), trials)
+    path = select_forward(segments, segments, wide, [frozenset(widths)] * 3, (), start)
+    shapes = [{candidate.shape for candidate in own} for own in path.chosen(3)]
+    if true_width is None:
+        assert shapes == [set[float]()] * 3
+    else:
+        assert all(true_width in own and len(own) <= 2 for own in shapes)
 
 
 def test_a_velocity_law_that_the_speeds_do_not_show_whole_is_no_candidate():
