@@ -49,6 +49,7 @@ from armid.study.config import (
     AUTOMATIC_METHOD,
     EstimationChoice,
     ModelChoice,
+    Study,
     build_estimator,
     build_model,
     load_choice,
@@ -76,9 +77,9 @@ class Arm:
     observations: Observations
 
 
-def load(name: str) -> Arm:
+def load(name: str, study: Study | None = None) -> Arm:
     """An arm by its study, every recording whole."""
-    study = load_study(STUDIES / f"{name}.toml")
+    study = study or load_study(STUDIES / f"{name}.toml")
     robot = load_choice(study.robot, study.folder)
     choices = {choice.path: replace(choice, part=(0.0, 1.0)) for choice in study.recordings}.values()
     read = [(choice, read_choice(choice, study.folder, robot)[0]) for choice in choices]

@@ -35,7 +35,7 @@ from armid.estimation.problem import build_problem
 from armid.estimation.whitened_system import WhitenedSystem, whiten
 from armid.information.accumulate import accumulate_information
 from armid.information.information import Information, select
-from armid.measurement.observations import Observations
+from armid.measurement.observations import Observations, ObservedRun
 from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics_model import DynamicsModel
 from armid.model.terms import TERMS, Coulomb, Hysteresis, Offset, RigidBody, Ripple, Stribeck, Viscous
@@ -105,6 +105,28 @@ def test_a_segment_and_its_neighbours_do_not_train():
     np.testing.assert_allclose(
         segments.errors(kept, none)[1], held_out_squares(select(information, fold == 1), values), rtol=1e-5
     )
+
+
+def test_what_does_not_repeat_on_another_recording_is_not_selected():
+    """A ripple in the longer of two recordings: its own blocks confirm it, the other recording does not."""
+    model = arm()
+    truth = DynamicsModel(model.robot, (*model.terms, Ripple((3.0,), joints=(model.robot.joint_names[1],))))
+    theta = np.random.default_rng(1).uniform(0.2, 1.0, len(truth.parameters))
+    theta[truth.inertial_columns] = random_inertial(np.random.default_rng(2), model.n).ravel()
+
+    def run(recording: int, ripple: float) -> ObservedRun:
+        rng = np.random.default_rng(5 + recording)
+        motion = lively_motion(rng, model.n, RATE, (42.0, 6.0)[recording])
+        values = theta.copy()
+        values[[parameter.kind == Ripple.name for parameter in truth.parameters]] = ripple
+        torque = truth.torque(motion, values) + 0.1 * rng.normal(size=motion.q.shape)
+        return replace(one_run(motion, torque, RATE, step=2, block_rows=25), recording=recording)
+
+    def has_ripple(*runs: ObservedRun) -> bool:
+        return any(isinstance(term, Ripple) for term in choose_friction(model, raw(*runs)).added)
+
+    assert has_ripple(run(0, 0.5)) and has_ripple(run(0, 0.5), run(1, 0.5))
+    assert not has_ripple(run(0, 0.5), run(1, 0.0))
 
 
 def test_joints_with_the_same_shapes_share_a_term():
