@@ -49,6 +49,7 @@ from armid.study.config import (
     AUTOMATIC_METHOD,
     EstimationChoice,
     ModelChoice,
+    Study,
     build_estimator,
     build_model,
     load_choice,
@@ -76,9 +77,9 @@ class Arm:
     observations: Observations
 
 
-def load(name: str) -> Arm:
+def load(name: str, study: Study | None = None) -> Arm:
     """An arm by its study, every recording whole."""
-    study = load_study(STUDIES / f"{name}.toml")
+    study = study or load_study(STUDIES / f"{name}.toml")
     robot = load_choice(study.robot, study.folder)
     choices = {choice.path: replace(choice, part=(0.0, 1.0)) for choice in study.recordings}.values()
     read = [(choice, read_choice(choice, study.folder, robot)[0]) for choice in choices]
@@ -167,6 +168,8 @@ def measure(arm: Arm, count: int, *, verbose: bool = False) -> dict[str, Any]:
     """Squared unseen error of each way, joint by joint, over all that was left out in turn."""
     squares = {way: np.zeros(arm.model.n) for way in WAYS}
     seconds = 0.0
+    each: list[Array] = []
+    laws: list[list[int]] = []
     for training, unseen in left_out(arm, count):
         at = time.process_time()
         ladder = choose_friction(arm.model, training)
@@ -188,15 +191,33 @@ def measure(arm: Arm, count: int, *, verbose: bool = False) -> dict[str, Any]:
                 own[way] += np.sum(parts[way][k].residual ** 2 * mask, axis=0)
         for way in WAYS:
             squares[way] += own[way]
+        each.append(np.sqrt(own["auto"] / own["plain"]))
+        laws.append(laws_of_joints(ladder))
         if verbose:
-            print("   ", np.round(np.sqrt(own["auto"] / own["plain"]), 2), *ladder.added, flush=True)
+            print(
+                "    auto ",
+                np.round(each[-1], 2),
+                " prior",
+                np.round(np.sqrt(own["prior"] / own["plain"]), 2),
+                end=" ",
+            )
+            print(f"{ladder.method}, laws", laws[-1], *ladder.added, flush=True)
     return {
         "arm": arm.name,
         "left_out": f"{count} blocks" if count else "recordings",
         **{way: _ratios(squares[way] / squares["plain"]) for way in WAYS[1:]},
         "auto over rotor": _ratios(squares["auto"] / squares["rotor"]),
+        "worst": {"joints": np.max(each, axis=0).tolist(), "largest": float(np.max(each))},
+        "laws": {"median": float(np.median(laws)), "largest": int(np.max(laws))},
         "ladder_seconds": seconds,
     }
+
+
+def laws_of_joints(selection: FrictionSelection) -> list[int]:
+    """Number of laws that were chosen for each joint, beside those of the model from which the choice started."""
+    robot = selection.model.robot
+    joints = [law.joint for term in selection.added for law in term.laws(robot)]
+    return np.bincount(joints, minlength=selection.model.n).tolist()
 
 
 def _ratios(squares: Array) -> dict[str, Any]:
@@ -210,7 +231,11 @@ def line(row: dict[str, Any]) -> str:
         f"{way}: {' '.join(f'{x:.2f}' for x in row[way]['joints'])} ({row[way]['mean']:.2f})"
         for way in ("auto", "auto over rotor", "prior", "rotor")
     ]
-    return f"{row['arm']:<20}{row['left_out']:<11}{'   '.join(parts)}   {row['ladder_seconds']:.0f} s"
+    worst = f"worst: {' '.join(f'{x:.2f}' for x in row['worst']['joints'])}"
+    laws = f"laws: median {row['laws']['median']:g}, at most {row['laws']['largest']}"
+    return (
+        f"{row['arm']:<20}{row['left_out']:<11}{'   '.join(parts)}   {worst}   {laws}   {row['ladder_seconds']:.0f} s"
+    )
 
 
 def main() -> int:

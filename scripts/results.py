@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from armid import Study, identify, load_study
-from armid.study.config import EstimationChoice
+from armid.study.config import AUTOMATIC_METHOD, EstimationChoice
 from armid.study.identify import Result
 
 ROOT = Path(__file__).parents[1]
@@ -32,6 +32,8 @@ Coulomb friction (tanh of the velocity divided by 0.02 rad/s) and offset. The st
   the same motion.
 - *relative RMS* is the RMS error divided by the standard deviation of the measured torque.
 - *coverage* is the share of validation rows inside the 95 % prediction interval.
+- *rows used* is the share of validation rows that count. Where selected friction has hysteresis, its state is unknown
+  at the beginning and after rests; these rows count for no model, so all errors of a joint are of the same rows.
 - *friction chosen* is the error on the same motion with `terms = "auto"` and no method named: friction is selected
   for each joint, and the bodies have a prior towards the description. *Consistent bodies* adds `method = "physical"`
   with `prior = "log-det"`: the links are physically consistent.
@@ -48,8 +50,8 @@ plain least squares are far below zero there, so they represent another effect t
 def chosen(study: Study) -> Study:
     """The study with friction chosen joint by joint; a coupling between joints is the arm's, so it stays."""
     own = study.model.terms if "coupling" in study.model.terms else ()
-    plain = EstimationChoice("ridge", study.estimation.friction_per_recording)
-    return replace(study, model=replace(study.model, terms=own, automatic=True), estimation=plain)
+    suitable = EstimationChoice(AUTOMATIC_METHOD, study.estimation.friction_per_recording)
+    return replace(study, model=replace(study.model, terms=own, automatic=True), estimation=suitable)
 
 
 def possible(study: Study) -> Study:
@@ -58,14 +60,29 @@ def possible(study: Study) -> Study:
     return replace(chosen(study), estimation=bodies)
 
 
+def on_common_rows(results: list[Result]) -> tuple[list[np.ndarray], np.ndarray]:
+    """RMS error of each result on the validation rows that count for all of them, and the share of these rows."""
+    parts = [
+        [part for choice, each in zip(result.study.recordings, result.predictions, strict=True) for part in each.runs
+         if choice.role == "validate"]
+        for result in results
+    ]  # fmt: skip
+    masks = [np.concatenate([part.mask for part in own]) for own in parts]
+    common = np.logical_and.reduce(masks)
+    squares = [np.sum(np.concatenate([part.residual for part in own]) ** 2 * common, axis=0) for own in parts]
+    return [np.sqrt(each / common.sum(axis=0)) for each in squares], common.sum(axis=0) / masks[0].sum(axis=0)
+
+
 def table(result: Result, others: dict[str, Result]) -> list[str]:
     """Lines of one arm's section."""
     (score,) = result.validation.recordings
     fit = result.estimate.fit
+    (own, *errors), used = on_common_rows([result, *others.values()])
     rows: list[tuple[str, np.ndarray, str]] = [
         ("train", fit.residual_rms, "{:.3f}"),
-        ("**validation**", score.rms, "**{:.3f}**"),
-        *((f"validation, {name}", other.validation.recordings[0].rms, "{:.3f}") for name, other in others.items()),
+        ("**validation**", own, "**{:.3f}**"),
+        *((f"validation, {name}", error, "{:.3f}") for name, error in zip(others, errors, strict=True)),
+        ("validation, rows used", 100 * used, "{:.0f} %"),
         ("validation, raw torque", score.rms_raw, "{:.3f}"),
         ("validation, relative RMS", 100 * score.relative, "{:.0f} %"),
         ("validation, coverage", 100 * score.coverage95, "{:.0f} %"),
@@ -90,9 +107,10 @@ def short_row(name: str, result: Result, others: dict[str, Result]) -> str:
     """One arm's row of the README's table: root of the sum of squares over joints; † where the verdict fails."""
     (score,) = result.validation.recordings
     prior = "-" if score.prior_rms is None else f"{np.linalg.norm(score.prior_rms):.2f}"
+    results = [result, *others.values()]
     errors = [
-        f"{np.linalg.norm(each.validation.recordings[0].rms):.2f}{'' if each.validation.verdict == 'pass' else ' †'}"
-        for each in (result, *others.values())
+        f"{np.linalg.norm(error):.2f}{'' if each.validation.verdict == 'pass' else ' †'}"
+        for each, error in zip(results, on_common_rows(results)[0], strict=True)
     ]
     return f"| {name} | {np.linalg.norm(result.estimate.fit.residual_rms):.2f} | {' | '.join(errors)} | {prior} |"
 

@@ -193,7 +193,8 @@ def validation_table(
     for name, _ in error_columns:
         table.add_column(name, justify="right")
     judged = held_out or tuple(training)
-    for name in ("CAD/\nURDF", "relative\nRMS", "peak", "cover-\nage"):
+    shares = _partly_used(judged)
+    for name in ("CAD/\nURDF", "relative\nRMS", "peak", "cover-\nage", *(("rows\nused",) if shares else ())):
         table.add_column(name, justify="right")
     description_rms = [score.prior_rms for score in judged if score.prior_rms is not None]
     for j, joint in enumerate(validation.joints):
@@ -205,6 +206,7 @@ def validation_table(
             _number(100 * _largest([score.relative[j] for score in judged]), 1, " %"),
             _number(_largest([score.peak[j] for score in judged])),
             _number(-100 * _largest([-score.coverage95[j] for score in judged]), 0, " %"),
+            *((_number(-100 * _largest([-share[j] for share in shares]), 0, " %"),) if shares else ()),
         )
     table.caption = _legend(training, held_out, before)
     table.caption_justify = "left"
@@ -232,7 +234,18 @@ def _legend(training: Sequence[Score], held_out: Sequence[Score], before: Sequen
         "standard deviation of the measured torque), peak (largest error) and coverage (share of rows inside the "
         f"95 % prediction interval) are of {recordings}{aggregate}"
     )
+    if _partly_used(judged):
+        parts.append(
+            "rows used: share of the rows in which the state of hysteresis is known; all errors are of these rows, "
+            "and can be compared with those of another run only on its same rows"
+        )
     return "; ".join(parts)
+
+
+def _partly_used(scores: Sequence[Score]) -> list[Array]:
+    """Share of the rows of each recording that count, for each joint; empty if all rows of all recordings count."""
+    shares = [score.share for score in scores if score.share is not None]
+    return shares if any((share < 1.0).any() for share in shares) else []
 
 
 def _root_mean_square(errors: Sequence[Array]) -> Array:

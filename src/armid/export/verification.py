@@ -19,7 +19,7 @@ from armid.model.dynamics_model import DynamicsModel
 from armid.robot.angle_rounding import rounded
 from armid.robot.robot import Robot
 from armid.runs.run import Run
-from armid.study.recordings.processed import process_each
+from armid.study.recordings.processed import judged_without_memory, process_each
 from armid.validation.torque_validation import Check, JointCheck
 
 STATES = 50
@@ -236,7 +236,9 @@ def _predictions(run: Run, robot: Robot, theta: Array, unseen: Unseen) -> tuple[
     predictions: list[Prediction] = []
     checks: list[Check] = []
     for choice, recording in unseen.recordings:
-        (processed,) = process_each([(choice, recording)], run.processing, run.robot)
+        (processed,) = judged_without_memory(
+            process_each([(choice, recording)], run.processing, run.robot), run.model
+        )
         observations, band = processed.observations, processed.observations.band
         both = [
             (compare(run.model, estimated, o, band), compare(model, from_file, o, band)) for o in observations.runs

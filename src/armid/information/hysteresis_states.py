@@ -50,6 +50,24 @@ def with_hysteresis_states(model: DynamicsModel, run: ObservedRun, band: Band) -
     return replace(run, motion=motion, mask=mask)
 
 
+def with_sliding_states(model: DynamicsModel, run: ObservedRun) -> ObservedRun:
+    """Adds the hysteresis states of a joint that has moved in its present direction for long enough that all slip.
+
+    Separate samples do not show the earlier motion. In motion, most samples are far from a reversal, so the torque of
+    hysteresis is then that of Coulomb friction. Without velocity it is zero.
+
+    Args:
+        model: Arm and torque terms with hysteresis.
+        run: Samples that need not be consecutive.
+    """
+    q, dq = run.motion.q, run.motion.dq
+    states = np.zeros((run.motion.samples, len(model.nodes)))
+    for k, node in enumerate(model.nodes):
+        position, velocity = (sum(weight * x[:, j] for j, weight in node.coordinate) for x in (q, dq))
+        states[:, k] = position - node.memory.width * np.sign(velocity)
+    return replace(run, motion=run.motion.with_memory(states))
+
+
 def without_creep(observations: Observations) -> Observations:
     """Observations without the rows of a joint that rests while others move; rests of all joints stay in use."""
     runs: list[ObservedRun] = []

@@ -27,7 +27,12 @@ from armid.robot.robot import Robot
 from armid.runs.run import Run, failed_checks
 from armid.study.config import RecordingChoice
 from armid.study.diagnosis import findings_of_each, merged
-from armid.study.recordings.processed import ProcessedRecording, joined_observations, process_each
+from armid.study.recordings.processed import (
+    ProcessedRecording,
+    joined_observations,
+    judged_without_memory,
+    process_each,
+)
 from armid.study.recordings.reading import read_choice, scale_deviation
 
 ReadRecording = tuple[RecordingChoice, Recording]
@@ -112,7 +117,7 @@ def load_new_recordings(
         samples.information,
         samples,
         processed,
-        process_each(unseen, run.processing, run.robot),
+        judged_without_memory(process_each(unseen, run.processing, run.robot), run.model),
         (*new_recording_findings(run), *told, *of_processing),
     )
 

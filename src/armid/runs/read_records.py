@@ -124,6 +124,7 @@ def _validation(record: Mapping[str, Any]) -> Validation:
             _numbers(each["coverage95"]),
             None if each["prior_rms"] is None else _numbers(each["prior_rms"]),
             _numbers(each.get("offset", ())),
+            None if each.get("share") is None else _numbers(each["share"]),
         )
         for each in record["recordings"]
     )
@@ -187,7 +188,8 @@ def _methods(record: Mapping[str, Any]) -> MethodTable:
         )
         for each in record["methods"]
     )
-    return MethodTable(tuple(record["joints"]), record["unseen"], scores, record["seconds"])
+    share = None if record.get("share") is None else _numbers(record["share"])
+    return MethodTable(tuple(record["joints"]), record["unseen"], scores, record["seconds"], share)
 
 
 def _number(value: float | None) -> float:

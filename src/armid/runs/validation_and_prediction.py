@@ -25,7 +25,7 @@ from armid.runs.run import Run
 from armid.study.config import RecordingChoice
 from armid.study.plans.plan_reading import motion_of_plan
 from armid.study.plausibility import contradicted
-from armid.study.recordings.processed import process_each
+from armid.study.recordings.processed import judged_without_memory, process_each
 from armid.study.recordings.reading import read_choice
 from armid.study.score_recordings import score_recordings
 from armid.validation.prediction_interval import torque_band
@@ -61,7 +61,8 @@ def validate_run(
                 remedy="give a recording that was not used for training.",
             )
         recordings.append((choice, recording))
-    scores, found = score_recordings(run.model, run.estimate, process_each(recordings, run.processing, run.robot))
+    processed = judged_without_memory(process_each(recordings, run.processing, run.robot), run.model)
+    scores, found = score_recordings(run.model, run.estimate, processed)
     told = check_new_recordings(run, recordings, read_findings)
     return contradicted(validate(run.robot.joint_names, scores, run.estimate), told), (*told, *found)
 

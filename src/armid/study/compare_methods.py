@@ -86,17 +86,24 @@ class MethodTable:
         unseen: Held-out motion: `validation` recordings, `cross-validation` on the training recordings, or `none`.
         scores: Scores of each method.
         seconds: Computing time of the comparison, without the estimate of the run [s].
+        share: Share of the rows of the validation recordings that count for each joint, the same rows for all
+            methods, shape (n,); `None` without validation recordings.
     """
 
     joints: tuple[str, ...]
     unseen: str
     scores: tuple[MethodScore, ...]
     seconds: float
+    share: Array | None = None
 
     @property
     def note(self) -> str:
         """Description of the held-out motion."""
-        return NOTES[self.unseen]
+        used = 1.0 if self.share is None else float(np.nanmin(self.share))
+        rows = (
+            "" if used == 1.0 else f", the same {100.0 * used:.0f} % of their rows or more for each joint and method"
+        )
+        return NOTES[self.unseen] + rows
 
 
 def compare_methods(
@@ -115,12 +122,13 @@ def compare_methods(
     began = time.perf_counter()
     problem = stated_problem(prepared)
     held_out = of_role(prepared.recordings, "validate")
+    share = None
     if held_out:
         observations = joined_observations(held_out)
-        kind, unseen = (
-            "validation",
-            _on_recordings(prepared, total(accumulate_information(prepared.model, prepared.base, observations))),
-        )
+        validation = total(accumulate_information(prepared.model, prepared.base, observations))
+        given = np.sum([run.mask.sum(axis=0) for run in observations.runs], axis=0)
+        share = np.where(given > 0, validation.rows[0] / np.maximum(given, 1), np.nan)
+        kind, unseen = "validation", _on_recordings(prepared, validation)
     elif prepared.friction_selection is not None and prepared.friction_selection.evidence:
         kind, unseen = "none", _no_error  # terms, load and prior depend on all training data already
     else:
@@ -130,7 +138,8 @@ def compare_methods(
         if progress is not None:
             progress("comparison", k / len(names))
         scores.append(_score(prepared, problem, name, unseen))
-    return MethodTable(prepared.model.robot.joint_names, kind, tuple(scores), time.perf_counter() - began)
+    seconds = time.perf_counter() - began
+    return MethodTable(prepared.model.robot.joint_names, kind, tuple(scores), seconds, share)
 
 
 def compare_record(table: MethodTable) -> dict[str, Any]:
@@ -138,6 +147,7 @@ def compare_record(table: MethodTable) -> dict[str, Any]:
     return {
         "joints": table.joints,
         "unseen": table.unseen,
+        "share": table.share,
         "methods": [
             {
                 "name": each.method,

@@ -30,7 +30,13 @@ from armid.study.default_rotor_inertia import add_rotor_inertia
 from armid.study.diagnosis import findings_of_each, merged
 from armid.study.progress import Progress, no_progress
 from armid.study.recordings.agreement import disagreement_findings
-from armid.study.recordings.processed import ProcessedRecording, joined_observations, of_role, process_each
+from armid.study.recordings.processed import (
+    ProcessedRecording,
+    joined_observations,
+    judged_without_memory,
+    of_role,
+    process_each,
+)
 from armid.study.recordings.reading import position_zero_deviation, read_all, scale_deviation
 from armid.study.selection_prior_options import as_chosen, chosen_finding
 from armid.threads import one_blas_thread
@@ -105,6 +111,7 @@ def prepare(
     findings += merged(study.recordings, told)
     understood_as = tuple(replace(c, reading=understood(r, c.reading)) for c, r in recordings)
     study = replace(study, model=resolve_model(model), processing=processing, recordings=understood_as)
+    processed = judged_without_memory(processed, model)
     base = find_base_parameters(model)
     problem = build_problem(
         model,

@@ -64,9 +64,11 @@ class Score:
         peak: Largest absolute error in the band [N·m or N].
         coverage95: Share of rows inside the 95 % prediction interval.
         prior_rms: RMS error of the torque in the band with the inertial parameters of the description and without
-            friction; `None` if the description has no inertial parameters.
+            friction, on the same rows; `None` if the description has no inertial parameters.
         offset: Mean error of the torque in the band: a constant that this recording adds to the predicted torque, for
             instance because a sensor was zeroed again [N·m or N]; empty in records of earlier versions.
+        share: Share of the rows of the recording that count: those in which the hysteresis states are known. 1
+            without hysteresis; `None` if it was not stored with the run.
     """
 
     path: str
@@ -78,9 +80,10 @@ class Score:
     coverage95: Array
     prior_rms: Array | None
     offset: Array = field(default_factory=lambda: np.zeros(0))
+    share: Array | None = None
 
     def __post_init__(self) -> None:
-        for name in ("rms", "rms_raw", "spread", "peak", "coverage95", "prior_rms", "offset"):
+        for name in ("rms", "rms_raw", "spread", "peak", "coverage95", "prior_rms", "offset", "share"):
             value = getattr(self, name)
             if value is not None:
                 object.__setattr__(self, name, array(value, (None,), name, finite=False))
@@ -182,7 +185,8 @@ def score(
     prior_rms = None
     if prior is not None:
         nominal = _together([compare(model, prior, run, observations.band) for run in observations.runs])
-        prior_rms = _rms(np.where(nominal.mask, nominal.residual, np.nan))
+        prior_rms = _rms(np.where(found.mask, nominal.residual, np.nan))
+    rows = np.sum([run.mask.sum(axis=0) for run in observations.runs], axis=0)
     return Score(
         path,
         sha256,
@@ -193,6 +197,7 @@ def score(
         _coverage(prediction, residual),
         prior_rms,
         _of_known(np.mean, residual),
+        np.where(rows > 0, found.mask.sum(axis=0) / np.maximum(rows, 1), np.nan),
     )
 
 

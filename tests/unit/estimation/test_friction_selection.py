@@ -10,7 +10,7 @@ import pytest
 
 from armid.checked_array import Array
 from armid.errors import EstimationError
-from armid.estimation.crossvalidation import held_out_squares
+from armid.estimation.crossvalidation import folds, held_out_squares
 from armid.estimation.estimators import Ridge
 from armid.estimation.friction import selection as module
 from armid.estimation.friction.body_prior import predicts_as_well
@@ -22,7 +22,12 @@ from armid.estimation.friction.candidates import (
     describe,
     terms_of,
 )
-from armid.estimation.friction.forward_selection import HeldOutTrial, SelectedCandidate, SelectionPath
+from armid.estimation.friction.forward_selection import (
+    HeldOutTrial,
+    SelectedCandidate,
+    SelectionPath,
+    select_forward,
+)
 from armid.estimation.friction.heldout_gains import GainPrior, make_folds
 from armid.estimation.friction.selection import choose_friction
 from armid.estimation.friction.shape_fit import refine_shapes
@@ -30,7 +35,7 @@ from armid.estimation.problem import build_problem
 from armid.estimation.whitened_system import WhitenedSystem, whiten
 from armid.information.accumulate import accumulate_information
 from armid.information.information import Information, select
-from armid.measurement.observations import Observations
+from armid.measurement.observations import Observations, ObservedRun
 from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics_model import DynamicsModel
 from armid.model.terms import TERMS, Coulomb, Hysteresis, Offset, RigidBody, Ripple, Stribeck, Viscous
@@ -102,6 +107,28 @@ def test_a_segment_and_its_neighbours_do_not_train():
     )
 
 
+def test_what_does_not_repeat_on_another_recording_is_not_selected():
+    """A ripple in the longer of two recordings: its own blocks confirm it, the other recording does not."""
+    model = arm()
+    truth = DynamicsModel(model.robot, (*model.terms, Ripple((3.0,), joints=(model.robot.joint_names[1],))))
+    theta = np.random.default_rng(1).uniform(0.2, 1.0, len(truth.parameters))
+    theta[truth.inertial_columns] = random_inertial(np.random.default_rng(2), model.n).ravel()
+
+    def run(recording: int, ripple: float) -> ObservedRun:
+        rng = np.random.default_rng(5 + recording)
+        motion = lively_motion(rng, model.n, RATE, (42.0, 6.0)[recording])
+        values = theta.copy()
+        values[[parameter.kind == Ripple.name for parameter in truth.parameters]] = ripple
+        torque = truth.torque(motion, values) + 0.1 * rng.normal(size=motion.q.shape)
+        return replace(one_run(motion, torque, RATE, step=2, block_rows=25), recording=recording)
+
+    def has_ripple(*runs: ObservedRun) -> bool:
+        return any(isinstance(term, Ripple) for term in choose_friction(model, raw(*runs)).added)
+
+    assert has_ripple(run(0, 0.5)) and has_ripple(run(0, 0.5), run(1, 0.5))
+    assert not has_ripple(run(0, 0.5), run(1, 0.0))
+
+
 def test_joints_with_the_same_shapes_share_a_term():
     model = arm()
     wave, effect = Candidate("ripple", 3.0), Candidate("stribeck", 0.1)
@@ -161,6 +188,28 @@ def test_the_better_estimator_of_bodies_is_found():
     true, heavy = Ridge("zero", weight=1e-4), Ridge("zero", weight=1e9)
     assert predicts_as_well(problem, true, heavy) and predicts_as_well(problem, true, true)
     assert not predicts_as_well(problem, heavy, true)
+
+
+@pytest.mark.parametrize("true_width", [None, 0.03])
+def test_no_width_of_hysteresis_stays_without_gain(true_width: float | None):
+    """Not even the widest, which is never removed for itself; the true width stays, and few others."""
+    model = arm()
+    truth = model if true_width is None else DynamicsModel(model.robot, (*model.terms, Hysteresis((true_width,))))
+    observations, base = recorded(truth), find_base_parameters(model)
+    widths = tuple(Candidate("hysteresis", width) for width in (0.003, 0.01, 0.03, 0.1))
+    wide = candidate_model(model, base, [frozenset(widths)] * 3)
+    information = accumulate_information(wide.model, wide.base, observations)
+    b = information.count
+    segments = make_folds(information, folds(information, 8), np.ones(3), GainPrior(np.zeros(b), np.zeros((b, b))))
+    taken = tuple(SelectedCandidate("hysteresis", j, widths, 0.003) for j in range(3))
+    trials = tuple(HeldOutTrial(each.joint, each.family, each.candidates, 0.1, 0.1, True) for each in taken)
+    start = SelectionPath(taken, np.arange(b), np.zeros(b), trials)
+    path = select_forward(segments, segments, wide, [frozenset(widths)] * 3, (), start)
+    shapes = [{candidate.shape for candidate in own} for own in path.chosen(3)]
+    if true_width is None:
+        assert shapes == [set[float]()] * 3
+    else:
+        assert all(true_width in own and len(own) <= 2 for own in shapes)
 
 
 def test_a_velocity_law_that_the_speeds_do_not_show_whole_is_no_candidate():

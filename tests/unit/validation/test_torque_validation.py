@@ -16,11 +16,12 @@ from armid.estimation.fit_result import Fit
 from armid.estimation.friction_per_recording import separate_by_recording
 from armid.estimation.problem import EstimationProblem
 from armid.information.accumulate import accumulate_information
+from armid.information.hysteresis_states import with_hysteresis_states
 from armid.information.residuals import compare
 from armid.measurement.low_pass_band import Band
 from armid.measurement.observations import Observations, ObservedRun
 from armid.model.base_parameters import BaseParameters, find_base_parameters
-from armid.model.terms import RigidBody
+from armid.model.terms import Hysteresis, RigidBody
 from armid.study.storage.records import to_json, validation_record
 from armid.validation import prediction_interval, torque_validation
 from armid.validation.torque_validation import Score, score, validate
@@ -86,6 +87,22 @@ def test_errors_are_those_of_the_torque_on_rows_that_count():
     np.testing.assert_allclose(found.relative, found.rms / found.spread)
     np.testing.assert_array_equal(found.rms_raw, found.rms)  # nothing is filtered
     assert (found.path, found.sha256) == ("p", "s")
+
+
+def test_the_description_is_judged_on_the_rows_in_which_hysteresis_is_known():
+    """And the share of these rows is told."""
+    run, width = run_of(2), 0.1
+    model = replace(small_model(), terms=(*small_model().terms, Hysteresis((width,))))
+    torque = run.torque.copy()
+    torque[:5] = 1e3  # before any state is known
+    base = find_base_parameters(model)
+    information = accumulate_information(model, base, raw(run))
+    estimate = Estimate("small", "ols", (), base, OrdinaryLeastSquares().solve(EstimationProblem(information)))
+    found = score(model, estimate, raw(replace(run, torque=torque)))
+    known = with_hysteresis_states(model, run, Band()).mask
+    assert not known[:5].any() and found.share is not None and found.prior_rms is not None
+    np.testing.assert_allclose(found.share, known.mean(axis=0))
+    assert (found.prior_rms < 50.0).all()
 
 
 def test_several_runs_count_by_their_rows():

@@ -17,7 +17,7 @@ from armid.runs.locate_recording import read_recording_of
 from armid.runs.read_records import RunRecords, read_records, trained_and_validated
 from armid.runs.run import Run
 from armid.study.config import Study
-from armid.study.recordings.processed import ProcessedRecording, process_each
+from armid.study.recordings.processed import ProcessedRecording, judged_without_memory, process_each
 from armid.validation.torque_validation import PredictedRecording, Score, Validation
 
 MAX_DRAWN = 3
@@ -125,7 +125,8 @@ def with_recordings(
     for choice, sha256 in trained_and_validated(run, records.study) if recordings is None else ():
         try:
             read = choice, read_recording_of(run, choice, sha256, records.study.folder, data)
-            processed += [evaluate_recording(run, each) for each in process_each([read], run.processing, run.robot)]
+            each = judged_without_memory(process_each([read], run.processing, run.robot), run.model)
+            processed += [evaluate_recording(run, recording) for recording in each]
         except ArmidError as error:
             missing.append(error.problem)
     processed += [evaluate_recording(run, *each) for each in recordings or ()]

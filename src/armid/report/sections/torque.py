@@ -63,6 +63,7 @@ def _table(page_data: PageData) -> Table:
         Column("relative RMS", "%"),
         Column("largest error", unit),
         Column("inside 95 % interval", "%"),
+        Column("rows used", "%"),
     )
     training = page_data.run.estimate.fit.residual_rms
     held_out = page_data.validation_rms()
@@ -70,6 +71,7 @@ def _table(page_data: PageData) -> Table:
     raw, prior, peak = column(lambda s: s.rms_raw), column(lambda s: s.prior_rms), column(lambda s: s.peak)
     relative, coverage = column(lambda s: s.relative), column(lambda s: s.coverage95)
     own, left_out = column(lambda s: s.rms_with_own_offset), page_data.validation.left_out
+    used = column(lambda s: s.share)
     rows = [
         (
             TableCell(label_of(page_data.joints, j), kind="name"),
@@ -79,6 +81,7 @@ def _table(page_data: PageData) -> Table:
             TableCell(fixed(100.0 * relative[j], 1), float(100.0 * relative[j])),
             TableCell(short(peak[j]), float(peak[j])),
             _coverage(float(coverage[j])),
+            TableCell(fixed(100.0 * used[j], 0), float(100.0 * used[j])),
         )
         for j in range(len(page_data.joints))
     ]
@@ -88,7 +91,8 @@ def _table(page_data: PageData) -> Table:
         "Expected on another: 90 % interval of the RMS error that the training data let expect on another recording "
         "with such a motion. CAD/URDF model: inertial parameters of the "
         "description, without friction. Relative RMS: RMS error divided by the standard deviation of the measured "
-        "torque. ▼ marks intervals that contain far fewer rows than 95 %."
+        "torque. Rows used: in the others, the state of hysteresis is unknown. ▼ marks intervals that contain far "
+        "fewer rows than 95 %."
     )
     return Table("torque", "Torque error of each joint", columns, rows, note)
 

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import count
 
 import numpy as np
 
 from armid.errors import Finding
+from armid.information.hysteresis_states import with_sliding_states
 from armid.measurement.observations import Observations
 from armid.measurement.processing.options import ProcessingOptions
 from armid.measurement.processing.pipeline import differenced_noise, process_recording, resolve_options
 from armid.measurement.recording import Recording
+from armid.model.dynamics_model import DynamicsModel
 from armid.robot import Robot
 from armid.study.config import RecordingChoice
 
@@ -61,6 +63,40 @@ def process_each(
         observations = Observations(runs, processing.band, differenced_noise(recording, processing))
         processed.append(ProcessedRecording(choice, recording, observations, findings))
     return tuple(processed)
+
+
+def judged_without_memory(
+    processed: Iterable[ProcessedRecording], model: DynamicsModel
+) -> tuple[ProcessedRecording, ...]:
+    """Recordings with which a model can be judged: validation recordings whose rows are not consecutive may be used.
+
+    Hysteresis on such rows is taken as Coulomb friction, and a finding says so. Training recordings do not change.
+
+    Args:
+        processed: Recordings.
+        model: Arm and torque terms.
+    """
+    return tuple(each if each.choice.role == "train" else _without_memory(each, model) for each in processed)
+
+
+def _without_memory(processed: ProcessedRecording, model: DynamicsModel) -> ProcessedRecording:
+    runs = processed.observations.runs
+    separate = [run for run in runs if not run.consecutive]
+    if not model.nodes or not separate:
+        return processed
+    finding = Finding(
+        "judged-without-memory",
+        "warning",
+        "",
+        f"The {sum(len(run.rows) for run in separate)} rows of {processed.choice.path} are not consecutive, so the "
+        f"state of {model.nodes[0].term!r} is unknown. The torque is predicted as if every joint had moved in its "
+        "present direction for long enough. Near reversals this is wrong, and the error is larger than that of the "
+        "model.",
+        "validate on a recording with consecutive rows.",
+    )
+    runs = tuple(run if run.consecutive else with_sliding_states(model, run) for run in runs)
+    observations = replace(processed.observations, runs=runs)
+    return replace(processed, observations=observations, findings=(*processed.findings, finding))
 
 
 def joined_observations(processed: Sequence[ProcessedRecording]) -> Observations:

@@ -238,6 +238,7 @@ def validation_record(validation: Validation) -> dict[str, Any]:
                 "prior_rms": each.prior_rms,
                 "offset": each.offset,
                 "rms_with_own_offset": each.rms_with_own_offset,
+                "share": each.share,
             }
             for each in validation.recordings
         ],
