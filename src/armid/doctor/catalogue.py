@@ -9,7 +9,9 @@ CHECKS: Catalogue[LogCheck] = Catalogue(
     {
         "reading-findings": "armid.doctor.checks.signals.reading_findings:CHECK",
         "clock": "armid.doctor.checks.signals.clock:CHECK",
+        "rows-not-consecutive": "armid.doctor.checks.signals.rows_not_consecutive:CHECK",
         "channel-dead": "armid.doctor.checks.signals.channel_dead:CHECK",
+        "channel-coarse": "armid.doctor.checks.signals.channel_coarse:CHECK",
         "saturation": "armid.doctor.checks.signals.saturation:CHECK",
         "filtered-before-logging": "armid.doctor.checks.signals.filtered_before_logging:CHECK",
         "velocity-mismatch": "armid.doctor.checks.signals.velocity_mismatch:CHECK",
@@ -25,11 +27,13 @@ CHECKS: Catalogue[LogCheck] = Catalogue(
         "channel-delay": "armid.doctor.checks.dynamics.channel_delay:CHECK",
         "joint-delay": "armid.doctor.checks.dynamics.joint_delay:CHECK",
         "position-offset": "armid.doctor.checks.dynamics.position_offset:CHECK",
+        "cross-talk": "armid.doctor.checks.residuals.cross_talk:CHECK",
         "torque-gain": "armid.doctor.checks.dynamics.torque_gain:CHECK",
         "description-does-not-match": "armid.doctor.checks.dynamics.description_does_not_match:CHECK",
         "rotor-inertia-missing": "armid.doctor.checks.dynamics.rotor_inertia_missing:CHECK",
         "excitation-weak": "armid.doctor.checks.dynamics.excitation_weak:CHECK",
         "temperature-drift": "armid.doctor.checks.dynamics.temperature_drift:CHECK",
+        "unmodelled-torque": "armid.doctor.checks.residuals.unmodelled_torque:CHECK",
         "contact": "armid.doctor.checks.dynamics.contact:CHECK",
     }
 )

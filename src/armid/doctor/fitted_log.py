@@ -152,7 +152,7 @@ class LogState:
     def rigid_torque(self, theta: Array) -> Array:
         """Filtered torque of the links at the rows, shape (M, n) [N·m or N]."""
         bodies = self._bodies(theta)
-        return self._at_rows(lambda run: self._torque(bodies, run.motion, run.motion.q))
+        return self.at_rows(lambda run: self._torque(bodies, run.motion, run.motion.q))
 
     def rigid_slopes(self, theta: Array, step: float) -> Array:
         """Filtered derivative of the torque of the links by each position at the rows, shape (n, M, n) [N·m/rad].
@@ -168,7 +168,7 @@ class LogState:
             moved = [self._torque(bodies, m, m.q + e) - self._torque(bodies, m, m.q - e) for e in moves]
             return np.stack(moved, axis=1) / (2.0 * step)
 
-        return np.moveaxis(self._at_rows(slopes), 1, 0)
+        return np.moveaxis(self.at_rows(slopes), 1, 0)
 
     def torque_slope(self) -> Array:
         """Time derivative of the filtered torque at the rows, shape (M, n) [N·m/s]."""
@@ -186,7 +186,7 @@ class LogState:
         """Torque of the links (N, n) with the velocities of a motion at other positions q (N, n)."""
         return kernel.inverse_dynamics(self.model.tree, bodies, q, motion.dq, motion.ddq)
 
-    def _at_rows(self, compute: Callable[[ObservedRun], Array]) -> Array:
+    def at_rows(self, compute: Callable[[ObservedRun], Array]) -> Array:
         """Filters the values (N, ...) that a function computes for each run and takes their rows (M, ...)."""
         parts: list[Array] = []
         for run in self.log.runs:

@@ -9,6 +9,7 @@ from dataclasses import replace
 from typing import Any
 
 from armid.measurement.log_format import LogFormat
+from armid.model.catalogue import TERMS
 from armid.remedy import NOTE, Assignment, Remedy
 from armid.study.config import EstimationChoice, ModelChoice, RobotChoice, Study
 from armid.toml_writing import to_toml, toml_line
@@ -19,7 +20,8 @@ TABLES: Mapping[str, type] = {
     "recording": LogFormat,
     "estimation": EstimationChoice,
 }
-"""Classes whose fields are the keys of the tables of a study; keys of no class belong to `[processing]`."""
+"""Classes whose fields are the keys of the tables of a study. The options of a torque term, whose key is the name
+of the term, belong to `[model]`; other keys belong to `[processing]`."""
 
 TABLE_KEYS = tuple(field.name for field in dataclasses.fields(LogFormat))
 """Keys of a `[[recording]]` table that describe the log format."""
@@ -43,6 +45,7 @@ def _by_table(keys: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
     tables: dict[str, dict[str, Any]] = {}
     for key, value in keys.items():
         owners = [name for name, kind in TABLES.items() if key in {f.name for f in dataclasses.fields(kind)}]
+        owners += ["model"] if key in TERMS else []
         tables.setdefault(owners[0] if owners else "processing", {})[key] = value
     return tables
 
@@ -61,6 +64,10 @@ def applied(study: Study, path: str, remedy: str) -> Study:
         replace(each, reading=replace(each.reading, **how)) if each.path == path else each
         for each in study.recordings
     )
+    shapes = {key: value for key, value in tables.get("model", {}).items() if key in TERMS}
+    if shapes:
+        plain = {key: value for key, value in tables["model"].items() if key not in TERMS}
+        tables["model"] = {**plain, "shapes": {**study.model.shapes, **shapes}}
     others = {name: replace(getattr(study, name), **keys) for name, keys in tables.items()}
     return replace(study, recordings=recordings, **others)
 

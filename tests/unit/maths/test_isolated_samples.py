@@ -89,3 +89,14 @@ def test_a_step_next_to_an_end_is_no_spike():
     x[0, 0] += 60.0
     assert not isolated_samples(x, STEP).any()
     assert heights(x[:, 1], 2, ends=True)[0][-1] > 50.0
+
+
+@pytest.mark.parametrize("share", [0.005, 0.01, 0.02])
+def test_outliers_in_a_share_of_the_samples_do_not_hide_each_other(share: float):
+    rng = np.random.default_rng(5)
+    time = np.arange(6000) / 1000.0
+    clean = np.sin(2.0 * time) + 0.001 * rng.standard_normal(len(time))
+    bad = np.zeros(len(time), dtype=np.bool_)
+    bad[rng.choice(np.arange(5, 5995, 8), round(share * len(time)), replace=False)] = True
+    found = isolated_samples(np.where(bad, 999.0, clean)[:, None], 1e-3)[:, 0]
+    assert found[bad].all() and not found[~bad].any()

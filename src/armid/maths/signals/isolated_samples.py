@@ -34,6 +34,11 @@ channel does not change are not counted, since otherwise the quantile would be z
 time. If motion is so smooth that the quantile is zero nevertheless, a quantile of the second differences is used
 instead."""
 
+OUTLYING, BULK = 10.0, 0.025
+"""Heights above this multiple of the range of the channel without its smallest and largest values (the share `BULK`
+of the samples each) do not count for the usual height. If one sample in a hundred is far off, the usual height would
+otherwise be the height of the outliers themselves."""
+
 BENT_QUANTILE = 1.0 - 3.0 * (1.0 - QUANTILE)
 """Quantile of the second differences that is used instead; an isolated sample changes three second differences."""
 
@@ -154,7 +159,11 @@ def _usual_height(x: Array, changes: NDArray[np.bool_]) -> float:
         changes: True for the steps that are not zero, shape (N - 1,); at least one.
     """
     beside = np.concatenate([changes[:1], changes[1:] | changes[:-1], changes[-1:]])
-    usual = float(np.quantile(heights(x, 1)[0][beside], QUANTILE))
+    single = heights(x, 1)[0][beside]
+    low, high = np.quantile(x, (BULK, 1.0 - BULK))
+    if high > low:
+        single = single[single <= OUTLYING * (high - low)]
+    usual = float(np.quantile(single, QUANTILE)) if len(single) else 0.0
     if usual == 0.0:
         bent = np.abs(np.diff(x, 2))[beside[1:-1]]
         usual = float(np.quantile(bent, BENT_QUANTILE)) if len(bent) else 0.0

@@ -170,7 +170,8 @@ def _remedy(directions: Sequence[Array]) -> Remedy:
 
 def _unexplained(state: LogState) -> float:
     """Largest ratio of RMS residual to RMS torque of a joint, if each joint is fitted with separate parameters."""
-    size = [np.sqrt(np.mean(state.rows.torque[state.rows.mask[:, j], j] ** 2)) for j in range(state.rows.n)]
+    rows = state.rows
+    size = np.sqrt(np.sum((rows.torque * rows.mask) ** 2, axis=0) / np.maximum(rows.mask.sum(axis=0), 1))
     residual = [fit.sigma[0] for fit in state.joint_fits]
     return max((a / b for a, b in zip(residual, size, strict=True) if b > 0.0), default=0.0)
 

@@ -1,9 +1,9 @@
-"""Check for a delay of the positions of one joint.
+"""Check for a delay of the positions, or of the torque, of one joint.
 
-The delay is estimated from the torque of the other joints. This torque depends on the position of the joint through
-gravity, inertia and Coriolis terms, but not on the friction of the joint, whose stiction can look like a delay of
-many milliseconds. The positions of all other joints are assumed to have no delay. A delay can therefore also be found
-for a joint with a vertical axis, on which gravity causes no torque.
+The delay of positions is estimated from the torque of the other joints. This torque depends on the position of the
+joint through gravity, inertia and Coriolis terms, but not on the friction of the joint, whose stiction can look
+like a delay of many milliseconds. The positions of all other joints are assumed to have no delay. A delay can
+therefore also be found for a joint with a vertical axis, on which gravity causes no torque.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from armid.doctor.check_input import Explanation, LogEvidence
 from armid.doctor.fitted_log import LogState
 from armid.doctor.quick_fit import RIDGE, products, solve
 from armid.doctor.remedy_trial import try_remedy
+from armid.doctor.residuals import late_torque
 from armid.doctor.rows_away_from_reversals import away_from_reversals
 from armid.errors import Finding
 from armid.information.filtering import in_band
@@ -111,15 +112,21 @@ class DelayableLog:
 
 
 def check(evidence: LogEvidence) -> list[Finding]:
-    """Reports a joint whose positions are late or early, if the model fits better with the positions corrected."""
+    """Reports a joint whose positions or torque are late or early, if the model fits better with them corrected."""
     return evidence.explained(CODE)
 
 
 def explain(state: LogState) -> Explanation | None:
-    """Explains the misfit of the model by a delay of the positions of one joint.
+    """Explains the misfit of the model by a delay of the positions, or of the torque, of one joint.
 
     The result is `None` if no joint has such a delay.
     """
+    found = [each for each in (_late_positions(state), late_torque.explain(CODE, state)) if each is not None]
+    return max(found, key=lambda each: each.gain, default=None)
+
+
+def _late_positions(state: LogState) -> Explanation | None:
+    """Explains the misfit by a delay of the positions of one joint; `None` if no joint has such a delay."""
     if state.rows.n < 2 or state.log.band.is_open or not all(run.consecutive for run in state.log.runs):
         return None
     away = away_from_reversals(state)
@@ -311,7 +318,8 @@ CHECK = LogCheck(
     look=check,
     scope="recording",
     effects={
-        "joint-delay": "Torques of all joints are fitted at wrong poses, so inertias and first moments are biased.",
+        "joint-delay": "Torques are fitted at wrong poses, those of all joints if positions are late, so inertias "
+        "and first moments are biased.",
     },
     explain=explain,
     follows=("channel-dead", "velocity-mismatch"),

@@ -52,7 +52,7 @@ def check(evidence: LogEvidence) -> list[Finding]:
     joints, text, gain = shown
     if evidence.model is None:
         return [Finding(CODE, "info", ", ".join(joints), f"{text} {ADDED}")]
-    remedy = lines(table="model", terms=[*_term_names(evidence), "rotor-inertia"])
+    remedy = lines(table="model", terms=[*term_names(evidence), "rotor-inertia"])
     misses = evidence.known is not None and gain > MISSES
     return [Finding(CODE, "error" if misses else "warning", ", ".join(joints), text, remedy)]
 
@@ -78,7 +78,7 @@ def _rotors(state: LogState) -> tuple[list[str], str, float] | None:
     return [symbols[k].joint for k in shown], text, float(gain)
 
 
-def _term_names(evidence: LogEvidence) -> list[str]:
+def term_names(evidence: LogEvidence) -> list[str]:
     """Names of the torque terms of the study; the name `default` stands for the default terms."""
     terms = DEFAULT_TERMS if evidence.model is None else evidence.model.terms
     return ["default"] if terms == DEFAULT_TERMS else [term.name for term in terms]

@@ -31,6 +31,16 @@ LARGE = 4.0
 """Multiple of the described torque from which the effort is in another unit. On eight recorded arms, the loaded
 joints have 0.7 to 2.3 times the described torque; the median over the joints is 0.8 to 1.5 times."""
 
+BEYOND_LIMIT = 2.0
+"""Largest effort, relative to the effort limit of the description, from which the effort is in another unit, for a
+typical joint of a description without masses."""
+
+FIND_UNIT = "find out the unit of the torque, and give `drive_gain`, the newton metres in one unit of the log"
+
+LOWEST_OF_LIMIT = 1 / 500
+"""Largest effort, relative to the effort limit of the description, below which the effort is in another unit, for the
+joint with the largest ratio. On eight recorded arms this ratio is 0.08 to 0.6."""
+
 LOWEST_SCALE = 1 / 500
 """Share of the described torque below which the effort is in another unit than N·m, because gear ratios of joints are
 below 500."""
@@ -116,7 +126,7 @@ def explain(state: LogState) -> Explanation | None:
     """Explains the misfit by a wrong scale of the effort; `None` if the scale agrees with the description."""
     nominal = state.nominal
     if nominal is None:
-        return None
+        return _beyond_limits(state)
     known = (np.abs(nominal.correlation) > ALIKE) & (nominal.size > HEAVY * nominal.size.max())
     heavy = nominal.size > HEAVY * nominal.size.max()
     if known.sum() < MOST_OF * heavy.sum():
@@ -125,8 +135,41 @@ def explain(state: LogState) -> Explanation | None:
     if LOWEST_SCALE <= typical < SMALL:
         return _small_share(state, known, typical)
     if typical > LARGE or 0.0 < typical < SMALL:
-        return None if has_placeholder_masses(state) else _other_unit(state, known, typical)
+        return _beyond_limits(state) if has_placeholder_masses(state) else _other_unit(state, known, typical)
     return None
+
+
+def _beyond_limits(state: LogState) -> Explanation | None:
+    """Explains the misfit by a wrong unit if the effort does not fit the described limits; `None` if it fits.
+
+    It is used for descriptions without masses. Units are possible with which a typical joint neither exceeds its
+    limit nor stays far below it.
+    """
+    limits = np.array([joint.effort_limit for joint in state.model.robot.joints])
+    known = (limits > 0.0) & np.isfinite(limits) & state.rows.mask.any(axis=0)
+    if known.sum() < MOST_OF * len(limits):
+        return None
+    largest = np.array(
+        [np.abs(x[m]).max(initial=0.0) for x, m in zip(state.rows.torque.T, state.rows.mask.T, strict=True)]
+    )
+    shares = largest[known] / limits[known]
+    typical = float(median(shares))
+    if typical < BEYOND_LIMIT and shares.max() > LOWEST_OF_LIMIT:
+        return None
+    fitting = [unit for unit in UNITS if LOWEST_OF_LIMIT < typical / unit[0] < 1.0]
+    if not fitting:
+        return None
+    gains = np.full(state.rows.n, 1.0 / fitting[0][0])
+    return Explanation(
+        UNIT,
+        AFTER_DEGREES,
+        "error",
+        "effort",
+        f"The largest effort is {typical:.3g} times the effort limit of the description (median of the joints). It "
+        f"is probably in {' or '.join(name for _, name in fitting)}, unless the limits are wrong.",
+        lambda evidence: _gains(evidence, gains.tolist(), UNIT_NOTE) if len(fitting) == 1 else FIND_UNIT,
+        state.with_torque(gains),
+    )
 
 
 def _small_share(state: LogState, known: NDArray[np.bool_], typical: float) -> Explanation:

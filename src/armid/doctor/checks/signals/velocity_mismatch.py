@@ -15,7 +15,7 @@ from armid.maths.signals.derivatives import central_difference
 from armid.maths.signals.zero_phase_filters import edge_samples, low_pass, zero_phase
 from armid.measurement.processing.uniform_runs import cut_at_gaps, is_brief, resample_uniform
 from armid.measurement.recording import Recording
-from armid.measurement.remedy_builders import naming
+from armid.measurement.remedy_builders import lines, naming
 
 CUTOFF = 4.0
 """Cut-off of the low-pass filter that is applied to velocities and positions before they are compared [Hz]."""
@@ -31,6 +31,15 @@ SAMPLES = 1.2
 
 ALIKE, UNLIKE = 0.97, 0.9
 """Correlation from which two signals count as the same, and correlation below which they count as different."""
+
+FEWEST = 3
+"""Smallest number of moving joints whose velocities must have the same factor, so that the clock is wrong."""
+
+CLOCK_FACTOR = 5.0
+"""Largest factor, and inverse of the smallest factor, that is attributed to the clock."""
+
+VELOCITY_UNITS = (float(np.degrees(1.0)), 30.0 / np.pi, 0.5 / np.pi)
+"""Degrees per second, turns per minute and turns per second, in radians per second."""
 
 MOVING = 0.02
 """RMS speed below which a joint is not checked [rad/s]."""
@@ -48,7 +57,7 @@ def check(evidence: LogEvidence) -> list[Finding]:
     if not len(logged):
         return []
     findings: list[Finding] = []
-    late = np.zeros(recording.n)
+    late, scales = np.zeros(recording.n), np.full(recording.n, np.nan)
     moving = np.sqrt(np.mean(derived**2, axis=0)) > MOVING
     for j in np.flatnonzero(moving):
         A = np.column_stack([derived[:, j], slope[:, j]])
@@ -57,14 +66,43 @@ def check(evidence: LogEvidence) -> list[Finding]:
         size = float(np.linalg.norm(logged[:, j]))
         correlation = np.sqrt(max(0.0, 1.0 - (residual / size) ** 2)) if size > 0.0 else 0.0
         late[j] = -turn / scale if scale else 0.0
+        scales[j] = scale if correlation >= ALIKE else np.nan
         if correlation >= ALIKE and abs(scale - 1.0) < SCALE:
             continue
         findings.append(_of_joint(evidence, logged, derived, int(j), float(scale), float(correlation)))
+    if findings and (clock := _wrong_clock(evidence, scales[moving])) is not None:
+        return [clock]
     typical = float(median(late[moving])) if moving.any() else 0.0
     if not findings and abs(typical) > max(LATE, SAMPLES / rate):
         evidence_text = f"Velocities lag {1e3 * typical:.1f} ms ({typical * rate:.1f} samples) behind the positions."
         findings.append(Finding("velocity-mismatch", _severity(typical), "dq", evidence_text, _remedy(evidence)))
     return findings
+
+
+def _wrong_clock(evidence: LogEvidence, scales: Array) -> Finding | None:
+    """Finding about a clock that runs too fast or too slowly; `None` if the velocities do not agree on one factor.
+
+    Args:
+        evidence: The log.
+        scales: Ratio of logged to derived velocity of each joint that moves; NaN if they are not alike.
+    """
+    if len(scales) < FEWEST or np.isnan(scales).any():
+        return None
+    scale = float(median(scales))
+    units = any(abs(unit / scale - 1.0) < SCALE for unit in VELOCITY_UNITS)
+    if units or not 1.0 / CLOCK_FACTOR < scale < CLOCK_FACTOR or np.abs(scales / scale - 1.0).max() > SCALE:
+        return None
+    reading, known = evidence.reading, evidence.recording
+    note = "as positions and velocities imply; or, if the velocities have another unit, leave them out"
+    if known is not None and known.time is not None:
+        remedy = lines(note, time_unit=float(f"{reading.clock_unit / scale:.3g}"))
+    else:
+        remedy = lines(f"Hz, {note}", rate=float(f"{evidence.rate * scale:.3g}"))
+    text = (
+        f"The logged velocities of all {len(scales)} joints that move are {scale:.3f} times the derivatives of the "
+        f"positions. This is no unit of velocity, so the clock probably runs {1.0 / scale:.3g} times as fast as time."
+    )
+    return Finding("clock-rate", "error", "time", text, remedy)
 
 
 def _remedy(evidence: LogEvidence) -> str:
@@ -156,6 +194,7 @@ CHECK = LogCheck(
     },
     untested={
         "velocity-mismatch": "the test computes velocities from positions",
+        "clock-rate": "positions and velocities show the rate without a model",
     },
     needs_torque=False,
 )

@@ -1,0 +1,65 @@
+"""Check for channels with steps so coarse that rounding is a large part of the signal."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from armid.checked_array import Array
+from armid.doctor.check_definition import LogCheck
+from armid.doctor.check_input import LogEvidence
+from armid.errors import Finding
+from armid.maths.signals.isolated_samples import smallest_step
+
+CODE = "channel-coarse"
+
+COARSE_TORQUE = 0.08
+"""Smallest step of a torque, relative to its range, that is reported. On recorded arms it is at most 0.02."""
+
+COARSE_ANGLE, COARSE_LENGTH = 0.01, 0.005
+"""Smallest step of a position that is reported [rad and m]. Encoders of servos with 4096 counts have 0.0015 rad."""
+
+STILL = 0.5
+"""Smallest share of rows in which a coarse channel keeps its value. If a channel changes in nearly every row, its
+steps are those of the motion, at a low sample rate."""
+
+FEWEST = 100
+"""Smallest number of rows."""
+
+
+def check(evidence: LogEvidence) -> list[Finding]:
+    """Reports channels with coarse steps."""
+    recording = evidence.recording
+    if recording is None or recording.effort is None:
+        return []
+    findings: list[Finding] = []
+    for j, joint in enumerate(evidence.robot.joints):
+        rows = recording.valid[:, j]
+        q, effort = recording.q[rows, j], recording.effort[rows, j]
+        if len(effort) < FEWEST:
+            continue
+        step, size = _step(effort), float(np.ptp(effort))
+        if step > COARSE_TORQUE * size:
+            text = f"The torque has steps of {step:.3g} {joint.effort_unit}, {step / size:.0%} of its range."
+            findings.append(Finding(CODE, "warning", joint.name, text, "log the torque with more digits"))
+        step = _step(q)
+        if step > (COARSE_LENGTH if joint.is_prismatic else COARSE_ANGLE):
+            text = f"The position has steps of {step:.3g} {joint.unit}; its derivatives are those of the steps."
+            findings.append(Finding(CODE, "warning", joint.name, text, "log the position with more digits"))
+    return findings
+
+
+def _step(x: Array) -> float:
+    """Smallest step of a channel (N,) that keeps its value in most rows; 0 if it does not, or if it is constant."""
+    steps = np.abs(np.diff(x))
+    return smallest_step(steps) if len(steps) and np.mean(steps == 0.0) > STILL else 0.0
+
+
+CHECK = LogCheck(
+    look=check,
+    scope="recording",
+    effects={
+        CODE: "Rounding acts as noise that depends on the motion; intervals are too narrow, and derivatives of "
+        "coarse positions are useless.",
+    },
+    needs_torque=False,
+)

@@ -1,0 +1,111 @@
+"""Rows that do not follow each other, a clock that velocities contradict, coarse channels, units by the limits."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from armid.errors import Finding
+from armid.measurement.recording import Recording
+from armid.robot import Robot
+from armid.study.diagnosis import diagnose_recording
+from armid.study.remedy_translation import tables_of
+from healing import told_after
+from sick import Case, sound
+
+UR10E = 4
+"""Seed of a log of this arm."""
+
+RATE = 0.02
+"""Relative error of a unit of time that is taken from velocities."""
+
+
+def told(case: Case) -> list[Finding]:
+    return [f for f in diagnose_recording(case.robot, case.recording, case.reading) if f.severity != "info"]
+
+
+def rows_of(case: Case, rows: np.ndarray) -> Case:
+    """Some rows of a log, with time stamps as if they followed each other."""
+    log = case.recording
+    assert log.effort is not None and log.time is not None
+    step = float(np.median(np.diff(log.time)))
+    parts = {name: x[rows] for name in ("q", "dq", "ddq", "effort") if (x := getattr(log, name)) is not None}
+    few: Recording = replace(log, time=step * np.arange(len(rows)), valid=log.valid[rows], **parts)
+    return replace(case, recording=few)
+
+
+@pytest.mark.parametrize("velocities", [True, False])
+def test_a_cut_is_named_with_its_time(velocities: bool):
+    case = sound(UR10E)
+    if not velocities:
+        case = case.logged(dq=None)
+    count = case.recording.samples
+    cut = rows_of(case, np.concatenate([np.arange(count // 2), np.arange(count * 11 // 20, count)]))
+    found = [f for f in told(cut) if f.code == "rows-not-consecutive"]
+    assert [(f.severity, f.channel) for f in found] == [("error", "time")]
+    assert cut.recording.time is not None
+    at = float(re.findall(r"At t = ([\d.]+) s", found[0].evidence)[0])
+    assert abs(at - float(cut.recording.time[count // 2 - 1])) < 2e-3  # the last digit that is printed, and a step
+    (interval,) = tables_of(found[0].remedy)["recording"]["exclude"]
+    assert interval[0] < at < interval[1]
+
+
+def test_lost_rows_are_named():
+    case = sound(UR10E)
+    rng = np.random.default_rng(1)
+    lost = rows_of(case, np.flatnonzero(rng.random(case.recording.samples) > 0.05))
+    assert "rows-not-consecutive" in {f.code for f in told(lost)}
+    assert "rows-not-consecutive" not in {f.code for f in told(case)}
+
+
+@pytest.mark.parametrize("factor", [2.0, 0.5])
+def test_a_clock_that_all_velocities_contradict_is_named_and_the_remedy_heals(factor: float):
+    case = sound(UR10E)
+    assert case.recording.time is not None
+    if case.recording.dq is None:
+        case = case.logged(dq=case.motion.dq)
+    assert case.recording.time is not None
+    slow = replace(case, recording=replace(case.recording, time=factor * case.recording.time))
+    found = [f for f in told(slow) if f.code == "clock-rate"]
+    assert [(f.severity, f.channel) for f in found] == [("error", "time")]
+    unit = tables_of(found[0].remedy)["recording"]["time_unit"]
+    assert unit * factor == pytest.approx(1.0, rel=RATE)
+    assert not {"clock-rate", "velocity-mismatch"} & told_after(slow, found[0])
+
+
+def test_velocities_in_degrees_are_no_wrong_clock():
+    case = sound(UR10E)
+    case = case.logged(dq=np.degrees(case.motion.dq))
+    codes = {f.code for f in told(case)}
+    assert "velocity-mismatch" in codes and "clock-rate" not in codes
+
+
+def test_coarse_channels_are_named_and_others_are_not():
+    case = sound(UR10E)
+    assert case.recording.effort is not None
+    effort, q = case.recording.effort.copy(), case.recording.q.copy()
+    step = np.ptp(effort[:, 1]) / 5.0
+    effort[:, 1] = np.round(effort[:, 1] / step) * step
+    q[:, 2] = np.round(q[:, 2] / 0.05) * 0.05
+    found = [f for f in told(case.logged(effort=effort, q=q)) if f.code == "channel-coarse"]
+    names = case.robot.joint_names
+    assert {(f.channel, f.evidence.split()[1]) for f in found} == {(names[1], "torque"), (names[2], "position")}
+    fine = np.round(case.recording.q / 0.0015) * 0.0015  # encoders of 4096 counts
+    assert "channel-coarse" not in {f.code for f in told(case.logged(q=fine))}
+
+
+def without_masses(robot: Robot) -> Robot:
+    return replace(robot, links=tuple(replace(link, inertial=None) for link in robot.links))
+
+
+@pytest.mark.parametrize(("factor", "name"), [(1000.0, "mN·m"), (1e-4, "kN·m")])
+def test_units_are_seen_by_the_limits_where_masses_are_missing(factor: float, name: str):
+    case = sound(UR10E)
+    bare = replace(case, robot=without_masses(case.robot))
+    assert "torque-unit" not in {f.code for f in told(bare)}
+    assert bare.recording.effort is not None
+    found = [f for f in told(bare.logged(effort=factor * bare.recording.effort)) if f.code == "torque-unit"]
+    assert [f.severity for f in found] == ["error"] and name in found[0].evidence
