@@ -100,6 +100,11 @@ def shrinkage_option(shrinkage: float) -> float:
     return float(shrinkage)
 
 
+CLEAR = 1e-3
+"""Smallest singular value, relative to the largest, of a direction of the other columns that counts as determined by
+the data. The prior holds directions that are determined less."""
+
+
 @dataclass(frozen=True, eq=False, slots=True)
 class Prior:
     """Prior of the p standard parameters, as a penalty function for weight 1.
@@ -193,7 +198,7 @@ def make_prior(kind: str, standard: StandardParameters, weighted: WhitenedSystem
         kind: The kind.
         standard: Standard parameters.
         weighted: The whitened data.
-        shrinkage: Precision of the friction that was added to the model, as a share of the information of its column.
+        shrinkage: Precision of the friction that was added to the model, as a share of the information of its own column.
 
     Raises:
         EstimationError: The kind of prior needs masses that the description does not contain.
@@ -204,7 +209,7 @@ def make_prior(kind: str, standard: StandardParameters, weighted: WhitenedSystem
     precision[others, others] = _others(standard, weighted, others)
     if shrinkage and standard.added is not None:
         added = np.flatnonzero(standard.added)
-        precision[added, added] += shrinkage / weighted.correlation * _information(standard, weighted, added)
+        precision[added, added] += shrinkage / weighted.correlation * _own_information(standard, weighted, added)
     mean = np.zeros(p)
     none = np.zeros((0, 4, 4))
     if kind in ("mass", "none"):
@@ -272,13 +277,30 @@ def _others(standard: StandardParameters, weighted: WhitenedSystem, others: NDAr
     return np.where(precision > 0.0, precision, 1.0)
 
 
-def _information(standard: StandardParameters, weighted: WhitenedSystem, chosen: NDArray[np.intp]) -> Array:
-    """Weighted squared length of the columns of some parameters, shape (chosen,)."""
-    result = np.zeros(len(chosen))
-    for joint, weight in zip(weighted.whole.joints, weighted.weights, strict=True):
-        columns = weight * joint.R[0, :, :-1] @ standard.regrouping[joint.parameters][:, chosen]
-        result += np.sum(columns**2, axis=0)
-    return result
+def _own_information(standard: StandardParameters, weighted: WhitenedSystem, added: NDArray[np.intp]) -> Array:
+    """Weighted squared length of the columns of added friction, without the part that the other columns explain.
+
+    Args:
+        standard: Standard parameters.
+        weighted: The whitened data.
+        added: Positions of the added friction parameters.
+
+    Returns:
+        Squared lengths, shape (added,).
+    """
+    rows = [
+        weight * joint.R[0, :, :-1] @ standard.regrouping[joint.parameters]
+        for joint, weight in zip(weighted.whole.joints, weighted.weights, strict=True)
+    ]
+    columns = np.concatenate(rows)
+    others = np.delete(columns, added, axis=1)
+    used = others[:, np.any(others != 0.0, axis=0)]
+    left = columns[:, added]
+    if used.size:
+        U, s, _ = np.linalg.svd(used / np.linalg.norm(used, axis=0), full_matrices=False)
+        basis = U[:, s > CLEAR * s[0]]
+        left = left - basis @ (basis.T @ left)
+    return np.sum(left**2, axis=0)
 
 
 def _nominal(standard: StandardParameters) -> tuple[Array, tuple[Finding, ...]]:

@@ -38,7 +38,7 @@ from armid.information.information import Information, select
 from armid.measurement.observations import Observations, ObservedRun
 from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics_model import DynamicsModel
-from armid.model.terms import TERMS, Coulomb, Hysteresis, Offset, RigidBody, Ripple, Stribeck, Viscous
+from armid.model.terms import TERMS, Coulomb, Hysteresis, Offset, RigidBody, Ripple, Sigmoid, Stribeck, Viscous
 from armid.model.terms.selection_candidates import automatic_choice
 from problems import lively_motion, one_run, raw
 from trees import random_inertial, robot_of, structured_tree
@@ -178,7 +178,8 @@ def test_weights_and_method_are_those_of_the_model_without_the_choice():
     ladder = choose_friction(model, observations)
     problem = build_problem(model, observations)
     expected = 1.0 / whiten(problem.information).weights
-    assert any(isinstance(term, Stribeck) for term in ladder.added)
+    # Within the recorded speeds, a sigmoid about zero has the shape of the Stribeck law: either is right.
+    assert any(isinstance(term, Stribeck | Sigmoid) for term in ladder.added)
     np.testing.assert_allclose(ladder.noise, expected, rtol=0.05)  # rows with unknown memory do not count
     assert ladder.noise[1] > 0.12  # the noise after the choice is 0.1
 

@@ -81,7 +81,7 @@ class PhysicallyConsistent:
         noise: Standard deviation of each joint's noise, of which the weights of the rows are made; if not given, that
             of the residual.
         shrinkage: Pull towards zero of friction beyond viscous and Coulomb friction, as a share of the information in
-            its own column.
+            the part of its column that the other columns do not explain.
     """
 
     prior: Literal["auto", "mass", "log-det", "euclidean", "none"] = "auto"

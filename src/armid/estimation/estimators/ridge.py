@@ -63,7 +63,7 @@ class Ridge:
         noise: Standard deviation of each joint's noise, of which the weights of the rows are made; if not given, that
             of the residual.
         shrinkage: Pull towards zero of friction beyond viscous and Coulomb friction, as a share of the information in
-            its own column.
+            the part of its column that the other columns do not explain.
     """
 
     towards: Literal["auto", "nominal", "zero"] = "auto"

@@ -15,7 +15,7 @@ recordings are short. Only the first variant shows that a candidate imitates gra
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -117,6 +117,8 @@ class HeldOutFolds:
         whole: Products of all blocks, shape (b + 1, b + 1).
         weights: Weight of each joint's rows, shape (n,).
         prior: Prior on the parameters.
+        base: Positions of the columns of the model without candidates. The shrinkage of a candidate is relative to
+            the part of its column that these columns do not explain.
     """
 
     parts: tuple[Information, ...]
@@ -125,6 +127,7 @@ class HeldOutFolds:
     whole: Array
     weights: Array
     prior: GainPrior
+    base: NDArray[np.intp] = field(default_factory=lambda: np.zeros(0, dtype=np.intp))
 
     def solve(self, products: Array, kept: NDArray[np.intp], ridge: Array) -> Array:
         """Solves normal equations, prior included, for the parameters (b,); parameters that are not kept are zero.
@@ -172,7 +175,7 @@ class HeldOutFolds:
             values = np.zeros(b)
             values[kept] = E[:, -1]
             squares.append(self.weights**2 * held_out_squares(part, values))
-        size = np.stack([np.diag(T)[rest[:-1]] for T in self.training])
+        size = np.stack([self._length(T)[rest[:-1]] for T in self.training])
         joint_position = np.full((len(joint_columns), b), -1, dtype=np.intp)
         for j, columns in enumerate(joint_columns):
             joint_position[j, columns] = np.arange(len(columns))
@@ -191,11 +194,28 @@ class HeldOutFolds:
         left = R[:, np.append(number[columns], -1)] - R[:, number[kept[near]]] @ E[near]
         return left.T @ left
 
+    def _length(self, products: Array) -> Array:
+        """Squared length of each column without the part that the columns of `base` explain, shape (b,)."""
+        length = np.maximum(np.diag(products)[:-1].copy(), 0.0)
+        if not len(self.base):
+            return length
+        others = np.setdiff1d(np.arange(len(length)), self.base)
+        H = products + self.prior.products
+        A = H[np.ix_(self.base, self.base)]
+        scale = np.sqrt(np.maximum(np.diag(A), 0.0))
+        scale[scale == 0.0] = 1.0
+        A = A / np.outer(scale, scale) + ROUNDING * np.eye(len(scale))
+        cross = products[np.ix_(self.base, others)] / scale[:, None]
+        left = length[others] - np.sum(cross * np.linalg.solve(A, cross), axis=0)
+        length[others] = np.maximum(left, ROUNDING * length[others])
+        return length
+
     def _elimination(self, products: Array, kept: NDArray[np.intp], ridge: Array, rest: NDArray[np.intp]) -> Array:
         """Coefficients (kept, rest) with which the kept columns fit the other columns, with the prior added."""
         H = products + self.prior.products
         A = H[np.ix_(kept, kept)]
-        A[np.diag_indices(len(kept))] += ridge[kept] * np.diag(products)[kept]
+        if ridge[kept].any():
+            A[np.diag_indices(len(kept))] += ridge[kept] * self._length(products)[kept]
         length = np.sqrt(np.maximum(np.diag(A), 0.0))  # a difference of products may round below zero
         length[length == 0.0] = 1.0
         A /= np.outer(length, length)
@@ -203,7 +223,13 @@ class HeldOutFolds:
         return np.linalg.solve(A, H[np.ix_(kept, rest)] / length[:, None]) / length[:, None]
 
 
-def make_folds(information: Information, fold: NDArray[np.int64], weights: Array, prior: GainPrior) -> HeldOutFolds:
+def make_folds(
+    information: Information,
+    fold: NDArray[np.int64],
+    weights: Array,
+    prior: GainPrior,
+    base: NDArray[np.intp] | None = None,
+) -> HeldOutFolds:
     """Computes the products of all folds.
 
     Args:
@@ -211,7 +237,9 @@ def make_folds(information: Information, fold: NDArray[np.int64], weights: Array
         fold: Fold of each block, shape (blocks,).
         weights: Weight of each joint's rows, shape (n,).
         prior: Prior on the parameters.
+        base: Positions of the columns of the model without candidates; none if not given.
     """
+    base = np.zeros(0, dtype=np.intp) if base is None else base
     names = np.unique(fold)
     each = [_products(information, fold == f, weights) for f in names]
     whole = np.sum(each, axis=0)
@@ -220,7 +248,7 @@ def make_folds(information: Information, fold: NDArray[np.int64], weights: Array
         [whole - own - _products(information, at, weights) for own, at in zip(each, near, strict=True)]
     )
     parts = tuple(select(information, fold == f) for f in names)
-    return HeldOutFolds(parts, np.stack(each), training, whole, weights, prior)
+    return HeldOutFolds(parts, np.stack(each), training, whole, weights, prior, base)
 
 
 def _products(information: Information, chosen: NDArray[np.bool_], weights: Array) -> Array:

@@ -163,10 +163,11 @@ def choose_friction(model: DynamicsModel, observations: Observations, *, threads
         started = [frozenset[Candidate]()] * model.n if start is None else start.chosen(model.n)
         available = [candidates | selected for candidates, selected in zip(allowed, started, strict=True)]
         extended, information = at_first if start is None else extend(available)
-        embedded = prior.embedded(extended.count, np.flatnonzero(extended.in_model))
-        short_folds = make_folds(information, folds(information, FOLDS), weighted.weights, embedded)
+        own = np.flatnonzero(extended.in_model)
+        embedded = prior.embedded(extended.count, own)
+        short_folds = make_folds(information, folds(information, FOLDS), weighted.weights, embedded, own)
         common = _common_offsets(information, extended.base.count)
-        long_folds = make_folds(common, _apart(information), weighted.weights, embedded)
+        long_folds = make_folds(common, _apart(information), weighted.weights, embedded, own)
         path = select_forward(short_folds, long_folds, extended, available, friction_families(), start)
         return extended, information, short_folds, path
 

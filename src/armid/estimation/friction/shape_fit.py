@@ -88,8 +88,9 @@ def _step(
         for laws in chosen
     ]
     extended, information = extend([laws | derivatives for laws, derivatives in zip(chosen, slopes, strict=True)])
-    embedded = prior.embedded(extended.count, np.flatnonzero(extended.in_model))
-    folds = make_folds(information, np.zeros(information.blocks, dtype=np.int64), weights, embedded)
+    own = np.flatnonzero(extended.in_model)
+    embedded = prior.embedded(extended.count, own)
+    folds = make_folds(information, np.zeros(information.blocks, dtype=np.int64), weights, embedded, own)
     ridge = np.zeros(extended.count)
     for each in path.selected:
         for candidate in each.candidates:
