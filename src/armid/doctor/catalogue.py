@@ -35,6 +35,7 @@ CHECKS: Catalogue[LogCheck] = Catalogue(
         "temperature-drift": "armid.doctor.checks.dynamics.temperature_drift:CHECK",
         "unmodelled-torque": "armid.doctor.checks.residuals.unmodelled_torque:CHECK",
         "contact": "armid.doctor.checks.dynamics.contact:CHECK",
+        "changes-midway": "armid.doctor.checks.dynamics.changes_midway:CHECK",
     }
 )
 """Checks by name, which is that of the module. Checks of the log alone come before checks that need a model. If two

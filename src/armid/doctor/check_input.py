@@ -9,6 +9,7 @@ from typing import Literal
 
 import numpy as np
 
+from armid.doctor.changes.position_jumps import Jump, position_jumps, without_jumps
 from armid.doctor.downsample import downsample
 from armid.doctor.earlier_run_links import KnownLinks
 from armid.doctor.fitted_log import LogState
@@ -138,11 +139,19 @@ class LogEvidence:
             return ()
         return stuck_segments(recording, self.rate)
 
+    @cached_property
+    def jumps(self) -> tuple[Jump, ...]:
+        """Positions that jump from one row to the next and stay."""
+        return () if self.recording is None else tuple(position_jumps(self.recording))
+
     @property
     def counted(self) -> Recording:
-        """The recording in the robot's convention, without samples at which a channel is stuck or saturated."""
+        """The recording in the robot's convention, without samples at which a channel is stuck or saturated.
+
+        Positions that jump and stay are moved back.
+        """
         assert self.recording is not None
-        return without_plateaus(without_stuck(self.recording, self.stuck))
+        return without_plateaus(without_stuck(without_jumps(self.recording, self.jumps), self.stuck))
 
     @property
     def explanations(self) -> tuple[Explanation, ...]:
@@ -154,7 +163,8 @@ class LogEvidence:
         """Accepted faults, each with the log in which all faults accepted before, but not this fault, are corrected.
 
         A fault that the log does not confirm is not reported. It is corrected nevertheless, so that the misfit is not
-        attributed to another fault. If no other fault explains the misfit, the search ends.
+        attributed to another fault. If no other fault explains the misfit, the search ends. The log as a whole
+        confirms nothing if something changes within it.
         """
         state, codes = self.state, set[str]()
         accepted: list[tuple[LogState, Explanation]] = []
@@ -166,7 +176,7 @@ class LogEvidence:
             best = next((each for each in candidates if self._holds(state, each)), None)
             if best is None:
                 break
-            if accepted or best.confirmed is None or best.confirmed(self):
+            if best.confirmed is None or (not state.change_corrected if accepted else best.confirmed(self)):
                 accepted.append((state, best))
             elif len(candidates) == 1:
                 break

@@ -59,12 +59,14 @@ class LogState:
         base: Base parameters of the model.
         log: The recording at a moderate sampling rate.
         known: Links that are compared with the log instead of those of the description.
+        change_corrected: True if a change within the log was already found and corrected.
     """
 
     model: DynamicsModel
     base: BaseParameters
     log: DownsampledLog
     known: KnownLinks | None = None
+    change_corrected: bool = False
 
     @cached_property
     def source(self) -> ColumnSource:
@@ -83,9 +85,27 @@ class LogState:
         after.__dict__["rows"] = replace(self.rows, torque=self.rows.torque * factor)
         return after
 
+    def without_change(self, change: Array) -> LogState:
+        """The same state with a change within the log taken back.
+
+        Args:
+            change: Torque by which the changed rows differ from the others, shape (M, n) [N·m or N]. It is
+                interpolated between the rows, which are dense enough for the band of the log.
+        """
+        ends = np.cumsum([len(run.rows) for run in self.log.runs])[:-1]
+        runs: list[ObservedRun] = []
+        for run, own in zip(self.log.runs, np.split(change, ends), strict=True):
+            at, time = run.motion.time[run.rows], run.motion.time
+            lifted = np.column_stack([np.interp(time, at, column) for column in own.T])
+            runs.append(replace(run, torque=run.torque - lifted))
+        after = replace(self.on(replace(self.log, runs=tuple(runs))), change_corrected=True)
+        after.__dict__["source"] = self.source
+        after.__dict__["rows"] = replace(self.rows, torque=self.rows.torque - change)
+        return after
+
     def on(self, log: DownsampledLog) -> LogState:
         """The same model, to be fitted to another log."""
-        after = LogState(self.model, self.base, log, self.known)
+        after = replace(self, log=log)
         after.__dict__["source"] = self.source  # where `cached_property` keeps it
         return after
 

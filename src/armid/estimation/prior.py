@@ -198,7 +198,8 @@ def make_prior(kind: str, standard: StandardParameters, weighted: WhitenedSystem
         kind: The kind.
         standard: Standard parameters.
         weighted: The whitened data.
-        shrinkage: Precision of the friction that was added to the model, as a share of the information of its own column.
+        shrinkage: Precision of the friction that was added to the model, as a share of the information of its own
+            column.
 
     Raises:
         EstimationError: The kind of prior needs masses that the description does not contain.

@@ -30,8 +30,8 @@ from armid.estimation.friction.heldout_gains import HeldOutFolds, Reduced
 
 SHRINKAGE = 0.01
 """Shrinkage of the added columns in trial and estimate, in shares of the squared length of the part of each column
-that the model without candidates does not explain: just enough to distribute a torque among similar columns. In shares
-of the whole column, a law that resembles viscous friction was shrunk by a tenth to a third, far outside its
+that the model without candidates does not explain: just enough to distribute a torque among similar columns. In
+shares of the whole column, a law that resembles viscous friction was shrunk by a tenth to a third, far outside its
 interval."""
 
 PASSES = 4

@@ -163,8 +163,7 @@ def choose_friction(model: DynamicsModel, observations: Observations, *, threads
         started = [frozenset[Candidate]()] * model.n if start is None else start.chosen(model.n)
         available = [candidates | selected for candidates, selected in zip(allowed, started, strict=True)]
         extended, information = at_first if start is None else extend(available)
-        own = np.flatnonzero(extended.in_model)
-        embedded = prior.embedded(extended.count, own)
+        embedded = prior.embedded(extended.count, own := np.flatnonzero(extended.in_model))
         short_folds = make_folds(information, folds(information, FOLDS), weighted.weights, embedded, own)
         common = _common_offsets(information, extended.base.count)
         long_folds = make_folds(common, _apart(information), weighted.weights, embedded, own)

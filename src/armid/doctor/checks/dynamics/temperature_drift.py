@@ -4,11 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 
+from armid.doctor.changes.explanation import explained_by, is_warming
+from armid.doctor.changes.judgement import change_of
 from armid.doctor.check_definition import LogCheck
-from armid.doctor.check_input import LogEvidence
+from armid.doctor.check_input import Explanation, LogEvidence
+from armid.doctor.fitted_log import LogState
 from armid.doctor.quick_fit import solve
 from armid.errors import Finding
 from armid.maths.median import median
+
+CODE = "temperature-drift"
 
 CHANGE = 0.15
 """Smallest relative change of friction during the log that is reported."""
@@ -25,6 +30,17 @@ JOINTS = 0.4
 
 def check(evidence: LogEvidence) -> list[Finding]:
     """Reports the joints whose friction changes during the log, in one finding."""
+    return evidence.explained(CODE) or _linear_drift(evidence)
+
+
+def explain(state: LogState) -> Explanation | None:
+    """Explains the misfit of the model by friction that changes gradually on several joints; `None` otherwise."""
+    change = change_of(state)
+    return explained_by(change, CODE, "warning") if change is not None and is_warming(change) else None
+
+
+def _linear_drift(evidence: LogEvidence) -> list[Finding]:
+    """Reports friction that changes linearly with time, which the other faults leave."""
     state = evidence.corrected
     if state is None or state.log.band.is_open:
         return []
@@ -52,7 +68,7 @@ def check(evidence: LogEvidence) -> list[Finding]:
     listed = ", ".join(f"{names[j]} {100 * change[j]:+.0f} %" for j in np.flatnonzero(together))
     return [
         Finding(
-            "temperature-drift",
+            CODE,
             "warning",
             ", ".join(names[j] for j in np.flatnonzero(together)),
             f"Friction changes within {np.ptp(time):.0f} s: {listed}. With this change in the model, the residual "
@@ -67,7 +83,7 @@ CHECK = LogCheck(
     look=check,
     scope="recording",
     effects={
-        "temperature-drift": "The estimated friction is a mean over the log, so its intervals are too narrow "
-        "for another day.",
+        CODE: "The estimated friction is a mean over the log, so its intervals are too narrow for another day.",
     },
+    explain=explain,
 )

@@ -1,0 +1,119 @@
+"""Possible changes within a recording, as regressor columns whose coefficients differ in one part of the recording.
+
+A log is made by one arm with one set of conventions. If a joint's torque gets another gain, an encoder slips or a
+payload is picked up, a part of the log has another torque than the model of the rest. Each `Alternative` states the
+difference as columns of the regressor that are zero outside of this part.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from armid import kernel
+from armid.checked_array import Array
+from armid.doctor.fitted_log import LogState
+from armid.measurement.observations import ObservedRun
+from armid.model.dynamics_model import DynamicsModel
+
+Kind = Literal["gain", "offset", "friction", "order", "zero", "payload", "gravity", "delay"]
+
+STEP = 1e-4
+"""Displacement with which the derivative of the torque by a position is computed [rad or m]; the error of the
+difference is then below 1e-8 of the torque."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Alternative:
+    """Quantity that may differ between two parts of a log.
+
+    Attributes:
+        kind: What may differ: the gain, the offset, or the delay of torques; dry friction; the order of two torques;
+            the zero of a position; a payload; the direction of gravity.
+        joints: Indices of the joints concerned; all joints where the arm as a whole is concerned.
+        columns: Torque of each joint for a unit of each coefficient, shape (e, M, n).
+        frictional: For friction, the joint of each coefficient.
+    """
+
+    kind: Kind
+    joints: tuple[int, ...]
+    columns: Array
+    frictional: tuple[int, ...] = ()
+
+    @property
+    def of_all(self) -> bool:
+        """True if all joints are concerned."""
+        return len(self.joints) == self.columns.shape[2]
+
+
+def alternatives_of(state: LogState) -> list[Alternative]:
+    """Everything that may change within a log."""
+    rows, n = state.rows, state.rows.n
+    every = tuple(range(n))
+    found = [Alternative("offset", (j,), _alone(n, j, np.ones(len(rows.torque)))) for j in every]
+    dry = [(j, column) for j in every for column in _dry_friction(state, j)]
+    found += [Alternative("friction", (j,), _alone(n, j, column), (j,)) for j, column in dry]
+    found += [Alternative("gain", (j,), _alone(n, j, rows.torque[:, j])) for j in every]
+    if n > 1:
+        found += [Alternative("gain", every, rows.torque[None].copy())]
+        if len(dry) > 1:
+            columns = np.concatenate([_alone(n, j, column) for j, column in dry])
+            found.append(Alternative("friction", every, columns, tuple(j for j, _ in dry)))
+    found.append(Alternative("delay", every, -state.torque_slope()[None]))
+    slopes = state.rigid_slopes(state.standard(state.fit.values), STEP)
+    found += [Alternative("zero", (j,), slopes[[j]]) for j in every]
+    found.append(Alternative("payload", every, _payload(state)))
+    found.append(Alternative("gravity", every, _weights(state)))
+    found += _exchanges(rows.torque)
+    return found
+
+
+def _alone(n: int, j: int, column: Array) -> Array:
+    """Column (M,) of joint j among n joints, shape (1, M, n)."""
+    result = np.zeros((1, len(column), n))
+    result[0, :, j] = column
+    return result
+
+
+def _dry_friction(state: LogState, j: int) -> Iterator[Array]:
+    """Columns of the dry friction of joint j, shape (M,) each."""
+    for symbol, column in zip(state.symbols(j), state.rows.columns[j], strict=True):
+        if symbol == "FS":
+            yield column
+
+
+def _payload(state: LogState) -> Array:
+    """Torque for a unit of mass and of each first moment that is added to the last link, shape (4, M, n)."""
+    own = state.model.inertial_columns.reshape(-1, 10)[-1][:4]
+    to_base = state.base.regrouping[:, own]
+    each = zip(state.rows.parameters, state.rows.columns, strict=True)
+    return np.stack([to_base[parameters].T @ x for parameters, x in each], axis=-1)
+
+
+def _weights(state: LogState) -> Array:
+    """Torque of the fitted links for a unit of gravity along each axis of the base, shape (3, M, n)."""
+    bodies = state.standard(state.fit.values)[state.model.inertial_columns].reshape(-1, 10)
+    trees = [DynamicsModel(state.model.robot.with_gravity(tuple(axis)), state.model.terms).tree for axis in np.eye(3)]
+
+    def weights(run: ObservedRun) -> Array:
+        q = run.motion.q
+        still = np.zeros_like(q)
+        return np.stack([kernel.inverse_dynamics(tree, bodies, q, still, still) for tree in trees], axis=1)
+
+    return np.moveaxis(state.at_rows(weights), 1, 0)
+
+
+def _exchanges(torque: Array) -> list[Alternative]:
+    """Exchanges of the torques of two joints; the coefficient of a complete exchange is 1."""
+    n = torque.shape[1]
+    result: list[Alternative] = []
+    for i in range(n):
+        for j in range(i + 1, n):
+            column = np.zeros((1, *torque.shape))
+            column[0, :, i] = torque[:, j] - torque[:, i]
+            column[0, :, j] = torque[:, i] - torque[:, j]
+            result.append(Alternative("order", (i, j), column))
+    return result

@@ -1,0 +1,178 @@
+"""Search for the change within a log that a fit of one model to all joints asks for.
+
+The fit is linearised: joints keep the weights of the fit without a change. The scalar products of the columns of
+each alternative with the model's columns are summed over blocks of rows once; each shape of a change is then a
+weighted sum over the blocks [Frisch1933].
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armid.checked_array import Array
+from armid.doctor.changes.alternatives import Alternative
+from armid.doctor.changes.shapes import BLOCKS, ChangeShape, shapes
+from armid.doctor.fitted_log import LogState
+
+RIDGE = 1e-9
+"""Number that is added to the diagonal of the products of unit columns of the model, as in the quick fit."""
+
+WEAK = 3e-3
+"""Share of a column that parameters of the model cannot replace, below which the column counts as determined by
+rounding and model error only."""
+
+FACTORS = np.concatenate([-np.exp(np.linspace(-0.7, 0.7, 7)), np.exp(np.linspace(-1.2, 1.2, 25))])
+"""Factors on the torque of the changed part that are tried."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class ChangeCandidate:
+    """Change of one kind with the shape that explains a log best.
+
+    Attributes:
+        alternative: What changes.
+        shape: When it changes.
+        values: Coefficients of the columns of the alternative; for a gain, the factor on the torque.
+        gain: Decrease of the sum of squared residuals, each divided by its variance, for each row.
+        steady: Share of this decrease in that of coefficients that differ from block to block; 1 for gains and
+            orders.
+        constant: Share of this decrease that the same coefficients give if they hold for the whole log.
+    """
+
+    alternative: Alternative
+    shape: ChangeShape
+    values: Array
+    gain: float
+    steady: float
+    constant: float
+
+    def with_values(self, values: Array) -> ChangeCandidate:
+        """The same change with other coefficients."""
+        return replace(self, values=values)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class BlockSums:
+    """Scalar products of e weighted columns, summed over each block of rows.
+
+    Attributes:
+        model: With the orthonormal columns of the model, shape (e, b, BLOCKS).
+        own: With each other, shape (e, e, BLOCKS).
+        residual: With the residual, shape (e, BLOCKS).
+        counted: Number of rows that are used for the joints concerned, shape (BLOCKS,).
+    """
+
+    model: Array
+    own: Array
+    residual: Array
+    counted: Array
+
+
+def block_of(samples: int) -> NDArray[np.intp]:
+    """Block of each of some rows, shape (M,)."""
+    return np.minimum(np.arange(samples) * BLOCKS // max(samples, 1), BLOCKS - 1)
+
+
+def scan(state: LogState, alternatives: Sequence[Alternative]) -> list[ChangeCandidate]:
+    """Finds the shape of each alternative with the largest decrease of the residuals; largest decreases first."""
+    rows, fit = state.rows, state.fit
+    weight = rows.mask / fit.sigma
+    columns = _orthonormal(state, weight)
+    residual = fit.residual / fit.sigma
+    starts = np.searchsorted(block_of(len(weight)), np.arange(BLOCKS))
+    total = float(rows.mask.sum())
+    found: list[ChangeCandidate] = []
+    for each in alternatives:
+        sums = _block_sums(each, columns, residual, weight, starts)
+        found.append(_best(each, sums, total))
+    return sorted(found, key=lambda candidate: -candidate.gain)
+
+
+def _orthonormal(state: LogState, weight: Array) -> list[Array]:
+    """Weighted columns of the model, made orthonormal over all joints, n of shape (b, M)."""
+    rows = state.rows
+    products = np.zeros((rows.count, rows.count))
+    for j, (own, x) in enumerate(zip(rows.parameters, rows.columns, strict=True)):
+        weighted = x * weight[:, j]
+        products[np.ix_(own, own)] += weighted @ weighted.T
+    size = np.sqrt(products.diagonal())
+    size = np.where(size > 0.0, size, 1.0)
+    factor = np.linalg.cholesky(products / np.outer(size, size) + RIDGE * np.eye(rows.count))
+    to_unit = np.linalg.inv(factor) / size
+    each = zip(rows.parameters, rows.columns, strict=True)
+    return [to_unit[:, own] @ (x * weight[:, j]) for j, (own, x) in enumerate(each)]
+
+
+def _block_sums(
+    each: Alternative, columns: Sequence[Array], residual: Array, weight: Array, starts: NDArray[np.intp]
+) -> BlockSums:
+    """Computes the block sums of an alternative."""
+    extra = each.columns * weight
+    e, b = len(extra), len(columns[0])
+    model = np.zeros((e, b, BLOCKS))
+    own, along = np.zeros((e, e, len(weight))), np.zeros((e, len(weight)))
+    ends = [*starts[1:], len(weight)]
+    for j in np.flatnonzero(extra.any(axis=(0, 1))).tolist():
+        x = extra[:, :, j]
+        own += x[:, None] * x[None]
+        along += x * residual[:, j]
+        for k, (low, high) in enumerate(zip(starts, ends, strict=True)):
+            model[:, :, k] += x[:, low:high] @ columns[j][:, low:high].T
+    counted = np.add.reduceat((weight[:, list(each.joints)] > 0.0).sum(axis=1), starts)
+    return BlockSums(
+        model, np.add.reduceat(own, starts, axis=2), np.add.reduceat(along, starts, axis=1), counted.astype(float)
+    )
+
+
+def _best(each: Alternative, sums: BlockSums, total: float) -> ChangeCandidate:
+    """Finds the best shape of an alternative."""
+    every, size = shapes()
+    square = size**2
+    of_model = sums.model @ size.T
+    gram = sums.own @ square.T - np.einsum("ebs,fbs->efs", of_model, of_model)
+    side = sums.residual @ size.T
+    if each.kind in ("gain", "order"):
+        factors = FACTORS if each.kind == "gain" else np.array([1.0])
+        step = (1.0 / factors - 1.0 if each.kind == "gain" else factors)[:, None]
+        priced = 2.0 * np.log(np.abs(factors))[:, None] * (size @ sums.counted)
+        gained = -(2.0 * step * side[0] + step**2 * gram[0, 0]) - priced
+        abrupt = np.array([shape.form == "step" for shape in every])
+        gained[np.ix_((factors < 0.0) | (each.kind == "order"), ~abrupt)] = -np.inf
+        f, s = np.unravel_index(int(np.argmax(gained[:, :-1])), gained[:, :-1].shape)
+        best, whole = float(gained[f, s]), float(gained[:, -1].max())
+        return ChangeCandidate(each, every[s], factors[[f]], best / total, 1.0, _share(whole, best))
+    scale = np.sqrt(np.einsum("ees->es", sums.own @ square.T))
+    scale = np.where(scale > 0.0, scale, 1.0)
+    coefficients, gained = _solved(gram, side, scale)
+    s = int(np.argmax(gained[:-1]))
+    best, whole = float(gained[s]), float(gained[-1])
+    steady = min(_share(best, _varying(sums)), 1.0)
+    return ChangeCandidate(each, every[s], coefficients[:, s], best / total, steady, _share(whole, best))
+
+
+def _share(part: float, whole: float) -> float:
+    """Ratio of two decreases; 0 if the second one is none."""
+    return part / whole if whole > 0.0 else 0.0
+
+
+def _solved(gram: Array, side: Array, scale: Array) -> tuple[Array, Array]:
+    """Coefficients (e, s) and decreases (s,) of s regularised normal equations with matrices (e, e, s)."""
+    matrices = np.moveaxis(gram / (scale[:, None] * scale[None]), -1, 0) + WEAK * np.eye(len(side))
+    unit = np.linalg.solve(matrices, (side / scale).T[:, :, None])[:, :, 0].T
+    return unit / scale, np.sum(unit * side / scale, axis=0)
+
+
+def _varying(sums: BlockSums) -> float:
+    """Decrease of the residuals by coefficients that differ from block to block."""
+    e = len(sums.residual)
+    gram = -np.einsum("ebk,fbl->ekfl", sums.model, sums.model)
+    across = np.arange(BLOCKS)
+    gram[:, across, :, across] += np.moveaxis(sums.own, -1, 0)
+    side, scale = sums.residual.reshape(-1), np.sqrt(np.einsum("eek->ek", sums.own)).reshape(-1)
+    scale = np.where(scale > 0.0, scale, 1.0)
+    flat = gram.reshape(e * BLOCKS, e * BLOCKS, 1)
+    return float(_solved(flat, side[:, None], scale[:, None])[1][0])

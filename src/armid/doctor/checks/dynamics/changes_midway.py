@@ -1,0 +1,88 @@
+"""Check for a change within a log: of a torque's gain, offset or delay, of a zero, a payload, friction or gravity.
+
+A log of one arm has one model. What changes between two parts of a log is neither a fault of the log format, which
+holds for all of it, nor a short contact. All changes are compared with every other fault by the decrease of the
+residual. A position that jumps from one row to the next is found without a model.
+"""
+
+from __future__ import annotations
+
+from armid.doctor.changes.explanation import explained_by, is_warming
+from armid.doctor.changes.judgement import change_of
+from armid.doctor.changes.position_jumps import Jump
+from armid.doctor.changes.refine import FittedChange
+from armid.doctor.check_definition import LogCheck
+from armid.doctor.check_input import Explanation, LogEvidence
+from armid.doctor.fitted_log import LogState
+from armid.errors import Finding
+from armid.measurement.remedy_builders import excluding
+
+CODE = "changes-midway"
+
+CERTAIN = 0.3
+"""Decrease of the mean logarithm of the RMS residuals from which a change is an error: the residual is then a quarter
+smaller. Sound recordings, and halves of them, ask for possible changes by at most 0.15."""
+
+WEAKEST = 0.77
+"""Factor on a torque, or its inverse, beyond which a change of gain is an error, as between recordings (1.3)."""
+
+SLIPPED = 0.02
+"""Jump of a position from which it is an error [rad or m]: it moves weights by two percent of the arm's length."""
+
+
+def check(evidence: LogEvidence) -> list[Finding]:
+    """Reports what changes within a log, and when."""
+    return [_slip(evidence, each) for each in evidence.jumps] + evidence.explained(CODE)
+
+
+def explain(state: LogState) -> Explanation | None:
+    """Explains the misfit of the model by a change within the log; `None` if nothing changes.
+
+    Friction that changes gradually on several joints is left to the check for drifting temperature.
+    """
+    change = change_of(state)
+    if change is None or is_warming(change):
+        return None
+    return explained_by(change, CODE, "error" if _is_certain(change) else "warning")
+
+
+def _is_certain(change: FittedChange) -> bool:
+    """True if no effect of a sound arm resembles a change."""
+    if change.candidate.alternative.kind == "gain" and not WEAKEST < change.values[0] < 1.0 / WEAKEST:
+        return True
+    return change.gain > CERTAIN
+
+
+def _slip(evidence: LogEvidence, jump: Jump) -> Finding:
+    """Finding on a position that jumps and stays."""
+    recording = evidence.recording
+    assert recording is not None
+    rows, unit = recording.samples, "m" if evidence.robot.joints[jump.joint].is_prismatic else "rad"
+    time = recording.time
+    at = [jump.row / evidence.rate, 0.0, (rows - 1) / evidence.rate]
+    if time is not None:
+        at = [float(time[jump.row]), float(time[0]), float(time[-1])]
+    late = 2 * jump.row >= rows
+    interval = (at[0], at[2]) if late else (at[1], at[0] + 1.0 / evidence.rate)
+    return Finding(
+        CODE,
+        "error" if abs(jump.size) > SLIPPED else "warning",
+        evidence.robot.joint_names[jump.joint],
+        f"At t = {at[0]:.3f} s the position of {evidence.robot.joint_names[jump.joint]} jumps by {jump.size:+.3g} "
+        f"{unit} from one row to the next and stays there, while other joints move on: its encoder slipped, or its "
+        "zero was set anew. Either of the two parts may be the wrong one.",
+        excluding(evidence.reading, [interval], "leaves out the shorter part"),
+    )
+
+
+CHECK = LogCheck(
+    look=check,
+    scope="recording",
+    effects={
+        CODE: "One model is fitted to two: all parameters that the change concerns are a mean of the two parts, and "
+        "the others take part of the difference.",
+    },
+    explain=explain,
+    untested={CODE: "a jump of the position is certain without it"},
+    follows=("channel-dead",),
+)
