@@ -339,7 +339,7 @@ def test_a_search_that_time_cut_short_says_so(tmp_path, capsys):
     """No machine completes a descent in ten milliseconds."""
     asked = ["panda", "--budget", "0.01", "--workers", "0", "--no-collision", "--duration", "10", "--no-report"]
     shown = run([*asked, "--out", tmp_path / "plan"], capsys)
-    assert "before the first descent was completed" in " ".join(shown.err.split()) and "--budget 60" in shown.err
+    assert "before the first local search was completed" in " ".join(shown.err.split()) and "--budget 60" in shown.err
     assert "search-unsettled" in (tmp_path / "plan" / "preflight.json").read_text()
     assert "--budget 60" in (tmp_path / "plan" / "preflight.txt").read_text()
 

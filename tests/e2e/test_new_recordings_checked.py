@@ -130,7 +130,7 @@ def test_a_run_that_failed_for_rotors_does_not_excuse_them(armid: Armid, tmp_pat
 def test_rotors_are_not_offered_as_another_tool(armid: Armid, tmp_path: Path):
     _, _, err = armid("recalibrate", "run", "rotors.npz", "--out", tmp_path / "new")
     err = " ".join(err.split())
-    assert "more-has-changed" in err and "first see rotor-inertia-missing" in err and "--tool or --all" not in err
+    assert "more-has-changed" in err and "first correct rotor-inertia-missing" in err and "--tool or --all" not in err
 
 
 def test_a_fault_of_a_validation_recording_fails(armid: Armid, tmp_path: Path):

@@ -65,25 +65,25 @@ def terms(incomplete: str) -> list[str]:
 
 
 def joints(incomplete: str) -> list[str]:
-    """Completions of a comma-separated list of moving joints of the arm on the command line."""
+    """Completions of a comma-separated list of moving joints of the arm that the command line names."""
     prefix, comma, start = incomplete.rpartition(",")
     used = set(prefix.split(","))
     return [prefix + comma + name for name in _names(_joints) if name.startswith(start) and name not in used]
 
 
 def limits(incomplete: str) -> list[str]:
-    """Texts `JOINT.KIND=` for the joints of the arm on the command line."""
+    """Texts `JOINT.KIND=` that begin with `incomplete`, for the joints of the arm that the command line names."""
     every = (f"{name}.{kind}=" for name in _names(_joints) for kind in KINDS)
     return [each for each in every if each.startswith(incomplete)]
 
 
 def links(incomplete: str) -> list[str]:
-    """Links, bodies and sites of the arm on the command line."""
+    """Links, bodies and sites that begin with `incomplete`, of the arm that the command line names."""
     return [name for name in _names(_links) if name.startswith(incomplete)]
 
 
 def moving_links(incomplete: str) -> list[str]:
-    """Moving links of the arm of the run on the command line."""
+    """Moving links that begin with `incomplete`, of the arm of the run that the command line names."""
     for word in _words():
         path = Path(word).expanduser() / "robot.npz"
         try:

@@ -96,7 +96,7 @@ def body(program: Program, notation: Notation) -> tuple[list[str], dict[int, str
 
 
 def matrix_rows(program: Program) -> list[list[int]]:
-    """Indices of the elements of a matrix in the result flattened row by row, one list for each row of the matrix."""
+    """For each row of the result matrix, indices of its elements in the list of all results, row by row."""
     rows, columns = program.shape
     return [list(range(columns * i, columns * (i + 1))) for i in range(rows)]
 

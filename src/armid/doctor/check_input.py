@@ -110,7 +110,7 @@ class LogEvidence:
 
     @cached_property
     def state(self) -> LogState | None:
-        """The log with a model of links, friction, offsets and rotor inertia.
+        """The log together with the model that the doctor fits to it: links, friction, offsets and rotor inertia.
 
         The result is `None` if the log is too short for a fit.
         """

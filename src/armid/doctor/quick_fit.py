@@ -1,4 +1,4 @@
-"""Weighted least squares on some hundred rows of a recording, in milliseconds.
+"""Weighted least squares on a few hundred rows of a recording, in milliseconds.
 
 The doctor fits a model many times: to the log as it is, with channels in another order, with another gravity. As in
 an estimate, the same filter is applied to torque and columns, and a triangular factor is computed for each joint.

@@ -37,8 +37,8 @@ def unsettled(search: Search, criterion: str, budget: float | None) -> Finding |
     ends = [(seconds, value) for seconds, value in search.history[1:] if seconds < budget]
     if not ends:
         evidence = (
-            f"The search reached its time limit of {budget:g} s before the first descent was completed: the plan may "
-            "be far from the best one"
+            f"The search reached its time limit of {budget:g} s before the first local search was completed: the "
+            "plan may be far from the best one"
         )
         return Finding("search-unsettled", "warning", "", evidence, remedy)
     since = max(ends[0][0], 0.5 * budget)
@@ -48,10 +48,11 @@ def unsettled(search: Search, criterion: str, budget: float | None) -> Finding |
     gain = -math.expm1(-change)
     if gain < STILL:
         return None
-    measure = "condition number" if "condition" in criterion else "predicted standard deviations"
-    descents = "descent" if after == 1 else f"{after} descents"
+    measure = "condition number of the plan" if "condition" in criterion else "predicted standard deviations"
+    measure += "" if "condition" in criterion else " of the parameters"
+    descents = "local search" if after == 1 else f"{after} local searches"
     evidence = (
         f"The plan was still improving when the search reached its time limit of {budget:g} s: the last {descents} "
-        f"reduced its {measure} by {100.0 * gain:.0f} %"
+        f"reduced the {measure} by {100.0 * gain:.0f} %"
     )
     return Finding("search-unsettled", "warning", "", evidence, remedy)

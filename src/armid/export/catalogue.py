@@ -69,7 +69,10 @@ class Exporter(Protocol):
 
     @staticmethod
     def read(data: bytes, locked: Mapping[str, float]) -> Robot:
-        """Reads the arm from a written file; rounded angles are not corrected, and locked joints are still joints."""
+        """Reads the arm back from a written file.
+
+        Angles are taken exactly as written, unlike in the usual reader, and locked joints are read as joints.
+        """
         ...
 
     @staticmethod

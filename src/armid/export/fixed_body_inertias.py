@@ -83,7 +83,8 @@ def as_carried(
     wrong = [k for k, each in enumerate(described) if not each.is_consistent()]
     if not is_possible(link) or is_possible(_rest(link, bodies, described)):
         kept = f"{names} {'keeps' if one else 'keep'} the inertia of the description"
-        what = f"{kept}; {carrier} gets the rest of the identified link"
+        minus = "this inertia" if one else "these inertias"
+        what = f"{kept}; {carrier} gets the identified inertia of the whole link minus {minus}"
         found = [Finding("difference-taken", "info", carrier, what), *_thin(bodies)]
         return described, [*found, *([_impossible(bodies, wrong)] if wrong else [])]
     corrected = [_corrected(each) if k in wrong else each for k, each in enumerate(described)]

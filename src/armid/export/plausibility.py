@@ -172,7 +172,7 @@ def far_bodies(
         texts += [away[k] for k in outside[:NAMED]] + ["and more"] * (len(outside) > NAMED)
         if texts:
             rest = [name for k, name in enumerate(names) if name in carrying and (which[k] or k in outside)]
-            findings.append(_far_finding(run, f"{'; '.join(texts)} in the file", kind, rest, known=is_determined))
+            findings.append(_far_finding(run, "; ".join(texts), kind, rest, known=is_determined))
     return findings
 
 
@@ -189,13 +189,14 @@ def _far_finding(run: Run, what: str, kind: str, rest: Sequence[str], *, known: 
     """
     if known:
         evidence = (
-            f"{what}: the torque determines these values. The recordings or the description are of another arm or "
-            "load, or the unit of the torque is wrong"
+            f"In the exported file, {what}. The recordings determine these values. So the recordings or the "
+            "description are of another arm or load, or the unit of the torque is wrong"
         )
         remedy = "check that description and recordings are of the same arm with the same load"
         return Finding("mass-far-from-description", "warning", "", evidence, remedy)
     evidence = (
-        f"{what}: the torque does not determine these values separately, so they do not change the torque of the arm"
+        f"In the exported file, {what}. The recordings do not determine these values one by one: other values give "
+        "the same torque"
     )
     nearest = "use --nearest, which writes, of all bodies that give the same torque, those nearest to the description"
     ways = [nearest] if kind == "estimated" else []
@@ -217,7 +218,11 @@ def _far_com(robot: Robot, link: int, name: str, new: InertialParameters, old: I
     joints = [joint.placement[:3, 3] for joint in robot.joints if joint.parent == link]
     size = max([spread, *(float(np.linalg.norm(place)) for place in joints)])
     away = float(np.linalg.norm(new.com - old.com))
-    return f"{name} has its centre of mass {away:.3g} m from the described one" if away > AWAY * size > 0.0 else ""
+    return (
+        f"the centre of mass of {name} is {away:.3g} m away from that in the description"
+        if away > AWAY * size > 0.0
+        else ""
+    )
 
 
 def _is_nothing(body: InertialParameters) -> bool:

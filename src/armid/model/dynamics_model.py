@@ -180,7 +180,7 @@ class DynamicsModel(Displayed):
         return tuple(found.values())
 
     def remember(self, motion: Motion) -> Motion:
-        """Adds the hysteresis states of all nodes to a motion, which must be one contiguous run at full rate."""
+        """Adds the states of all hysteresis elements (`nodes`) to a motion, one contiguous run at the full rate."""
         return self.remembered(motion)[0] if self.nodes else motion
 
     def remembered(self, motion: Motion) -> tuple[Motion, NDArray[np.int64]]:

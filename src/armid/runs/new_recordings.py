@@ -33,7 +33,7 @@ from armid.study.recordings.processed import (
     judged_without_memory,
     process_each,
 )
-from armid.study.recordings.reading import read_choice, scale_deviation
+from armid.study.recordings.reading import position_zero_deviation, read_choice, scale_deviation
 
 ReadRecording = tuple[RecordingChoice, Recording]
 """Recording that was read, with its path, role and log format."""
@@ -106,10 +106,17 @@ def load_new_recordings(
     earlier = earlier_information(run)
     of_processing = tuple(finding for each in processed for finding in each.findings)
     told = check_new_recordings(run, (*recordings, *unseen), (*read, *read_unseen), of_processing, loaded)
-    deviation = scale_deviation([choice for choice, _ in recordings], run.robot)
+    choices = [choice for choice, _ in recordings]
+    deviation = scale_deviation(choices, run.robot)
     if gain_deviation is not None:
         deviation = np.full(run.robot.n, gain_deviation)
-    samples = build_problem(run.model, observations, base=base, scale_deviation=deviation)
+    samples = build_problem(
+        run.model,
+        observations,
+        base=base,
+        scale_deviation=deviation,
+        position_zero_deviation=position_zero_deviation(choices, run.robot),
+    )
     return NewRecordings(
         run,
         base,

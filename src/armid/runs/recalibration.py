@@ -196,7 +196,7 @@ def _assumption_findings(new_recordings: NewRecordings, result: Result, changed:
                 f"The torque error on the new recordings is {error:.3g} {unit}, but was {before:.3g} {unit} in the "
                 "earlier run, so parameters that were not estimated again seem to have changed"
                 + (", or the recordings have a fault." if faults else "."),
-                f"first see {', '.join(faults)}; if more parameters are estimated, they hide this fault."
+                f"first correct {', '.join(faults)} (findings above); estimating more parameters only hides it."
                 if faults
                 else f"estimate more parameters with {further}.",
             )

@@ -111,7 +111,7 @@ def predict(run: Run, motion: Motion) -> Array:
 
 
 def band(run: Run, motion: Motion) -> Array:
-    """Half width of the 95 % prediction interval of the torque in the band of the study, (N, n) [N·m or N]."""
+    """Half width of the 95 % prediction interval of the torque after the low-pass filter, (N, n) [N·m or N]."""
     return torque_band(run.model, run.estimate, motion)
 
 

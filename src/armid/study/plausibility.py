@@ -158,7 +158,7 @@ def far_masses(found: Array, described: Array) -> NDArray[np.bool_]:
 def listed_masses(names: Sequence[str], found: Array, described: Array, which: NDArray[np.bool_]) -> str:
     """Text that lists selected masses (K,) [kg] of an estimate, with the masses of the description (K,) [kg]."""
     texts = [
-        f"{name} {mass:.3g} kg (description: {nominal:.3g} kg)"
+        f"{name} has a mass of {mass:.3g} kg (description: {nominal:.3g} kg)"
         for name, mass, nominal, wanted in zip(names, found, described, which, strict=True)
         if wanted
     ]

@@ -100,7 +100,7 @@ SERIES = {"time", "measured", "base", "physical"}
 
 
 def thesis_record(thesis: Thesis) -> dict[str, Any]:
-    """Content of `thesis.json`: all numbers of the study except the lines of its figures."""
+    """Content of `thesis.json`: all results of the reproduced thesis, without the curves of its figures."""
     return {
         field.name: _record(getattr(thesis, field.name))
         for field in dataclasses.fields(thesis)

@@ -19,7 +19,7 @@ def searched(*descents, seconds=10.2, interrupted=False):
 
 def test_descents_that_time_cut_short_are_told():
     found = unsettled(searched((10.1, 0.5), (10.2, 0.1)), "d-optimal", 10.0)
-    assert found is not None and "before the first descent was completed" in found.evidence
+    assert found is not None and "before the first local search was completed" in found.evidence
     assert (found.severity, found.remedy) == ("warning", "give the search more time, for instance --budget 60.")
 
 
@@ -28,7 +28,7 @@ def test_what_the_last_descents_gained_is_told_by_its_measure(criterion, change)
     """A step of the criterion that makes deviations, or the condition number, smaller by a fifth."""
     step = -change * math.log(0.8)
     found = unsettled(searched((3.0, 1.0), (7.0, 1.0), (9.0, 1.0 - step), (10.2, 1.0 - step)), criterion, 10.0)
-    assert found is not None and "the last 3 descents" in found.evidence and "by 20 %" in found.evidence
+    assert found is not None and "the last 3 local searches" in found.evidence and "by 20 %" in found.evidence
     assert ("condition number" in found.evidence) == (criterion == "condition")
 
 

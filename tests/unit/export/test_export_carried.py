@@ -144,7 +144,7 @@ def test_a_prior_that_was_used_already_is_no_remedy_for_far_masses(tmp_path):
         same = replace(run, estimate=replace(run.estimate, fit=fit))
         (said,) = far_bodies(same, Content(heavy, {}), None, "nearest")
         assert ("log-det" in said.remedy) is proposed and said.remedy
-        assert "the torque does not determine these values separately" in said.evidence
+        assert "do not determine these values one by one" in said.evidence
 
 
 def test_far_masses_that_the_torque_determines_are_not_called_undetermined(tmp_path):
@@ -158,7 +158,10 @@ def test_far_masses_that_the_torque_determines_are_not_called_undetermined(tmp_p
     fit = replace(run.estimate.fit, standard=replace(kept, status=status))
     known = replace(run, estimate=replace(run.estimate, fit=fit))
     told, guessed = far_bodies(known, Content(replace(run.robot, links=tuple(links)), {}), None, "estimated")
-    assert told.evidence.startswith("hand 43.2 kg") and "the torque determines these values" in told.evidence
+    assert (
+        told.evidence.startswith("In the exported file, hand has a mass of 43.2 kg")
+        and "recordings determine" in told.evidence
+    )
     assert "same arm" in told.remedy and "--nearest" not in told.remedy
     assert guessed.evidence.startswith("upper 120 kg") and "does not determine" in guessed.evidence
 

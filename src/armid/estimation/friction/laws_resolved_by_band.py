@@ -60,7 +60,7 @@ def passed_height(model: DynamicsModel, term: Term, width: float, observations: 
 
 
 def passed_transition(model: DynamicsModel, term: Term, width: float, observations: Observations) -> Array:
-    """Share of the transition of a hysteresis element that remains after the filter: maximum over the rows in use.
+    """Share of the change of a hysteresis element after a reversal that the filter leaves, at most over the rows.
 
     After a reversal an element changes from -1 to 1 over a travel of two deflections. During this travel it differs
     from Coulomb friction by up to 2. If the filter averages over the transition, the element cannot be distinguished

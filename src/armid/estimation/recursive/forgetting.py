@@ -64,7 +64,7 @@ def retained_rows(whole: Array, block: Array, share: float, changing: NDArray[np
 
 
 def discount(whole: Array, changing: NDArray[np.bool_], jump: Array) -> Array:
-    """Computes the whitened rows (b, b + 1) that remain after a sudden change of parameters.
+    """Reduces the stored information (b, b + 1) to what is still valid after a sudden change of parameters.
 
     The estimate stays the same. The conditional covariance of the changing parameters, given all other parameters,
     increases by the covariance of the change. The information about the other parameters stays the same.

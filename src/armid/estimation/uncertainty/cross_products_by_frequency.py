@@ -110,7 +110,10 @@ class BandProducts:
 
 
 def gather_bands(problem: EstimationProblem, values: Array) -> Iterator[GatheredBands]:
-    """Yields the rows of a problem with their residuals, averaged to `MAX_RATE` and folded into one period.
+    """Yields regressor columns and residuals, one segment at a time.
+
+    At row rates above `MAX_RATE`, neighbouring rows are averaged; if the motion is periodic, all periods are averaged
+    into one.
 
     Args:
         problem: Problem with its samples.

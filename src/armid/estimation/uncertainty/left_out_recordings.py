@@ -50,7 +50,10 @@ class LeftOut:
 
     @property
     def log_factor(self) -> float:
-        """Logarithm of RMS error divided by its standard deviation, mean over joints with rows; NaN if none."""
+        """Logarithm of the ratio of the RMS torque error to its predicted standard deviation, the root of `variance`.
+
+        The mean over the joints that have rows; NaN if no joint has rows.
+        """
         known = (self.rows > 0) & (self.variance > 0.0) & (self.squares > 0.0)
         if not known.any():
             return float("nan")
@@ -81,7 +84,12 @@ def leave_out_recordings(
     for group in np.array_split(numbers, min(MOST, len(numbers))):
         rest = tuple(run for run in observations.runs if run.recording not in group)
         try:
-            training = build_problem(model, replace(observations, runs=rest), base=base)
+            training = build_problem(
+                model,
+                replace(observations, runs=rest),
+                base=base,
+                position_zero_deviation=problem.position_zero_deviation,
+            )
             fit = solve(training)
         except EstimationError:
             continue

@@ -58,7 +58,7 @@ class LevelScatter:
     """Effect of noise on an estimate.
 
     Attributes:
-        covariance: Covariance of the estimate that the noise causes, shape (b, b).
+        covariance: Covariance of the estimate caused by the noise, shape (b, b).
         freedom: Degrees of freedom of each parameter's variance, shape (b,).
         noise: Standard deviation of each joint's noise, shape (n,) [N·m or N].
     """

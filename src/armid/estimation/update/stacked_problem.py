@@ -34,7 +34,9 @@ rounding error."""
 
 @dataclass(frozen=True, eq=False, slots=True)
 class EarlierErrors:
-    """Covariance and shift by reversals of an earlier estimate whose factors are part of a stacked problem.
+    """Errors of an earlier estimate whose information is stacked with new data.
+
+    They are its covariance, and the shift of its parameters that rows near velocity reversals cause.
 
     Attributes:
         blocks: Mask of the blocks that belong to the earlier estimate, shape (blocks,).

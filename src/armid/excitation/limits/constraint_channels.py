@@ -123,7 +123,7 @@ class ConstraintChannel(Protocol):
         ...
 
     def pullback(self, states: States, weights: Array) -> Array:
-        """Gradients (m, n k) by the unknowns, of the sums over the samples of values times weights (N, m)."""
+        """Gradients (m, n k) with respect to the unknowns, of m sums over the samples of values times weights."""
         ...
 
     def between(self, states: States, step: float) -> Array:
@@ -167,7 +167,7 @@ class RangeLimit:
         return np.abs(self._relative(states))
 
     def pullback(self, states: States, weights: Array) -> Array:
-        """Gradients (m, n k) by the unknowns, of the sums over the samples of values times weights (N, m)."""
+        """Gradients (m, n k) with respect to the unknowns, of m sums over the samples of values times weights."""
         slopes = weights * np.sign(self._relative(states)) / self.half
         blocks = slopes.T @ states.objective.matrices[self.order]
         gradient = np.zeros((len(self.joints), states.basis.n, states.basis.size))
@@ -215,7 +215,7 @@ class AmplitudeLimit:
         return (amplitude @ factors / self.limit)[None]
 
     def pullback(self, states: States, weights: Array) -> Array:
-        """Gradients (m, n k) by the unknowns, of the values times weights (1, m)."""
+        """Gradients (m, n k) with respect to the unknowns, of the values times weights (1, m)."""
         c, amplitude, factors = self._parts(states)
         L = states.basis.harmonics
         slopes = np.zeros_like(c)
@@ -256,7 +256,7 @@ class CoefficientLimit:
         return np.abs(self._relative(states))[None]
 
     def pullback(self, states: States, weights: Array) -> Array:
-        """Gradients (m, n k) by the unknowns, of the values times weights (1, m)."""
+        """Gradients (m, n k) with respect to the unknowns, of the values times weights (1, m)."""
         L = states.basis.harmonics
         slopes = weights[0] * np.sign(self._relative(states)) / np.tile(self.limit, 2).ravel()
         gradient = np.zeros((len(self.labels), states.basis.n, states.basis.size))

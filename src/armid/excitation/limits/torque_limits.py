@@ -62,7 +62,7 @@ class Torque:
         labels: Names of these joints.
         base: Base parameters (of the description or identified), shape (b,).
         limit: Torque limits, reduced by the margin, shape (m,) [N·m or N].
-        described: Model to which the base parameters belong; the model of the goal if not given.
+        described: Model to which the base parameters belong; `None` if it is the model of the design's criterion.
     """
 
     name: str
@@ -87,7 +87,7 @@ class Torque:
         return np.abs(self._columns(states).torque(self.base)[:, self.joints]) / self.limit
 
     def pullback(self, states: States, weights: Array) -> Array:
-        """Gradients (m, n k) by the unknowns, of the sums over the samples of values times weights (N, m)."""
+        """Gradients (m, n k) with respect to the unknowns, of m sums over the samples of values times weights."""
         columns = self._columns(states)
         torque = columns.torque(self.base)
         rows: list[Array] = []

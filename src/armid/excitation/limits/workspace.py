@@ -87,7 +87,7 @@ class Workspace:
         return 1.0 - (self.offsets - self._tip(states) @ self.normals.T) / SCALE
 
     def pullback(self, states: States, weights: Array) -> Array:
-        """Gradients (m, n k) by the unknowns, of the sums over the samples of values times weights (N, m)."""
+        """Gradients (m, n k) with respect to the unknowns, of m sums over the samples of values times weights."""
         forces = weights[:, :, None] * self.normals / SCALE
         points = np.broadcast_to(self._tip(states)[:, None], forces.shape)
         mask = carried_by(states.tree, [states.robot.tip.parent] * len(self.labels))

@@ -88,12 +88,13 @@ class AutomaticChoice:
             candidate for a joint that was never so fast, because below saturation it cannot be distinguished from
             viscous friction and its extrapolation would be wrong.
         one_shape: True if a joint can have the term only once, with one shape.
-        resolution: Quantity that must remain after the low-pass filter, for a term that acts for a short time after a
-            reversal: the `height` of a law of the velocity, or the `transition` of a hysteresis element.
+        resolution: For a term that acts only for a short time after a reversal: what the low-pass filter must leave
+            in sufficient size, so that the term can be a candidate. `height`: the peak of a velocity law;
+            `transition`: the change of a hysteresis element after the reversal; empty: no requirement.
         log_slope: Function that gives the derivative of the law with respect to the logarithm of its shape, from
             expression and shape. It is used to refine the shape by least squares after the selection.
-        periodic: True if the shape is a multiple of the joint's angle; the joint must be revolute and turn by a
-            period.
+        periodic: True if the law is periodic in k q, with the angle q of the joint and the shape k. The law is a
+            candidate only for a revolute joint that turns by at least one period of the law, 2π / k.
         is_sum: True if the term is a sum over several shapes. The selection may then remove single shapes, but not
             the largest one.
     """

@@ -135,7 +135,7 @@ def _unknown_inertia(bodies: Mapping[str, Uncomputed]) -> tuple[Finding, ...]:
         "the inertia of these bodies follows from their geoms, but cannot be computed: "
         + "; ".join(told[:LISTED])
         + more
-        + (f"; the stated masses of geoms ({stated}) do not determine a torque without inertias" if stated else "")
+        + (f"; the geoms state masses ({stated}), but without inertias no torque follows from them" if stated else "")
     )  # fmt: skip
     remedy = (
         "put missing files in place, or give these bodies an <inertial>: MuJoCo computes their mass, ipos, iquat and "

@@ -1,4 +1,4 @@
-"""Design of static poses or sweeps from a robot and constraints: start pose, moves, and check of all limits."""
+"""Design of static poses or sweeps for a robot: chooses the start pose and the moves, and checks all limits."""
 
 from __future__ import annotations
 

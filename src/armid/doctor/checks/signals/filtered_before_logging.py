@@ -120,7 +120,8 @@ def _found(joints: int, cutoff: float, used: float) -> Finding:
     narrower = round(max(NARROWER * cutoff, LEAST), 1)
     remedy = Remedy.read(AGAIN)
     if narrower < used:
-        remedy = lines(f"{AGAIN}; this helps where that is impossible", table="processing", cutoff=narrower)
+        note = "only if the unfiltered torque cannot be logged; otherwise log it and record again"
+        remedy = lines(note, table="processing", cutoff=narrower)
     return Finding(
         "filtered-before-logging", "error" if cutoff < HARMFUL * used else "warning", "effort", text, remedy
     )

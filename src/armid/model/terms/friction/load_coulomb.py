@@ -42,7 +42,7 @@ class LoadCoulomb:
         require_width("The width of load-dependent Coulomb friction", self.width)
 
     def laws(self, robot: Robot) -> tuple[Law, ...]:
-        """Law FSL · |load| · sgn(dq) of each joint."""
+        """Law FSL · |load| · sgn(dq) of each joint; `load` is the torque of the rigid bodies at this joint."""
         law = magnitude(symbol("load")) * coulomb_law(self.width)
         return single_joint_laws(robot, self.joints, "FSL", law, units=("1", "1"), nonnegative=True)
 

@@ -25,7 +25,7 @@ class LoadViscous:
     name: ClassVar[str] = "load-viscous"
 
     def laws(self, robot: Robot) -> tuple[Law, ...]:
-        """Law FVL · |load| · dq of each joint."""
+        """Law FVL · |load| · dq of each joint; `load` is the torque of the rigid bodies at this joint."""
         law = magnitude(symbol("load")) * symbol("dq")
         return single_joint_laws(robot, self.joints, "FVL", law, units=("s/rad", "s/m"), nonnegative=True)
 
