@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from armid.checked_array import Array
 from armid.estimation.crossvalidation import held_out_squares, training_information
+from armid.estimation.prior import OF_WHOLE
 from armid.information.information import Information, select
 
 ROUNDING = 1e-11
@@ -195,7 +196,7 @@ class HeldOutFolds:
         return left.T @ left
 
     def _length(self, products: Array) -> Array:
-        """Squared length of each column without the part that the columns of `base` explain, shape (b,)."""
+        """Squared length of each column that the columns of `base` do not explain, plus `OF_WHOLE`, shape (b,)."""
         length = np.maximum(np.diag(products)[:-1].copy(), 0.0)
         if not len(self.base):
             return length
@@ -207,7 +208,7 @@ class HeldOutFolds:
         A = A / np.outer(scale, scale) + ROUNDING * np.eye(len(scale))
         cross = products[np.ix_(self.base, others)] / scale[:, None]
         left = length[others] - np.sum(cross * np.linalg.solve(A, cross), axis=0)
-        length[others] = np.maximum(left, ROUNDING * length[others])
+        length[others] = np.maximum(left, 0.0) + OF_WHOLE * length[others]
         return length
 
     def _elimination(self, products: Array, kept: NDArray[np.intp], ridge: Array, rest: NDArray[np.intp]) -> Array:
