@@ -39,8 +39,8 @@ PASSES = 4
 model."""
 
 LEAST_WIDTH_GAIN = 0.002
-"""Smallest reduction of a joint's squared held-out error by one width of hysteresis, as a share. With 0.005, a joint of
-a simulated arm with two elements of hysteresis had 1.37 times the error of a model that knows its friction."""
+"""Smallest reduction of a joint's squared held-out error by one width of hysteresis, as a share. With 0.005, a joint
+of a simulated arm with two elements of hysteresis had 1.37 times the error of a model that knows its friction."""
 
 CLEAR_REMAINDER = 0.5
 """Number of standard errors by which the last width that remains of an option must reduce the held-out error. Without
