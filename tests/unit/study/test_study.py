@@ -71,6 +71,7 @@ position_sign = [1, -1]
 time_unit = 0.001
 drive_gain = [14.87, 13.26]
 drive_gain_deviation = 0.1
+position_zero_deviation = 0.002
 transmission = [[32.0, 0.0], [0.0, 32.0]]
 joint_offset = [0.0, 1.5]
 delay = [0.004, 0.0]

@@ -33,6 +33,9 @@ friction changes on all joints together, as it does when gears warm up. Model er
 SLOW = 0.06
 """Velocity below which dry friction may have any value up to its bound [rad/s or m/s]: three smoothing widths."""
 
+RESTING = 0.8
+"""Share of the changed rows in which all joints are slow, above which a change is static friction at rest."""
+
 FACTOR = 0.15
 """Smallest amount of the logarithm of a factor on a torque: drive gains are not known better."""
 
@@ -118,11 +121,17 @@ def is_fault(each: FittedChange) -> bool:
     """True if a change is larger and steadier than effects that the model lacks, and physically possible."""
     alternative = each.candidate.alternative
     least = (OF_ALL if alternative.of_all else OF_ONE)[alternative.kind]
-    if each.candidate.constant > CONSTANT:
+    if each.candidate.constant > CONSTANT or _rests(each):
         return False
     if each.gain < least.gain or each.candidate.steady < least.steady or each.share.max() < least.share:
         return False
     return POSSIBLE[alternative.kind](each)
+
+
+def _rests(each: FittedChange) -> bool:
+    """True if the arm rests in most rows of the changed part, where static friction can have any value."""
+    fastest = np.abs(each.state.rows.motion.dq[each.changed]).max(axis=1, initial=0.0)
+    return bool(len(fastest)) and float(np.mean(fastest < SLOW)) > RESTING
 
 
 def _gain(each: FittedChange) -> bool:
@@ -132,12 +141,12 @@ def _gain(each: FittedChange) -> bool:
 
 def _offset(each: FittedChange) -> bool:
     """True if the offset is larger than static friction can be while the joint is slow, or grows gradually."""
-    if each.candidate.shape.form != "step":
-        return True
     state, (j, *_) = each.state, each.candidate.alternative.joints
     rows = state.rows
     inside = rows.mask[:, j] & each.changed
     slow = float(np.mean(np.abs(rows.motion.dq[inside, j]) < SLOW)) if inside.any() else 1.0
+    if each.candidate.shape.form != "step":
+        return True
     numbered = zip(state.symbols(j), rows.parameters[j], strict=True)
     dry = sum(abs(float(state.fit.values[p])) for symbol, p in numbered if symbol == "FS")
     usual = float(rows.torque[rows.mask[:, j], j].std())

@@ -110,10 +110,7 @@ class BandProducts:
 
 
 def gather_bands(problem: EstimationProblem, values: Array) -> Iterator[GatheredBands]:
-    """Yields regressor columns and residuals, one segment at a time.
-
-    At row rates above `MAX_RATE`, neighbouring rows are averaged; if the motion is periodic, all periods are averaged
-    into one.
+    """Yields regressor columns and residuals, segment by segment, averaged over neighbouring rows and over periods.
 
     Args:
         problem: Problem with its samples.

@@ -40,6 +40,9 @@ JOINTS = 0.5
 MOVING = 0.3
 """Speed of the joints together, as a share of their RMS speed, above which a step is compared."""
 
+FEWEST_JOINTS = 4
+"""Smallest number of joints: two or three joints that stick and slide together take such steps, too."""
+
 FEWEST = 100
 """Smallest number of rows in motion."""
 
@@ -53,7 +56,9 @@ LISTED = 3
 def check(evidence: LogEvidence) -> list[Finding]:
     """Reports rows that do not follow each other in time, although the clock shows no gap."""
     recording = evidence.recording
-    if recording is None or recording.consecutive is False or recording.samples < FEWEST or recording.n < 2:
+    if recording is None or recording.consecutive is False:
+        return []
+    if recording.samples < FEWEST or recording.n < FEWEST_JOINTS:
         return []
     time = np.arange(recording.samples) / evidence.rate if recording.time is None else recording.time
     steps = np.diff(time)
