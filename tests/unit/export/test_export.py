@@ -199,7 +199,9 @@ def test_masses_far_from_the_description_are_told_and_nearest_brings_them_back(t
     plain = export_run(run, "urdf", tmp_path / "plain.urdf")
     assert plain.standard == "estimated"
     (far,) = (f for f in plain.findings if f.code == "mass-far-from-description")
-    assert "link_1 has a mass of 1.01e-06 kg" in far.evidence and "--nearest" in far.remedy and "log-det" in far.remedy
+    assert (
+        "link_1 has a mass of 1.01e-06 kg" in far.evidence and "--nearest" in far.remedy and "log-det" in far.remedy
+    )
     near = export_run(run, "urdf", tmp_path / "near.urdf", nearest=True)
     assert near.standard == "nearest"
     described, found = (load_robot(each).inertial_vector for each in (path, tmp_path / "near.urdf"))
