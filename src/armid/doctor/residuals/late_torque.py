@@ -48,11 +48,11 @@ DIGITS = 3
 
 @dataclass(frozen=True, slots=True)
 class TorqueDelay:
-    """TorqueDelay of the torque of one joint.
+    """Delay of the torque of one joint.
 
     Attributes:
         joint: Index of the joint.
-        seconds: TorqueDelay, negative for a lead [s].
+        seconds: Delay, negative for a lead [s].
         deviation: Standard deviation of the delay [s].
         gain: Decrease of the mean logarithm of the RMS residuals when the delay is removed.
     """
