@@ -21,7 +21,7 @@ from armid.information.filtering import in_band
 from armid.measurement.remedy_builders import lines
 
 FIRST = 0.05
-"""TorqueDelay, and lead, that is tried for each joint [s]; the longer ones are tried in the better direction only."""
+"""Delay, and lead, that is tried for each joint [s]; the longer ones are tried in the better direction only."""
 
 LONGER = (0.1, 0.15, 0.2, 0.3)
 """Longer delays that are tried [s]."""
@@ -96,7 +96,7 @@ def explain(code: str, state: LogState) -> Explanation | None:
 
 
 def _delay(judged: LogState, cost: Callable[[int, float], float], j: int) -> TorqueDelay | None:
-    """TorqueDelay of the torque of joint j with the smallest cost; `None` if it is not significant."""
+    """Delay of the torque of joint j with the smallest cost; `None` if it is not significant."""
     begin = cost(j, 0.0)
     costs = {seconds: cost(j, seconds) for seconds in (FIRST, -FIRST)}
     side = min(costs, key=lambda seconds: costs[seconds])
