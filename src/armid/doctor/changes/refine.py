@@ -16,7 +16,7 @@ from armid.doctor.quick_fit import QuickFit, QuickRows, solve
 
 @dataclass(frozen=True, eq=False)
 class FittedChange:
-    """ChangeCandidate of a change, fitted to a log.
+    """Possible change within a log, fitted to a log.
 
     Attributes:
         state: The log.

@@ -39,7 +39,7 @@ SURE = 8.0
 """Smallest number of standard deviations by which the share must differ from zero."""
 
 CALM = 0.8
-"""TorqueShare of the rows with the smallest residuals, on which the share of the torque is estimated once more. A
+"""Share of the rows with the smallest residuals, on which the share of the torque is estimated once more. A
 contact of the arm resembles crosstalk in a few rows only; a joint that sticks, near its reversals only."""
 
 CALM_GAIN = 0.4
@@ -59,12 +59,12 @@ joints that stick most of the time differ by 1e-2."""
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TorqueShare:
-    """TorqueShare of the torque of one joint in the torque of another joint.
+    """Share of the torque of one joint in the torque of another joint.
 
     Attributes:
         joint: Index of the joint whose torque contains the share.
         other: Index of the other joint.
-        factor: TorqueShare.
+        factor: Share of the torque of the other joint.
         deviation: Standard deviation of the share.
         gain: Decrease of the mean logarithm of the RMS residuals when the share is removed.
         after: The log without the share.
@@ -116,7 +116,7 @@ def explain(state: LogState) -> Explanation | None:
 
 
 def _largest_share(state: LogState) -> TorqueShare | None:
-    """TorqueShare that lowers the residuals most; `None` if no share is significant."""
+    """Share of a torque that lowers the residuals most; `None` if no share is significant."""
     rows, added = state.rows, AddedColumns(state)
     explained = np.array([added.decreases(j, rows.torque.T)[0] for j in range(rows.n)])
     explained[np.diag_indices(rows.n)] = 0.0
@@ -126,7 +126,7 @@ def _largest_share(state: LogState) -> TorqueShare | None:
 
 
 def _share(state: LogState, j: int, k: int) -> TorqueShare | None:
-    """TorqueShare of the torque of joint k in that of joint j; `None` if it is not significant in most of the log."""
+    """Share of the torque of joint k in that of joint j; `None` if it is not significant in most of the log."""
     rows = state.rows
     column = np.zeros((1, *rows.torque.shape))
     column[0, :, j] = rows.torque[:, k]
