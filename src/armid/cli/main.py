@@ -8,6 +8,7 @@ from __future__ import annotations
 import re
 import sys
 from collections.abc import Callable
+from contextvars import copy_context
 from functools import wraps
 from io import TextIOWrapper
 from typing import Annotated, Any
@@ -88,7 +89,9 @@ def main(arguments: list[str] | None = None) -> None:
         if isinstance(stream, TextIOWrapper):  # escapes what the terminal cannot show, as Greek letters
             stream.reconfigure(errors="backslashreplace")
     try:
-        app(_repeat_option("--validate", _join_numbers(raw_arguments)), prog_name="armid", standalone_mode=True)
+        # In a context of its own: the packages of one call are not known to the next one in the same program.
+        given = _repeat_option("--validate", _join_numbers(raw_arguments))
+        copy_context().run(app, given, prog_name="armid", standalone_mode=True)
     except ArmidError as error:
         from armid.cli.console import print_error
 

@@ -119,3 +119,23 @@ def test_what_is_no_package_is_refused(alone: Path, capsys: pytest.CaptureFixtur
     with pytest.raises(SystemExit) as end:
         main(["base", str(alone), "--package", "arm_description"])
     assert end.value.code == 2 and "write --package NAME=DIR" in capsys.readouterr().err
+
+
+def test_a_package_of_one_xacro_file_is_not_known_to_the_next(
+    tmp_path: Path, package: Path, monkeypatch: pytest.MonkeyPatch
+):
+    """Neither by the memory of the library that expands the files, nor by that of the command line."""
+    pytest.importorskip("xacrodoc")
+    path = tmp_path / "taken" / "arm.xacro"
+    path.parent.mkdir()
+    path.write_text(XACRO)
+    monkeypatch.setenv("ROS_PACKAGE_PATH", str(package.parent))
+    assert load_robot(path).joint_names == ("j",)
+    monkeypatch.delenv("ROS_PACKAGE_PATH")
+    with pytest.raises(RobotError, match="arm_description is not found"):
+        load_robot(path)
+    with pytest.raises(SystemExit) as end:
+        main(["base", str(path), "--package", f"arm_description={package}"])
+    assert not end.value.code
+    with pytest.raises(RobotError, match="arm_description is not found"):
+        load_robot(path)

@@ -67,6 +67,7 @@ def expand(text: str, source: str) -> str:
     except ImportError as error:
         raise MissingExtraError("xacrodoc", f"Reading {source}", "xacro") from error
     parse_xml(text, source)
+    xacrodoc.packages.reset()  # else folders of packages of an earlier description are used
     xacrodoc.packages.walk_up_from(source)
     faults = (
         xacro.XacroException,
