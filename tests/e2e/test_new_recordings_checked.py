@@ -14,9 +14,8 @@ from armid.checked_array import Array
 from armid.lab.inverse_dynamics_recording import record
 from armid.maths.inertia import com_inertia_to_vector
 from armid.measurement.recording import Recording
-from armid.model.dynamics_model import DynamicsModel
-from armid.model.terms import Coulomb, RigidBody, RotorInertia, Viscous
-from armid.runs.run import save_run
+from armid.runs.new_recordings import check_new_recordings, read_new_recordings
+from armid.runs.run import load_run, save_run
 from armid.study.config import load_study
 from armid.study.identify import identify
 from command_line import Armid, command_line
@@ -24,9 +23,9 @@ from labs import (
     FRICTION,
     KNOWN_FRICTION,
     SENSORS,
-    small_model,
+    small_model_with_rotors,
     small_plan,
-    small_truth,
+    small_truth_with_rotors,
     write_arm,
     write_recording,
     write_study,
@@ -44,14 +43,14 @@ EXTENDING = (("recalibrate", "--all", "--out", "new"), ("recalibrate", "--out", 
 
 def recorded(seed: int, *, load: Array | None = None, friction: float = 1.0, rotor: bool = False) -> Recording:
     """The small arm, with a load on its last link, so many times its friction, and rotors."""
-    theta = small_truth()
-    plain = small_model()
-    model = DynamicsModel(plain.robot, (RigidBody(), Viscous(), Coulomb(width=0.02), RotorInertia()))
-    theta = np.append(theta, np.array(ROTOR) * rotor)
+    model, theta = small_model_with_rotors(), small_truth_with_rotors()
     if load is not None:
         theta[model.inertial_columns.reshape(-1, 10)[-1]] += load
     for k, parameter in enumerate(model.parameters):
-        theta[k] *= friction if parameter.symbol in FRICTION else 1.0
+        if parameter.symbol in FRICTION:
+            theta[k] = friction * FRICTION[parameter.symbol][parameter.number - 1]
+        elif parameter.symbol == "IA":
+            theta[k] = rotor * ROTOR[parameter.number - 1]
     return record(model, theta, small_plan(seed), SENSORS, np.random.default_rng(seed), repetitions=2)[0]
 
 
@@ -137,3 +136,18 @@ def test_a_fault_of_a_validation_recording_fails(armid: Armid, tmp_path: Path):
     command = ("recalibrate", "run", "sound.npz", "--validate", "sign.npz", "--out", tmp_path / "new")
     status, out, err = armid(*command)
     assert status == 1 and "errors in the recordings (torque-sign)" in out and "error torque-sign" in err
+
+
+def test_a_failed_run_is_no_reference_for_the_scale_of_a_torque(folder: Path):
+    """Its links may be far from the arm; a sound recording has no other unit because of them."""
+    run = load_run(folder / "run")
+    fit = run.estimate.fit
+    wrong = replace(run, estimate=replace(run.estimate, fit=replace(fit, values=10.0 * fit.values, standard=None)))
+    recording, read = read_new_recordings(run, (str(folder / "sound.npz"),), {})
+    for verdict, expected in (("pass", True), ("fail", False)):
+        found = check_new_recordings(replace(wrong, verdict=verdict), recording, read)
+        assert any(each.severity == "error" for each in found) == expected
+    heavy, read = read_new_recordings(run, (str(folder / "heavy.npz"),), {})
+    assert not any(
+        each.severity == "error" for each in check_new_recordings(replace(wrong, verdict="fail"), heavy, read)
+    )

@@ -16,7 +16,8 @@ from armid.estimation.update.payload import LOAD_NAMES
 from armid.lab.inverse_dynamics_recording import record
 from armid.maths.inertia import about_com, com_inertia_to_vector
 from armid.measurement.recording import Recording
-from armid.runs.payload import only_drive_gains_failed
+from armid.runs.new_recordings import only_drive_gains_failed
+from armid.runs.payload import NOTHING
 from armid.runs.run import load_run, save_run
 from armid.study.config import RecordingChoice, load_study
 from armid.study.identify import identify
@@ -80,6 +81,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     write_arm(folder)
     write_recording(recorded(1), folder / "free.npz")
     write_recording(recorded(2, load=True), folder / "loaded.npz")
+    write_recording(recorded(8), folder / "without.npz")
     write_recording(recorded(6, load=True, still=(0, 1)), folder / "turning.npz")
     write_recording(recorded(7, load=True, link=2), folder / "elsewhere.npz")
     write_recording(recorded(3, friction=0.6), folder / "warm.npz")
@@ -490,3 +492,12 @@ def test_recalibration_writes_nothing_where_it_fails(armid: Armid, tmp_path: Pat
     code, _, err = armid("recalibrate", damaged, "warm.npz", "--out", tmp_path / "new")
     assert code == 2 and "study.json is damaged" in " ".join(err.split())
     assert not (tmp_path / "new").exists()
+
+
+def test_without_a_load_the_mass_is_bounded(folder: Path, armid: Armid):
+    code, out, err = armid("payload", "run", "without.npz", "--json")
+    answer = json.loads(out)
+    assert code == 0 and "load-missing" in {each["code"] for each in answer["warnings"]}
+    low, high = answer["mass"]["interval95"]
+    assert low <= NOTHING and high < 0.1  # an eighth of the load of the other recordings
+    assert f"below {high:.3g} kg" in err

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from armid.checked_array import Array
 from armid.dataclass_files import load
 from armid.doctor.checks.dynamics.rotor_inertia_missing import CODE as ROTOR_INERTIA_MISSING
-from armid.doctor.earlier_run_links import KnownLinks
+from armid.doctor.checks.signals.motor_side import CURRENT, MOTOR, UNIT
+from armid.doctor.earlier_run_links import DESCRIPTION, KnownLinks
 from armid.errors import Finding, RobotError, StudyError
 from armid.estimation.estimate_record import torque_parameters
 from armid.estimation.friction_per_recording import changing_parameters
@@ -27,6 +28,7 @@ from armid.robot.robot import Robot
 from armid.runs.run import Run, failed_checks
 from armid.study.config import RecordingChoice
 from armid.study.diagnosis import findings_of_each, merged
+from armid.study.plausibility import recording_error_check
 from armid.study.recordings.processed import (
     ProcessedRecording,
     joined_observations,
@@ -34,6 +36,9 @@ from armid.study.recordings.processed import (
     process_each,
 )
 from armid.study.recordings.reading import position_zero_deviation, read_choice, scale_deviation
+
+GAIN_CODES = (CURRENT, MOTOR, UNIT)
+"""Codes of findings on a torque that does not agree with the described masses; wrong drive gains are one cause."""
 
 ReadRecording = tuple[RecordingChoice, Recording]
 """Recording that was read, with its path, role and log format."""
@@ -229,10 +234,12 @@ def _without_rotors(run: Run, finding: Finding) -> Finding:
 
 
 def known_links(run: Run, loaded: int | None = None) -> KnownLinks | None:
-    """Links of a run, with which the doctor compares new recordings; `None` if the run has no rigid bodies.
+    """Links with which the doctor compares new recordings of the arm of a run; `None` if no links are known.
 
-    If the run has only base parameters, the bodies of the description are used, changed so that they give the torque
-    of the run.
+    They are the links of the run. If the run has only base parameters, the bodies of the description are used,
+    changed so that they give the torque of the run. If the run failed its validation for another reason than its
+    drive gains, the links of the description are used as they are: a scale of the torque that contradicts the links
+    of a failed run is no evidence against a recording.
 
     Args:
         run: The run.
@@ -243,14 +250,39 @@ def known_links(run: Run, loaded: int | None = None) -> KnownLinks | None:
         return None
     theta = torque_parameters(estimate.base, estimate.fit)
     described = model.nominal_parameters()
-    if estimate.fit.standard is None and described is not None:
+    source = f"the run {run.folder}"
+    if run.verdict == "fail" and not only_drive_gains_failed(run):
+        if described is None:
+            return None
+        theta, source = described, DESCRIPTION
+    elif estimate.fit.standard is None and described is not None:
         shifted = described.copy()
         shifted[estimate.base.kept] += theta[estimate.base.kept] - estimate.base.values_of(described)
         theta = shifted
     tip = run.robot.tip.parent
     last = tip if tip >= 0 else run.robot.n - 1
     bodies = theta[model.inertial_columns].reshape(-1, 10)
-    return KnownLinks(bodies, f"the run {run.folder}", last if loaded is None else loaded)
+    return KnownLinks(bodies, source, last if loaded is None else loaded)
+
+
+def only_drive_gains_failed(run: Run) -> bool:
+    """Tests whether a run failed its validation only because the drive gains contradict the described masses.
+
+    The doctor reports such gains with one of the three codes `GAIN_CODES`. A finding with such a code can also have
+    another cause, such as positions in counts of encoders; its remedy is then not a drive gain.
+
+    Args:
+        run: The run.
+    """
+    if run.verdict != "fail" or run.log_format.drive_gain is None:
+        return False
+    names = failed_checks(run)
+    errors = [each for each in run.estimate.findings if each.severity == "error" and each.code in GAIN_CODES]
+    return (
+        bool(names)
+        and {*names} <= {recording_error_check(code) for code in GAIN_CODES}
+        and all("drive_gain" in Remedy.read(each.remedy).keys for each in errors)
+    )
 
 
 def earlier_information(run: Run) -> Information:

@@ -10,27 +10,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armid.checked_array import Array
-from armid.doctor.checks.signals.motor_side import CURRENT, MOTOR, UNIT
 from armid.errors import EstimationError, Finding, StudyError
 from armid.estimation.update.payload import LOAD_NAMES, DriveGains, PayloadEstimate, estimate_gains, estimate_payload
 from armid.estimation.update.payload_misfit import PayloadMisfit
 from armid.estimation.update.stacked_problem import stack_problems
 from armid.model.terms.rigid_body import rigid_body_units
-from armid.remedy import Remedy
-from armid.runs.new_recordings import NewRecordings, load_new_recordings
+from armid.runs.new_recordings import NewRecordings, load_new_recordings, only_drive_gains_failed
 from armid.runs.payload_link import PayloadLink, fit_finding, payload_link
-from armid.runs.run import Run, failed_checks
+from armid.runs.run import Run
 from armid.study.diagnosis import diagnosed_error
-from armid.study.plausibility import contradictions, few_blocks_finding, recording_error_check
+from armid.study.plausibility import contradictions, few_blocks_finding
 from armid.study.storage.records import judgement_record
 from armid.validation.torque_validation import Check
 
 FAR = 3.0
 """Distance of the estimated payload from the nearest real body above which a finding is reported [standard
 deviations]."""
-
-GAIN_CODES = (CURRENT, MOTOR, UNIT)
-"""Codes of findings on a torque that does not agree with the described masses; wrong drive gains are one cause."""
 
 FAR_GAIN = 4.0
 """Correction of a drive gain, divided by the stated standard deviation, above which a finding is reported. With
@@ -137,26 +132,6 @@ def find_payload(
     return Payload(new_recordings, place, load, misfit, given, gains, findings)
 
 
-def only_drive_gains_failed(run: Run) -> bool:
-    """Tests whether a run failed its validation only because the drive gains contradict the described masses.
-
-    The doctor reports such gains with one of the three codes `GAIN_CODES`. A finding with such a code can also have
-    another cause, such as positions in counts of encoders; its remedy is then not a drive gain.
-
-    Args:
-        run: The run.
-    """
-    if run.verdict != "fail" or run.log_format.drive_gain is None:
-        return False
-    names = failed_checks(run)
-    errors = [each for each in run.estimate.findings if each.severity == "error" and each.code in GAIN_CODES]
-    return (
-        bool(names)
-        and {*names} <= {recording_error_check(code) for code in GAIN_CODES}
-        and all("drive_gain" in Remedy.read(each.remedy).keys for each in errors)
-    )
-
-
 def _with_gains_sought(run: Run, findings: Sequence[Finding]) -> list[Finding]:
     """Findings of a run; if only drive gains made the run fail its validation, this finding becomes information."""
     if not only_drive_gains_failed(run):
@@ -226,8 +201,12 @@ def _payload_findings(
             )
         )
     if gains is None and load.intervals[0, 0] <= NOTHING:
-        evidence = "The mass of the load does not differ significantly from zero."
-        found.append(Finding("load-missing", "warning", "", evidence, "check that the load was attached to the arm."))
+        most = f"{load.intervals[0, 1]:.3g} kg"
+        evidence = f"The mass of the load does not differ significantly from zero; it is below {most}."
+        remedy = (
+            "check that the load was attached to the arm; if it was, record a faster motion through wider angles."
+        )
+        found.append(Finding("load-missing", "warning", "", evidence, remedy))
     if gains is not None and not gains.determined.all():
         names = ", ".join(new_recordings.run.robot.joint_names[j] for j in np.flatnonzero(~gains.determined))
         evidence = "The recordings do not determine the drive gain of the joint."

@@ -123,11 +123,9 @@ def estimate_payload(stacked: StackedProblem) -> PayloadEstimate:
     """
     solution = solve_stacked(stacked)
     load = _payload(stacked, solution, np.full(10, np.nan))
-    if "identified" not in load.status:
+    if all(status == "not identifiable" for status in load.status):
         raise EstimationError(
-            "The recording determines none of the parameters of the load: "
-            + ", ".join(f"{name} ({status})" for name, status in zip(LOAD_NAMES, load.status, strict=True))
-            + ".",
+            "The recording determines none of the parameters of the load.",
             remedy="move the joints near the load faster and through wide angles, so that the load is rotated.",
         )
     return load

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from armid.checked_array import Array
 from armid.doctor.check_definition import LogCheck
 from armid.doctor.check_input import Explanation, LogEvidence
+from armid.doctor.earlier_run_links import DESCRIPTION
 from armid.doctor.fitted_log import LogState
 from armid.doctor.remedy_trial import try_remedy
 from armid.errors import Finding
@@ -106,7 +107,8 @@ def check(evidence: LogEvidence) -> list[Finding]:
 def _covers(evidence: LogEvidence, finding: Finding) -> bool:
     """True if proposed drive gains agree with the gains of the log format, within the deviations stated there."""
     given, stated = evidence.reading.drive_gain, evidence.reading.drive_gain_deviation
-    if given is None or stated is None or evidence.known is not None:  # a run has the same gains
+    of_run = evidence.known is not None and evidence.known.source != DESCRIPTION  # a run has the same gains
+    if given is None or stated is None or of_run:
         return False
     ratio = np.asarray(Remedy.read(finding.remedy).keys["drive_gain"]) / np.asarray(given)
     size = np.maximum(np.abs(ratio - 1.0), np.abs(1.0 / ratio - 1.0))
