@@ -122,6 +122,11 @@ def held_out_squares(held_out: Information, values: Array) -> Array:
     return squares
 
 
+def rms_by_joint(squares: Array, rows: NDArray[np.int64]) -> Array:
+    """Root mean square (n,) from sums of squares and numbers of rows, each (n,); NaN for a joint without rows."""
+    return np.sqrt(np.where(rows > 0, squares / np.maximum(rows, 1), np.nan))
+
+
 def held_out_error(held_out: Information, values: Array, weights: Array) -> float:
     """Weighted mean square of the residuals in a fold; 1 if the RMS residual of each joint is 1 / weight.
 

@@ -14,12 +14,11 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from armid.checked_array import Array
 from armid.errors import ArmidError, EstimationError
 from armid.estimation.catalogue import ESTIMATORS, Estimator, MultiStartEstimator
-from armid.estimation.crossvalidation import held_out_squares
+from armid.estimation.crossvalidation import held_out_squares, rms_by_joint
 from armid.estimation.estimate_record import collapse
 from armid.estimation.fit_result import Fit
 from armid.estimation.problem import EstimationProblem
@@ -208,7 +207,7 @@ def _on_recordings(prepared: Prepared, unseen: Information) -> UnseenError:
 
     def error(method: Estimator, fit: Fit) -> Array:
         del method
-        return _rms(held_out_squares(unseen, collapse(prepared.base.names, fit)), unseen.rows[0])
+        return rms_by_joint(held_out_squares(unseen, collapse(prepared.base.names, fit)), unseen.rows[0])
 
     return error
 
@@ -233,11 +232,6 @@ def _on_folds(problem: EstimationProblem) -> UnseenError:
                 "Cross-validation is not possible, because the recording is too short to leave a part of it out.",
                 remedy=VALIDATE,
             )
-        return _rms(squares, problem.information.rows.sum(axis=0))
+        return rms_by_joint(squares, problem.information.rows.sum(axis=0))
 
     return error
-
-
-def _rms(squares: Array, rows: NDArray[np.int64]) -> Array:
-    """Root mean square (n,) from sums of squares and numbers of rows, each (n,); NaN for a joint without rows."""
-    return np.sqrt(np.where(rows > 0, squares / np.maximum(rows, 1), np.nan))

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armid.checked_array import Array, array
-from armid.estimation.crossvalidation import held_out_squares
+from armid.estimation.crossvalidation import held_out_squares, rms_by_joint
 from armid.estimation.problem import StandardParameters
 from armid.estimation.uncertainty.prediction_error import ExpectedError, PredictionError, expected_error
 from armid.information.information import Information, total
@@ -66,12 +66,7 @@ def left_out_error(
     description = None
     if standard.nominal is not None and standard.described:
         nominal = standard.regrouping @ standard.nominal
-        description = _rms(held_out_squares(total(left_out), nominal), rows)
-    rms, expected = _rms(squares, rows), expected_error(error, noise)
+        description = rms_by_joint(held_out_squares(total(left_out), nominal), rows)
+    rms, expected = rms_by_joint(squares, rows), expected_error(error, noise)
     high = np.fmax(expected.high, FOUND_AGAIN * rms)
     return LeftOutError(kind, rms, description, ExpectedError(expected.rms, expected.low, high))
-
-
-def _rms(squares: Array, rows: NDArray[np.int64]) -> Array:
-    """Root mean square (n,) from sums of squares and numbers of rows, each (n,); NaN for a joint without rows."""
-    return np.sqrt(np.where(rows > 0, squares / np.maximum(rows, 1), np.nan))

@@ -63,7 +63,7 @@ def with_left_out(
         squares = np.sum([each.squares for each in found], axis=0)
         kind, left = "recordings", _recordings_of(problem.information, found)
     else:
-        squares = _squares_of_parts(whole, fixed, result.fit)
+        squares = _squares_of_parts(whole, method, result.fit)
         kind, left = "parts", problem.information
     return result, left_out_error(
         kind, squares, rows, error, fit.noise, problem.require_standard("cross-validation"), left
