@@ -87,7 +87,7 @@ class DownsampledLog:
         return np.concatenate([run.mask for run in self.runs])
 
     def coarse(self) -> DownsampledLog:
-        """The log with fewer rows, filtered torque and unfiltered columns, to compare orders of channels quickly."""
+        """A copy with fewer rows and an unfiltered motion, with which orders of channels are compared quickly."""
         every = max(1, sum(len(run.rows) for run in self.runs) // COARSE)
 
         def changed(run: ObservedRun) -> ObservedRun:

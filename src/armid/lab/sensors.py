@@ -49,13 +49,13 @@ class SensorChannel:
         for name in ("noise", "resolution", "delay", "cutoff"):
             if not 0.0 <= getattr(self, name) < math.inf:
                 raise LabError(
-                    f"The key `{name}` of a channel must be finite and not negative; found {getattr(self, name)}.",
-                    remedy=f"correct the key `{name}` in the table of the channel below [sensing].",
+                    f"The key `{name}` of a sensor must be finite and not negative; found {getattr(self, name)}.",
+                    remedy=f"correct `{name}` in [sensing.position], [sensing.velocity] or [sensing.effort].",
                 )
         if self.delay > MARGIN:
             raise LabError(
-                f"The key `delay` of a channel must be at most {MARGIN:g} s; found {self.delay:g} s.",
-                remedy="give a smaller `delay` in the table of the channel below [sensing].",
+                f"The key `delay` of a sensor must be at most {MARGIN:g} s; found {self.delay:g} s.",
+                remedy="give a smaller `delay` in [sensing.position], [sensing.velocity] or [sensing.effort].",
             )
 
 

@@ -337,8 +337,9 @@ def _columns(value: Any) -> dict[str, tuple[str, ...]]:
         columns[quantity] = () if listed == ("",) else listed
     if columns.get("q") == ():
         raise RecordingError(
-            "The table `columns` leaves `q` out, but positions are required.",
-            remedy="name the columns of the positions `q`.",
+            "The key `q` of the table `columns` is empty, but positions are required.",
+            remedy='give the names of the position columns, for instance q = ["pos1", "pos2"], or a pattern '
+            'such as q = "pos{}".',
         )
     return columns
 

@@ -15,7 +15,7 @@ DIGITS = 4
 
 
 def lines(note: str = "", table: str = "", **keys: Any) -> Remedy:
-    """Remedy that sets keys of a study to values, one per line, with a comment after the last line.
+    """Remedy that sets keys of a study to values, one per line, with a comment at the end of the last line.
 
     Args:
         note: Comment.

@@ -292,7 +292,7 @@ def _physical(robot: Robot, values: Mapping[str, float], motion: Motion | None, 
     unknown = sorted(set(values) - set(wanted) - {name for name in values if name.upper() in friction})
     if missing or unknown:
         raise ModelError(
-            f"The names are not the physical parameters of {robot.name}: "
+            f"The given names are not those of the physical parameters of {robot.name}: "
             f"{', '.join((missing or unknown)[:8])} {'missing' if missing else 'not known'}.",
             possible=", ".join(wanted[:10]) + ", … for every link; Fv_1, Fs_1, …",
             remedy="add the missing parameters." if missing else did_you_mean(unknown[0], wanted),

@@ -234,12 +234,12 @@ def _without_rotors(run: Run, finding: Finding) -> Finding:
 
 
 def known_links(run: Run, loaded: int | None = None) -> KnownLinks | None:
-    """Links with which the doctor compares new recordings of the arm of a run; `None` if no links are known.
+    """Inertial parameters with whose torque the doctor compares new recordings; `None` if none are known.
 
-    They are the links of the run. If the run has only base parameters, the bodies of the description are used,
-    changed so that they give the torque of the run. If the run failed its validation for another reason than its
-    drive gains, the links of the description are used as they are: a scale of the torque that contradicts the links
-    of a failed run is no evidence against a recording.
+    They are those of the run. If the run has only base parameters, the bodies of the description are used, changed so
+    that they give the torque of the run. If the run failed its validation for another reason than its drive gains,
+    the bodies of the description are used unchanged: the parameters of a failed run may be wrong, so a torque that
+    differs from theirs by a factor shows no fault of the recording.
 
     Args:
         run: The run.

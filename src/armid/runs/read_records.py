@@ -46,7 +46,12 @@ class RunRecords:
 
 
 def records_of(result: Result, methods: MethodTable | None = None) -> RunRecords:
-    """Records of a run, from the result of its identification in memory."""
+    """Records of a run, as they are read from its folder, from the result of an identification in memory.
+
+    Args:
+        result: Result of the identification.
+        methods: Table of the estimators that were compared; `None` if none were compared.
+    """
     study = replace(result.study, folder=str(Path(result.study.folder).resolve()))
     selection = result.friction_selection
     summary = None if selection is None else selection_summary(selection)

@@ -1,4 +1,4 @@
-"""Default estimation options for a model with selected friction, and the finding about the selection."""
+"""Default options of the estimator where armid chooses the friction terms, and the finding that names these terms."""
 
 from __future__ import annotations
 

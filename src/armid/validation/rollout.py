@@ -260,7 +260,7 @@ class _Dynamics:
         return self.model.mass_matrix(q, self.theta)
 
     def bias(self, q: Array, dq: Array) -> Array:
-        """Torque (W, n) of the rigid bodies at zero acceleration, without friction."""
+        """Torque of the rigid bodies at zero acceleration in each of W windows, without friction, shape (W, n)."""
         return kernel.inverse_dynamics(self.model.tree, self.inertial, q, dq, np.zeros_like(q))
 
     def friction(self, q: Array, dq: Array, ddq: Array, memory: Array) -> tuple[Array, Array, Array]:

@@ -66,7 +66,7 @@ def test_saving_and_loading_gives_the_same_reading(tmp_path):
         ({"drive_gain": [1.0, 2.0], "torque_sign": [1, 1, 1]}, "torque_sign has 3, drive_gain has 2"),
         ({"transmission": np.eye(2), "joint_offset": [0.0]}, "joint_offset has 1, transmission has 2"),
         ({"columns": {"position": "q{}"}}, "`columns` cannot have the key 'position'"),
-        ({"columns": {"q": ""}}, "leaves `q` out"),
+        ({"columns": {"q": ""}}, "key `q` of the table `columns` is empty"),
         ({"columns": {"q": 3}}, r"columns\.q = 3"),
         ({"columns": "q{}"}, "columns = 'q{}'"),
         ({"units": "degrees"}, "units = 'degrees'"),

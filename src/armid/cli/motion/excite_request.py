@@ -112,8 +112,9 @@ def run_experiment(model: DynamicsModel, options: Mapping[str, Any]) -> Designed
     if options["after"] and constraints.estimate is None:
         raise ArmidError(
             f"--after {' '.join(options['after'])}: poses and sweeps use the torque of an earlier run, but none of "
-            f"these is a run that gives the torque of {model.robot.name} under this gravity.",
-            remedy="give a run of this arm, or leave out --after: torque is then computed from the description.",
+            f"these runs has identified {model.robot.name} with the same direction of gravity.",
+            remedy="give a run of this arm with the same gravity, or leave out --after: the torque is then computed "
+            "from the description.",
         )
     return design_moves(model, goal, constraints)
 

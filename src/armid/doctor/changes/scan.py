@@ -51,7 +51,7 @@ class ChangeCandidate:
     constant: float
 
     def with_values(self, values: Array) -> ChangeCandidate:
-        """The same change with other coefficients."""
+        """A copy of this change with other sizes, such as the gain or the offset of each joint, shape (k,)."""
         return replace(self, values=values)
 
 

@@ -51,9 +51,10 @@ def recalibrate_fit(
         fit: The earlier estimate.
         new: Factors of the new recordings.
         changing: Mask of the base parameters that have separate values in the new recordings, shape (b,).
-        tool: Derivative of the base parameters by the ten parameters of a new tool, shape (b, 10); `None` if the tool
-            has not changed.
-        samples: The new recordings with their samples.
+        tool: Derivative of the base parameters with respect to the ten inertial parameters of a new tool, shape (b,
+            10); `None` if the tool has not changed.
+        samples: Samples of the new recordings, from which the correlation of their residuals in time is estimated;
+            with `None` it is estimated from the blocks of `new`.
 
     Raises:
         EstimationError: The new recordings do not determine the effect of the tool.

@@ -92,7 +92,7 @@ class MeasuredPairs:
         return tuple(each.pair for each in self.maps)
 
     def values(self, states: States) -> Array:
-        """Utilisations (N, m): one minus the distance from positions with too close bodies, divided by `SCALE`."""
+        """Utilisations 1 - d / `SCALE` (N, m) with the distance d in joint space from positions with a collision."""
         q = states.derivatives[0]
         return np.column_stack([1.0 - (each.at(q)[0] - each.spare) / SCALE for each in self.maps])
 
