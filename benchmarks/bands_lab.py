@@ -3,11 +3,11 @@
     python benchmarks/bands_lab.py [ARM …] [--seeds N] [--days N] [--json]
 
 Each arm has friction that the usual terms do not describe (Stribeck effect, hysteresis, asymmetry, ripple and
-dependence on load). From one day to the next, the friction of each joint changes by a lognormal factor, and each torque
-has another offset. One recording, or several, train a model as a study does, with the terms of a study that names none
-(*plain*) and with `terms = "auto"`; another day's recording, with another motion, judges. Printed are the share of its
-rows inside the 95 % prediction interval, of all joints and of the worst; the median half width over the one that an
-oracle would need; and the joints whose RMS error lies inside the 90 % interval that was stated before.
+dependence on load). From one day to the next, the friction of each joint changes by a lognormal factor, and each
+torque has another offset. One recording, or several, train a model as a study does, with the terms of a study that
+names none (*plain*) and with `terms = "auto"`; another day's recording, with another motion, judges. Printed are the
+share of its rows inside the 95 % prediction interval, of all joints and of the worst; the median half width over the
+one that an oracle would need; and the joints whose RMS error lies inside the 90 % interval that was stated before.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from armid.lab.sensors import Sensing, SensorChannel
 from armid.lab.simulation import simulate
 from armid.measurement.recording import Recording
 from armid.robot import load_robot
-from armid.study.config import ModelChoice, RecordingChoice, RobotChoice, Study
+from armid.study.config import AUTOMATIC_METHOD, EstimationChoice, ModelChoice, RecordingChoice, RobotChoice, Study
 from armid.study.identify import identify
 from armid.study.recordings.processed import process_each
 from armid.study.recordings.reading import read_choice
@@ -88,11 +88,12 @@ def day(arm: KnownArm, seed: int, name: str) -> Recording:
     return replace(log, effort=log.effort + offset, source=name, sha256="")
 
 
-def judged(name: str, recordings: dict[str, Recording], terms: tuple[str, ...]) -> Judged:
+def judged(name: str, recordings: dict[str, Recording], *, automatic: bool) -> Judged:
     """A study of all recordings but the last, which judges it."""
     *training, last = recordings
     choices = tuple(RecordingChoice(each) for each in training)
-    study = Study(RobotChoice(ARMS[name]), ModelChoice(terms) if terms else ModelChoice(), choices)
+    method = EstimationChoice(AUTOMATIC_METHOD) if automatic else EstimationChoice()
+    study = Study(RobotChoice(ARMS[name]), ModelChoice(automatic=automatic), choices, estimation=method)
     result = identify(study, given=recordings)
     expected = result.validation.left_out.expected if result.validation.left_out else None
     robot = result.model.robot
@@ -111,14 +112,13 @@ def judged(name: str, recordings: dict[str, Recording], terms: tuple[str, ...]) 
 
 def measure(name: str, way: str, seeds: int, days: int) -> dict[str, Any]:
     """Coverage and width of an arm over all seeds."""
-    terms = ("auto",) if way == "auto" else ()
     arm = with_effects(truth_of(load_robot(ARMS[name])), EFFECTS)
     found: list[Judged] = []
     failed = 0
     for seed in range(seeds):
         recordings = {f"day{k}": day(arm, 100 * seed + k, f"day{k}") for k in range(days + 1)}
         try:
-            found.append(judged(name, recordings, terms))
+            found.append(judged(name, recordings, automatic=way == "auto"))
         except ArmidError as error:
             print(f"{name} {way} {seed}: {error}", file=sys.stderr)
             failed += 1

@@ -1,8 +1,9 @@
 """Prediction interval (95 %) of the torque on another recording.
 
 If x is a row of the regressor, Σ the covariance of the parameters and σ the noise of the joint, noise and parameters
-explain the variance v + σ² with v = xᵀ Σ x. The variance on another recording is larger by model error, and the
-standard deviation is multiplied by a lognormal factor (`armid.estimation.uncertainty.prediction_error`).
+explain the variance v + σ² with v = xᵀ Σ x. The variance on another recording is larger by model error and by the
+change of friction and offsets, and the standard deviation is multiplied by a lognormal factor
+(`armid.estimation.uncertainty.prediction_error`).
 
 The degrees of freedom of v are those of the parameters. The noise has many degrees of freedom, so their number is
 taken as infinite. The degrees of freedom of the sum are computed as in [Satterthwaite1946].
@@ -10,6 +11,7 @@ taken as infinite. The degrees of freedom of the sum are computed as in [Sattert
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -67,12 +69,17 @@ def band_of_rows(model: DynamicsModel, estimate: Estimate, observations: Observa
     base, fit, training = estimate.base, estimate.fit, estimate.prediction
     if training is not None:
         fit = replace(fit, covariance=training.without_scales(fit.covariance))
-    share = _parameter_variance(model, base, _covariance_of_means(base, fit), observations, every)
+    covariances = [_covariance_of_means(base, fit)]
+    if training is not None and training.change.known:
+        covariances.append(training.change.covariance)
+    share, *by_change = _parameter_variances(model, base, covariances, observations, every)
     variance = explained = np.maximum(share + fit.noise**2, np.finfo(float).tiny)
     factor = 1.0
     if training is not None:
         positions = np.concatenate([run.motion.q[run.rows][::every] for run in observations.runs])
         variance = with_model_error(training, share, fit.noise, positions)
+        for each in by_change:
+            variance = variance + each + training.change.offset**2
         factor = np.exp(training.log_factor) * scale_mixture_quantile(training.log_deviation) / NORMAL
     free = median(fit.freedom) * (explained / np.maximum(share, SMALLEST_SHARE * explained)) ** 2
     return np.asarray(factor * student_quantile(free) * np.sqrt(variance), dtype=np.float64)
@@ -94,18 +101,19 @@ def _covariance_of_means(base: BaseParameters, fit: Fit) -> Array:
     return mean @ fit.covariance @ mean.T + np.diag(spread)
 
 
-def _parameter_variance(
-    model: DynamicsModel, base: BaseParameters, covariance: Array, observations: Observations, every: int
-) -> Array:
-    """Variance of the predicted torque from the covariance of the parameters, on every k-th row, shape (M, n)."""
+def _parameter_variances(
+    model: DynamicsModel, base: BaseParameters, covariances: Sequence[Array], observations: Observations, every: int
+) -> list[Array]:
+    """Variances of the predicted torque by covariances of the parameters, on every k-th row, each (M, n)."""
     source = column_source(model, base)
     sparse = [
         replace(run, step=run.step * every, mask=run.mask[::every], block=run.block[::every], repetition=None)
         for run in observations.runs
     ]
     x = np.concatenate([all_rows(source, run, observations.band) for run in sparse], axis=1)
-    variance = np.empty((x.shape[1], model.n))
+    variances = [np.empty((x.shape[1], model.n)) for _ in covariances]
     for j, parameters in enumerate(source.layout.parameters):
         y = x[source.layout.offset[j] : source.layout.offset[j + 1] - 1]
-        variance[:, j] = np.einsum("km,km->m", covariance[np.ix_(parameters, parameters)] @ y, y)
-    return variance
+        for variance, covariance in zip(variances, covariances, strict=True):
+            variance[:, j] = np.einsum("km,km->m", covariance[np.ix_(parameters, parameters)] @ y, y)
+    return variances

@@ -19,10 +19,10 @@ from armid.estimation.fit_result import Fit
 from armid.estimation.problem import EstimationProblem, build_problem
 from armid.estimation.uncertainty.prediction_error import (
     PredictionError,
-    mean_parameter_variance,
     prediction_error,
     with_model_error,
 )
+from armid.estimation.uncertainty.recording_change import mean_parameter_variance, recording_change
 from armid.information.information import Information, select, total
 
 MOST = 5
@@ -38,8 +38,8 @@ class LeftOut:
         fit: Estimate from the other recordings, in the parameters of one recording.
         squares: Sum of squared errors of each joint on the left-out recordings, shape (n,) [(N·m)² or N²].
         rows: Number of rows of each joint in the left-out recordings, shape (n,).
-        variance: Variance of the torque error by noise, parameters and model error, mean over these rows, shape (n,)
-            [(N·m)² or N²].
+        variance: Variance of the torque error by noise, parameters, model error and the change of friction and
+            offsets, mean over these rows, shape (n,) [(N·m)² or N²].
     """
 
     recordings: tuple[int, ...]
@@ -95,7 +95,9 @@ def leave_out_recordings(
             continue
         held_out = total(select(problem.information, np.isin(problem.information.recording, group)))
         out = [run.motion.q[run.rows][run.mask.any(axis=1)] for run in observations.runs if run.recording in group]
-        error = prediction_error(training.information, fit, replace(observations, runs=rest))
+        others = replace(observations, runs=rest)
+        change = recording_change(model, base, fit.values, training.information, others)
+        error = prediction_error(training.information, fit, others, change)
         found.append(_left_out(tuple(int(k) for k in group), fit, error, held_out, np.concatenate(out)))
     return tuple(found)
 
@@ -106,4 +108,5 @@ def _left_out(
     """Error of an estimate on left-out recordings with the joint positions (M, n) of their rows in use."""
     share = mean_parameter_variance(held_out, fit.covariance)
     variance = with_model_error(error, share, fit.noise, positions).mean(axis=0)
+    variance += mean_parameter_variance(held_out, error.change.covariance) + error.change.offset**2
     return LeftOut(recordings, fit, held_out_squares(held_out, fit.values), held_out.rows[0], variance)

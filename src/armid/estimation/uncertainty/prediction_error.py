@@ -7,10 +7,11 @@ is taken as
     (σ² + v) max(1, v / (U v̄))^P (1 + B d),
 
 with the mean v̄ of v over the training rows, and the largest distance d of a joint's position from its training
-range, relative to this range. On another recording, the RMS error of a joint differs from its standard deviation by a
-factor, because friction, offsets and sensors change from one recording to the next. The logarithm of the factor is
-taken as normally distributed, with a mean for the arm, a deviation between recordings, and a deviation between the
-joints of one recording.
+range, relative to this range. The variance by the change of friction and offsets from one recording to another is
+added (`armid.estimation.uncertainty.recording_change`). On another recording, the RMS error of a joint still differs
+from its standard deviation by a factor, because friction, offsets and sensors change otherwise than assumed. The
+logarithm of the factor is taken as normally distributed, with a mean for the arm, a deviation between recordings, and
+a deviation between the joints of one recording.
 
 The deviations were measured on the recordings of eight arms: each recording, or each part of an arm's only recording,
 was predicted by a model of the others (`benchmarks/bands.py`). Where an arm has several recordings, its own left-out
@@ -27,7 +28,8 @@ import numpy as np
 
 from armid.checked_array import Array, array
 from armid.estimation.fit_result import Fit
-from armid.information.information import Information, total
+from armid.estimation.uncertainty.recording_change import RecordingChange, mean_parameter_variance
+from armid.information.information import Information
 from armid.measurement.observations import Observations
 
 FAR = 4.0
@@ -83,6 +85,7 @@ class PredictionError:
         by_scales: Part of the covariance of the parameters by uncertain torque scales, such as drive gains, shape (b,
             b). The measured torque of another recording has the same scales, so this part is not an error of its
             prediction. Empty if the scales are exact.
+        change: Change of friction and offsets from the training recordings to another one.
     """
 
     recordings: int
@@ -91,6 +94,7 @@ class PredictionError:
     log_factor: float = 0.0
     log_deviation: float = float(np.hypot(BETWEEN_ARMS, BETWEEN_JOINTS))
     by_scales: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    change: RecordingChange = field(default_factory=RecordingChange)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "parameter_variance", array(self.parameter_variance, (None,), "parameter_variance"))
@@ -119,7 +123,11 @@ class ExpectedError:
 
 
 def prediction_error(
-    information: Information, fit: Fit, observations: Observations, by_scales: Array | None = None
+    information: Information,
+    fit: Fit,
+    observations: Observations,
+    change: RecordingChange,
+    by_scales: Array | None = None,
 ) -> PredictionError:
     """Facts about training recordings for the prediction of another recording, before any recording is left out.
 
@@ -127,6 +135,7 @@ def prediction_error(
         information: Factors of the training recordings, in the parameters of the fit.
         fit: Estimate with its covariance.
         observations: The training recordings.
+        change: Change of friction and offsets to another recording.
         by_scales: Part of the covariance by uncertain torque scales, shape (b, b); `None` if the scales are exact.
     """
     covariance = fit.covariance if by_scales is None else fit.covariance - by_scales
@@ -135,6 +144,7 @@ def prediction_error(
         mean_parameter_variance(information, covariance),
         position_range(observations),
         by_scales=np.zeros((0, 0)) if by_scales is None else by_scales,
+        change=change,
     )
 
 
@@ -153,17 +163,6 @@ def with_model_error(training: PredictionError, share: Array, noise: Array, posi
     distance = np.maximum(np.maximum(low - positions, positions - high), 0.0) / (high - low + SMALL_RANGE)
     outside = 1.0 + OUTSIDE * distance.max(axis=1, keepdims=True)
     return np.maximum((noise**2 + share) * unlike * outside, tiny)
-
-
-def mean_parameter_variance(information: Information, covariance: Array) -> Array:
-    """Variance of the predicted torque by the covariance (b, b), mean over the rows of each joint, shape (n,)."""
-    whole = total(information)
-    variance = np.zeros(whole.n)
-    for j, joint in enumerate(whole.joints):
-        R = joint.R[0, :, :-1]
-        own = covariance[np.ix_(joint.parameters, joint.parameters)]
-        variance[j] = np.sum((R @ own) * R) / max(int(whole.rows[0, j]), 1)
-    return np.maximum(variance, 0.0)
 
 
 def position_range(observations: Observations) -> Array:
@@ -202,6 +201,7 @@ def expected_error(error: PredictionError, noise: Array) -> ExpectedError:
         error: Facts about the training recordings.
         noise: Standard deviation of the torque of each joint about the model, shape (n,) [N·m or N].
     """
-    center = np.exp(error.log_factor) * np.sqrt(noise**2 + error.parameter_variance)
+    change = error.change.variance if error.change.known else 0.0
+    center = np.exp(error.log_factor) * np.sqrt(noise**2 + error.parameter_variance + change)
     factor = float(np.exp(NINETY * np.hypot(error.log_deviation, OTHER_MOTION)))
     return ExpectedError(center, center / factor, center * factor)

@@ -18,6 +18,7 @@ from armid.estimation.problem import EstimationProblem
 from armid.estimation.run_estimator import estimate
 from armid.estimation.uncertainty.left_out_recordings import LeftOut, leave_out_recordings
 from armid.estimation.uncertainty.prediction_error import prediction_error, updated
+from armid.estimation.uncertainty.recording_change import recording_change
 from armid.estimation.uncertainty.recording_scatter import covariance_by_scales, with_recording_scatter
 from armid.information.information import Information, select
 from armid.measurement.observations import Observations
@@ -52,9 +53,11 @@ def with_left_out(
     found = leave_out_recordings(problem, solve)
     whole = separated(problem)
     by_scales = covariance_by_scales(result.fit, whole)
-    fit = with_recording_scatter(result.fit, found, by_scales)
-    _, _, observations = problem.require_samples("cross-validation")
-    error = prediction_error(whole.information, fit, observations, by_scales if by_scales.any() else None)
+    model, base, observations = problem.require_samples("cross-validation")
+    values = averaged(base.names, result.fit).values
+    change = recording_change(model, base, values, problem.information, observations)
+    fit = with_recording_scatter(result.fit, found, by_scales, change.covariance)
+    error = prediction_error(whole.information, fit, observations, change, by_scales if by_scales.any() else None)
     error = updated(error, [each.log_factor for each in found if np.isfinite(each.log_factor)])
     result = replace(result, fit=fit, prediction=error)
     rows = problem.information.rows.sum(axis=0)
