@@ -66,7 +66,7 @@ def band_of_rows(model: DynamicsModel, estimate: Estimate, observations: Observa
     """
     base, fit, training = estimate.base, estimate.fit, estimate.prediction
     if training is not None:
-        fit = replace(fit, covariance=training.without_scales(fit.covariance))
+        fit = replace(fit, covariance=training.effective(fit.covariance))
     share = _parameter_variance(model, base, _covariance_of_means(base, fit), observations, every)
     variance = explained = np.maximum(share + fit.noise**2, np.finfo(float).tiny)
     factor = 1.0

@@ -54,9 +54,10 @@ def with_left_out(
     by_scales = covariance_by_scales(result.fit, whole)
     fit = with_recording_scatter(result.fit, found, by_scales)
     _, _, observations = problem.require_samples("cross-validation")
-    error = prediction_error(whole.information, fit, observations, by_scales if by_scales.any() else None)
-    error = updated(error, [each.log_factor for each in found if np.isfinite(each.log_factor)])
-    result = replace(result, fit=fit, prediction=error)
+    scales = by_scales if by_scales.any() else None
+    error = prediction_error(whole.information, fit, observations, scales, left_out=bool(found))
+    error = updated(error, [each.log_factors for each in found])
+    result = replace(result, fit=replace(fit, by_misfit=None, by_systematic=None), prediction=error)
     rows = problem.information.rows.sum(axis=0)
     if found:
         rows = np.sum([each.rows for each in found], axis=0)
