@@ -158,8 +158,10 @@ def chosen(
     described = bodies is not None and bool((bodies[:, 0] > 0.0).all())
     method = build_estimator(as_chosen(EstimationChoice(AUTOMATIC_METHOD), selection, described=described))
     apart, used = selection.offset_per_recording, without_creep(training)
+    terms = tuple(term for term in selection.model.terms if term not in selection.added)
+    without = replace(model, terms=terms)
     return {
-        "prior": judged(model, method, used, apart=apart),
+        "prior": judged(without, method, used, apart=apart),
         "auto": judged(selection.model, method, used, apart=apart),
     }
 

@@ -81,6 +81,8 @@ class Fit(Displayed):
             covariance of the prior is the inverse of its precision times this number.
         prior_excess: Covariance (b, b) by which the prior is wider than its precision says, because the data
             contradict it; `None` for none.
+        by_misfit: Part of the covariance that `prior_excess` causes, shape (b, b); `None` for none.
+        by_systematic: Part of the covariance that systematic errors cause, shape (b, b); `None` for none.
     """
 
     names: tuple[ParameterName, ...]
@@ -102,6 +104,8 @@ class Fit(Displayed):
     standard: StandardFit | None = None
     prior_correlation: float = 1.0
     prior_excess: Array | None = field(default=None, repr=False)
+    by_misfit: Array | None = field(default=None, repr=False)
+    by_systematic: Array | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         b, n = len(self.names), len(self.rows)

@@ -68,7 +68,7 @@ def band_of_rows(model: DynamicsModel, estimate: Estimate, observations: Observa
     """
     base, fit, training = estimate.base, estimate.fit, estimate.prediction
     if training is not None:
-        fit = replace(fit, covariance=training.without_scales(fit.covariance))
+        fit = replace(fit, covariance=training.effective(fit.covariance))
     covariances = [_covariance_of_means(base, fit)]
     if training is not None and training.change.known:
         covariances.append(training.change.covariance)

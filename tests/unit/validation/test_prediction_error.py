@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from armid.estimation.fit_result import Fit
 from armid.estimation.problem import build_problem
 from armid.estimation.run_estimator import estimate
 from armid.estimation.uncertainty.left_out_recordings import leave_out_recordings
@@ -83,11 +84,47 @@ def test_the_variance_grows_with_the_distance_from_the_training_motion():
 def test_left_out_recordings_determine_the_factor():
     error = PredictionError(3, np.full(2, 0.01), np.zeros((2, 2)))
     assert updated(error, []) == error
-    alike = updated(error, [0.4, 0.4, 0.4])
+    alike = updated(error, [np.full(2, 0.4)] * 3)
     assert 0.2 < alike.log_factor < 0.4 and alike.log_deviation < error.log_deviation
-    many = updated(error, [0.4] * 1000)
+    many = updated(error, [np.full(2, 0.4)] * 1000)
     assert many.log_factor == pytest.approx(0.4, abs=1e-3)
-    assert abs(updated(error, [BETWEEN_ARMS]).log_factor) < BETWEEN_ARMS
+    assert abs(updated(error, [np.full(2, BETWEEN_ARMS)]).log_factor) < BETWEEN_ARMS
+
+
+def test_left_out_recordings_determine_the_deviation_between_joints():
+    """One new recording has the deviations between recordings and joints that many left-out recordings have."""
+    rng = np.random.default_rng(1)
+    error = PredictionError(3, np.full(7, 0.01), np.zeros((7, 2)))
+    for deviation in (0.1, 0.8):
+        drawn = rng.normal(0.0, 0.1, (2000, 1)) + rng.normal(0.0, deviation, (2000, 7))
+        # The mean over seven joints contains their scatter: its variance is 1/7 of that between the joints.
+        expected = math.sqrt(0.1**2 + deviation**2 * (1.0 + 1.0 / 7.0))
+        assert updated(error, list(drawn)).log_deviation == pytest.approx(expected, rel=0.02)
+    assert updated(error, [np.zeros(0)]) == error
+
+
+def test_what_has_no_effect_on_predictions_does_not_widen_them():
+    """Misfit of the prior never, systematic errors only where no recording shows their effect."""
+    problem = build_problem(small_model(), observed(run_of(1)))
+    fit = estimate(problem)
+    some = 0.3 * fit.covariance
+    misfit = replace(fit, covariance=fit.covariance + some, by_misfit=some, by_systematic=None)
+    systematic = replace(fit, covariance=fit.covariance + some, by_misfit=None, by_systematic=some)
+    only = replace(fit, by_misfit=None, by_systematic=None)
+    alone = prediction_error(problem.information, only, observed(run_of(1)))
+
+    def ratio(of: Fit, *, left_out: bool) -> float:
+        error = prediction_error(problem.information, of, observed(run_of(1)), left_out=left_out)
+        np.testing.assert_allclose(
+            error.parameter_variance,
+            mean_parameter_variance(problem.information, error.effective(of.covariance)),
+            rtol=ROUNDING,
+        )
+        return float(np.max(error.parameter_variance / alone.parameter_variance))
+
+    assert ratio(misfit, left_out=False) == pytest.approx(1.0, rel=ROUNDING)
+    assert ratio(systematic, left_out=True) == pytest.approx(1.0, rel=ROUNDING)
+    assert ratio(systematic, left_out=False) == pytest.approx(1.3, rel=ROUNDING)
 
 
 def test_recordings_alike_are_predicted_as_noise_explains():
@@ -96,7 +133,7 @@ def test_recordings_alike_are_predicted_as_noise_explains():
     problem = build_problem(model, both)
     left_out = leave_out_recordings(problem, estimate)
     assert [each.recordings for each in left_out] == [(0,), (1,), (2,), (3,)]
-    assert abs(np.mean([each.log_factor for each in left_out])) < 0.15
+    assert abs(np.mean([each.log_factors.mean() for each in left_out])) < 0.15
     fit = estimate(problem)
     wider = with_recording_scatter(fit, left_out, np.zeros_like(fit.covariance))
     ratio = wider.deviation / fit.deviation
@@ -111,7 +148,7 @@ def test_friction_that_changes_between_recordings_widens_intervals_and_bands():
     fit = estimate(problem)
     left_out = leave_out_recordings(problem, estimate)
     factor = updated(
-        prediction_error(problem.information, fit, problem.observations), [x.log_factor for x in left_out]
+        prediction_error(problem.information, fit, problem.observations), [x.log_factors for x in left_out]
     )
     assert factor.log_deviation > 0.7  # the factors differ by 0.8
     wider = with_recording_scatter(fit, left_out, np.zeros_like(fit.covariance))

@@ -20,6 +20,7 @@ from armid.errors import EstimationError
 from armid.estimation.crossvalidation import can_cross_validate, folds
 from armid.estimation.estimate_record import torque_parameters
 from armid.estimation.estimators.ridge import Ridge
+from armid.estimation.friction.apparent_inertia import with_signed_inertia
 from armid.estimation.friction.body_prior import CONSISTENT, CONSISTENT_WEIGHT, choose_prior, suitable_method
 from armid.estimation.friction.candidates import (
     Candidate,
@@ -143,6 +144,8 @@ def choose_friction(model: DynamicsModel, observations: Observations, *, threads
         why = f"{blocks} blocks of rows are too few to select friction: at least {FEWEST} are needed."
         return FrictionSelection(model, (), (), ones, np.zeros(model.n), None, why=why)
     drifting = _drifting_offsets(problem.information, model)
+    problem = with_signed_inertia(problem, CONSISTENT_WEIGHT, drifting)
+    model, _, _ = problem.require_samples("friction selection")
     loaded = _with_load_parameters(problem, LOAD_WEIGHT)
     allowed = allowed_candidates(loaded, observations)
 

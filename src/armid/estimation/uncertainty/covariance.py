@@ -115,6 +115,7 @@ class Uncertainty:
         inverse: Inverse of the normal matrix, prior included, shape (b, b).
         known_covariance: Covariance that is not estimated from residuals (by prior and torque scales), and that is
             added to the covariance from noise, shape (b, b).
+        by_misfit: Part of it that the misfit of the prior causes, shape (b, b).
         moved: Shift of the estimate by rows near velocity reversals, multiplied by the share that counts as one
             standard deviation, shape (b,).
         observed: Mask of the parameters on which the rows depend, shape (b,).
@@ -142,9 +143,11 @@ class Uncertainty:
         self.known_covariance = self.known_covariance + fit.prior_correlation * (
             self.inverse @ self.prior @ self.inverse
         )
+        self.by_misfit = np.zeros((b, b))
         if fit.prior_excess is not None:
             change = self.inverse @ self.prior
-            self.known_covariance = self.known_covariance + change @ fit.prior_excess @ change.T
+            self.by_misfit = change @ fit.prior_excess @ change.T
+            self.known_covariance = self.known_covariance + self.by_misfit
         self.moved: Array = np.zeros(b)  # by reversals
         self.observed: NDArray[np.bool_] = np.ones(b, dtype=np.bool_)
         self.errors = ErrorEffect(covariance=np.zeros((b, b)), attenuation=np.zeros(b))
@@ -264,7 +267,8 @@ class Uncertainty:
 
     def _with(self, covariance: Array, kind: str, freedom: Array | float) -> Fit:
         """Fit with the covariance from noise of the data plus the known covariance from prior and torque scales."""
-        return self.with_scatter(replace(self.fit, covariance_kind=kind), covariance, self.known_covariance, freedom)
+        fit = replace(self.fit, covariance_kind=kind, by_misfit=self.by_misfit)
+        return self.with_scatter(fit, covariance, self.known_covariance, freedom)
 
     def with_scatter(self, fit: Fit, scatter: Array, known_covariance: Array, freedom: Array | float) -> Fit:
         """Fit with covariance, degrees of freedom and the intervals of the standard parameters.
@@ -272,8 +276,8 @@ class Uncertainty:
         The covariance is the sum of `scatter`, caused by the noise of the data, and `known_covariance`, which is not
         estimated from residuals; `freedom` are the degrees of freedom of `scatter`.
         """
-        known_covariance = known_covariance + np.outer(self.moved, self.moved) + self.errors.covariance
-        known_covariance = known_covariance + np.outer(self.errors.attenuation, self.errors.attenuation)
+        systematic = self.errors.covariance + np.outer(self.errors.attenuation, self.errors.attenuation)
+        known_covariance = known_covariance + np.outer(self.moved, self.moved) + systematic
         certain = known_covariance + self.border_covariance
         estimated, certain_part = np.diag(scatter), np.diag(certain)
         # A covariance of known size has infinite degrees of freedom [Satterthwaite1946].
@@ -287,7 +291,12 @@ class Uncertainty:
             findings = (*findings, *error_findings(self.errors, scatter, fit.names, self.problem.model.robot))
             findings = (*findings, *noise_finding(self.errors.attenuation, scatter, fit.names))
         return replace(
-            fit, covariance=scatter + certain, freedom=each * share**2, standard=standard, findings=findings
+            fit,
+            covariance=scatter + certain,
+            freedom=each * share**2,
+            standard=standard,
+            findings=findings,
+            by_systematic=systematic,
         )
 
     def _systematic_errors(self) -> ErrorEffect:

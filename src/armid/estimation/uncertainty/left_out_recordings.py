@@ -49,15 +49,13 @@ class LeftOut:
     variance: Array
 
     @property
-    def log_factor(self) -> float:
+    def log_factors(self) -> Array:
         """Logarithm of the ratio of the RMS torque error to its predicted standard deviation, the root of `variance`.
 
-        The mean over the joints that have rows; NaN if no joint has rows.
+        One for each joint that has rows, so of at most n joints.
         """
         known = (self.rows > 0) & (self.variance > 0.0) & (self.squares > 0.0)
-        if not known.any():
-            return float("nan")
-        return float(np.mean(0.5 * np.log(self.squares[known] / self.rows[known] / self.variance[known])))
+        return 0.5 * np.log(self.squares[known] / self.rows[known] / self.variance[known])
 
 
 def leave_out_recordings(
@@ -106,7 +104,7 @@ def _left_out(
     recordings: tuple[int, ...], fit: Fit, error: PredictionError, held_out: Information, positions: Array
 ) -> LeftOut:
     """Error of an estimate on left-out recordings with the joint positions (M, n) of their rows in use."""
-    share = mean_parameter_variance(held_out, fit.covariance)
+    share = mean_parameter_variance(held_out, error.effective(fit.covariance))
     variance = with_model_error(error, share, fit.noise, positions).mean(axis=0)
     variance += mean_parameter_variance(held_out, error.change.covariance) + error.change.offset**2
     return LeftOut(recordings, fit, held_out_squares(held_out, fit.values), held_out.rows[0], variance)

@@ -58,7 +58,7 @@ BETWEEN_RECORDINGS = 0.25
 """Standard deviation between recordings of one arm of the mean logarithm of the factor; measured: 0.06 to 0.26."""
 
 PRIOR_RECORDINGS = 3.0
-"""Number of recordings to which the knowledge of `BETWEEN_RECORDINGS` is equivalent."""
+"""Number of recordings to which the knowledge of `BETWEEN_RECORDINGS` and `BETWEEN_JOINTS` is equivalent."""
 
 BETWEEN_JOINTS = 0.4
 """Standard deviation of the logarithm of the factor between the joints of one recording; measured: 0.17 to 0.6."""
@@ -82,9 +82,13 @@ class PredictionError:
         log_factor: Mean of the logarithm of the factor: RMS error on another recording divided by the standard
             deviation with model error.
         log_deviation: Standard deviation of the logarithm of the factor for a joint of another recording.
-        by_scales: Part of the covariance of the parameters by uncertain torque scales, such as drive gains, shape (b,
-            b). The measured torque of another recording has the same scales, so this part is not an error of its
-            prediction. Empty if the scales are exact.
+        without_effect: Part of the covariance of the parameters that is no error of the prediction, shape (b, b);
+            empty if there is none. The measured torque of another recording has the same torque scales, such as drive
+            gains. The misfit of the prior says how far single links may be from the description; how far torques are
+            from those of the model, the weight of the prior with the smallest held-out error says. Systematic errors
+            are the same in other recordings, in which most of their effect cancels; left-out recordings show the
+            rest, so they have no effect only where recordings are left out. The same holds for the scatter between
+            recordings.
         change: Change of friction and offsets from the training recordings to another one.
     """
 
@@ -92,19 +96,19 @@ class PredictionError:
     parameter_variance: Array
     positions: Array
     log_factor: float = 0.0
-    log_deviation: float = float(np.hypot(BETWEEN_ARMS, BETWEEN_JOINTS))
-    by_scales: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    log_deviation: float = float(np.sqrt(BETWEEN_ARMS**2 + BETWEEN_RECORDINGS**2 + BETWEEN_JOINTS**2))
+    without_effect: Array = field(default_factory=lambda: np.zeros((0, 0)), metadata={"stored": "by_scales"})
     change: RecordingChange = field(default_factory=RecordingChange)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "parameter_variance", array(self.parameter_variance, (None,), "parameter_variance"))
         n = len(self.parameter_variance)
         object.__setattr__(self, "positions", array(self.positions, (n, 2), "positions"))
-        object.__setattr__(self, "by_scales", array(self.by_scales, (None, None), "by_scales"))
+        object.__setattr__(self, "without_effect", array(self.without_effect, (None, None), "without_effect"))
 
-    def without_scales(self, covariance: Array) -> Array:
-        """Covariance (b, b) of the parameters without the part by uncertain torque scales."""
-        return covariance - self.by_scales if self.by_scales.size else covariance
+    def effective(self, covariance: Array) -> Array:
+        """Covariance (b, b) of the parameters without the part that is no error of the prediction."""
+        return covariance - self.without_effect if self.without_effect.size else covariance
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -128,6 +132,8 @@ def prediction_error(
     observations: Observations,
     change: RecordingChange,
     by_scales: Array | None = None,
+    *,
+    left_out: bool = True,
 ) -> PredictionError:
     """Facts about training recordings for the prediction of another recording, before any recording is left out.
 
@@ -137,14 +143,18 @@ def prediction_error(
         observations: The training recordings.
         change: Change of friction and offsets to another recording.
         by_scales: Part of the covariance by uncertain torque scales, shape (b, b); `None` if the scales are exact.
+        left_out: True if recordings are left out in turn, whose errors contain the effect of systematic errors.
     """
-    covariance = fit.covariance if by_scales is None else fit.covariance - by_scales
+    systematic = fit.by_systematic if left_out else None
+    parts = [part for part in (by_scales, fit.by_misfit, systematic) if part is not None]
+    without_effect = np.sum(parts, axis=0) if parts else np.zeros((0, 0))
+    covariance = fit.covariance - without_effect if parts else fit.covariance
     return PredictionError(
         len(np.unique(information.recording)),
         mean_parameter_variance(information, covariance),
         position_range(observations),
-        by_scales=np.zeros((0, 0)) if by_scales is None else by_scales,
         change=change,
+        without_effect=without_effect,
     )
 
 
@@ -172,25 +182,28 @@ def position_range(observations: Observations) -> Array:
     return np.stack([q.min(axis=0), q.max(axis=0)], axis=1)
 
 
-def updated(error: PredictionError, log_factors: Sequence[float]) -> PredictionError:
+def updated(error: PredictionError, log_factors: Sequence[Array]) -> PredictionError:
     """Updates the distribution of the factor with the left-out recordings of the arm.
 
     Mean and deviation are those of the posterior for normal distributions: the mean of the arm has the prior mean 0
-    and the deviation `BETWEEN_ARMS`. The deviation between recordings is that of the left-out recordings and of
-    `PRIOR_RECORDINGS` more with the deviation `BETWEEN_RECORDINGS`.
+    and the deviation `BETWEEN_ARMS`. The deviations between recordings and between joints are those of the left-out
+    recordings and of `PRIOR_RECORDINGS` more with the deviations `BETWEEN_RECORDINGS` and `BETWEEN_JOINTS`.
 
     Args:
         error: Facts about the training recordings.
-        log_factors: Logarithm of the factor on each left-out recording, mean over the joints.
+        log_factors: Logarithm of the factor on each left-out recording, for each of its joints that have rows.
     """
-    if not log_factors:
+    known = [each for each in log_factors if len(each)]
+    if not known:
         return error
-    each = np.asarray(log_factors, dtype=np.float64)
+    each = np.array([joints.mean() for joints in known])
     squares = PRIOR_RECORDINGS * BETWEEN_RECORDINGS**2 + float(np.sum((each - each.mean()) ** 2))
     between = squares / (PRIOR_RECORDINGS + len(each) - 1)
     precision = BETWEEN_ARMS**-2 + len(each) / between
     mean = each.sum() / between / precision
-    deviation = np.sqrt(1.0 / precision + between + BETWEEN_JOINTS**2)
+    shown = [joints.var(ddof=1) for joints in known if len(joints) > 1]
+    joints = (PRIOR_RECORDINGS * BETWEEN_JOINTS**2 + sum(shown)) / (PRIOR_RECORDINGS + len(shown))
+    deviation = np.sqrt(1.0 / precision + between + joints)
     return replace(error, log_factor=float(mean), log_deviation=float(deviation))
 
 

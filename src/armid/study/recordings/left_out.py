@@ -57,9 +57,12 @@ def with_left_out(
     values = averaged(base.names, result.fit).values
     change = recording_change(model, base, values, problem.information, observations)
     fit = with_recording_scatter(result.fit, found, by_scales, change.covariance)
-    error = prediction_error(whole.information, fit, observations, change, by_scales if by_scales.any() else None)
-    error = updated(error, [each.log_factor for each in found if np.isfinite(each.log_factor)])
-    result = replace(result, fit=fit, prediction=error)
+    scales = by_scales if by_scales.any() else None
+    error = prediction_error(whole.information, result.fit, observations, change, scales, left_out=bool(found))
+    if found:  # their errors contain the scatter between recordings
+        error = replace(error, without_effect=fit.covariance - error.effective(result.fit.covariance))
+    error = updated(error, [each.log_factors for each in found])
+    result = replace(result, fit=replace(fit, by_misfit=None, by_systematic=None), prediction=error)
     rows = problem.information.rows.sum(axis=0)
     if found:
         rows = np.sum([each.rows for each in found], axis=0)
