@@ -57,7 +57,9 @@ def with_left_out(
     scales = by_scales if by_scales.any() else None
     error = prediction_error(whole.information, fit, observations, scales, left_out=bool(found))
     error = updated(error, [each.log_factors for each in found])
-    result = replace(result, fit=replace(fit, by_misfit=None, by_systematic=None), prediction=error)
+    nothing = np.zeros((0, 0))  # the parts of the covariance are needed only for the facts above
+    report = replace(fit.report, by_misfit=nothing, by_systematic=nothing)
+    result = replace(result, fit=replace(fit, report=report), prediction=error)
     rows = problem.information.rows.sum(axis=0)
     if found:
         rows = np.sum([each.rows for each in found], axis=0)
