@@ -164,8 +164,7 @@ def averaged(names: tuple[ParameterName, ...], fit: Fit) -> Fit:
         covariance=mean @ fit.covariance @ mean.T,
         freedom=mean @ fit.freedom,
         prior_precision=None,
-        by_misfit=None if fit.by_misfit is None else mean @ fit.by_misfit @ mean.T,
-        by_systematic=None if fit.by_systematic is None else mean @ fit.by_systematic @ mean.T,
+        report=fit.report.mapped(mean),
     )
 
 

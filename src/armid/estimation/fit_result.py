@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -37,6 +37,8 @@ class CovarianceReport:
             computed.
         reach: Factor f with which f · `moved` counts as one standard deviation: the covariance contains f² · moved
             movedᵀ.
+        by_misfit: Part of the covariance by the misfit of the prior, shape (b, b); empty if not computed.
+        by_systematic: Part of the covariance by systematic errors, shape (b, b); empty if not computed.
     """
 
     why: str = "as the estimator gave it"
@@ -45,10 +47,19 @@ class CovarianceReport:
     noise: Array = field(default_factory=lambda: np.zeros(0))
     moved: Array = field(default_factory=lambda: np.zeros(0))
     reach: float = 0.0
+    by_misfit: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    by_systematic: Array = field(default_factory=lambda: np.zeros((0, 0)))
 
     def __post_init__(self) -> None:
         for name in ("noise", "moved"):
             object.__setattr__(self, name, array(getattr(self, name), (None,), name))
+        for name in ("by_misfit", "by_systematic"):
+            object.__setattr__(self, name, array(getattr(self, name), (None, None), name))
+
+    def mapped(self, change: Array) -> CovarianceReport:
+        """Report whose parts of the covariance are those of linear functions of the parameters, shape (k, b)."""
+        parts = {name: getattr(self, name) for name in ("by_misfit", "by_systematic")}
+        return replace(self, **{name: change @ part @ change.T for name, part in parts.items() if part.size})
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -81,8 +92,6 @@ class Fit(Displayed):
             covariance of the prior is the inverse of its precision times this number.
         prior_excess: Covariance (b, b) by which the prior is wider than its precision says, because the data
             contradict it; `None` for none.
-        by_misfit: Part of the covariance that `prior_excess` causes, shape (b, b); `None` for none.
-        by_systematic: Part of the covariance that systematic errors cause, shape (b, b); `None` for none.
     """
 
     names: tuple[ParameterName, ...]
@@ -104,8 +113,6 @@ class Fit(Displayed):
     standard: StandardFit | None = None
     prior_correlation: float = 1.0
     prior_excess: Array | None = field(default=None, repr=False)
-    by_misfit: Array | None = field(default=None, repr=False)
-    by_systematic: Array | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         b, n = len(self.names), len(self.rows)

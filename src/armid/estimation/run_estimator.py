@@ -8,9 +8,11 @@ from armid.estimation.catalogue import Estimator
 from armid.estimation.estimators.wls import WeightedLeastSquares
 from armid.estimation.fit_result import Fit
 from armid.estimation.problem import EstimationProblem
-from armid.estimation.uncertainty.covariance import estimate_covariance
+from armid.estimation.uncertainty.covariance import Uncertainty
+from armid.threads import one_blas_thread
 
 
+@one_blas_thread
 def estimate(problem: EstimationProblem, method: Estimator | None = None) -> Fit:
     """Estimates the base parameters with their covariance and intervals.
 
@@ -21,5 +23,8 @@ def estimate(problem: EstimationProblem, method: Estimator | None = None) -> Fit
     Raises:
         EstimationError: The data do not determine the parameters, or the problem lacks data that the estimator needs.
     """
-    fit = (method or WeightedLeastSquares()).solve(problem)
-    return replace(estimate_covariance(fit, problem), information=None, prior_excess=None)
+    own = Uncertainty((method or WeightedLeastSquares()).solve(problem), problem)
+    fit = own.with_covariance()
+    misfit = own.misfit_covariance * (fit.covariance_kind != "white")  # which does not contain it
+    report = replace(fit.report, by_misfit=misfit, by_systematic=own.systematic_covariance)
+    return replace(fit, information=None, prior_excess=None, report=report)

@@ -36,10 +36,10 @@ def recorded(missing: float) -> EstimationProblem:
 def test_rotor_inertia_may_be_negative_where_the_torque_lacks_a_part_of_the_inertia(missing: float, signed: bool):
     """A part of the inertia may be missing, but not several times the inertia of the joint."""
     problem = recorded(missing)
-    found = with_signed_inertia(problem, 1.0, ())
-    assert found.model is not None and problem.model is not None and found.standard is not None
-    name = found.model.robot.joint_names[JOINT]
-    (rotor,) = (term for term in found.model.terms if isinstance(term, RotorInertia))
+    model, found = with_signed_inertia(problem, 1.0, ())
+    assert found.model is model and found.standard is not None
+    name = model.robot.joint_names[JOINT]
+    (rotor,) = (term for term in model.terms if isinstance(term, RotorInertia))
     assert (name in rotor.signed) == signed
     bounded = dict(zip(found.standard.names, found.standard.nonnegative, strict=True))
     assert bounded[f"IA_{JOINT + 1}"] == (not signed)

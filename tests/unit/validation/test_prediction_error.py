@@ -108,9 +108,11 @@ def test_what_has_no_effect_on_predictions_does_not_widen_them():
     problem = build_problem(small_model(), observed(run_of(1)))
     fit = estimate(problem)
     some = 0.3 * fit.covariance
-    misfit = replace(fit, covariance=fit.covariance + some, by_misfit=some, by_systematic=None)
-    systematic = replace(fit, covariance=fit.covariance + some, by_misfit=None, by_systematic=some)
-    only = replace(fit, by_misfit=None, by_systematic=None)
+    none = np.zeros((0, 0))
+    wider = replace(fit, covariance=fit.covariance + some)
+    misfit = replace(wider, report=replace(fit.report, by_misfit=some, by_systematic=none))
+    systematic = replace(wider, report=replace(fit.report, by_misfit=none, by_systematic=some))
+    only = replace(fit, report=replace(fit.report, by_misfit=none, by_systematic=none))
     alone = prediction_error(problem.information, only, observed(run_of(1)))
 
     def ratio(of: Fit, *, left_out: bool) -> float:

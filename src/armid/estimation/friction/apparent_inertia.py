@@ -37,8 +37,10 @@ POSES = 200
 """Largest number of recorded poses over which the inertia of a joint is averaged."""
 
 
-def with_signed_inertia(problem: EstimationProblem, weight: float, drifting: tuple[str, ...]) -> EstimationProblem:
-    """Problem in which rotor inertia may be negative on the joints whose data clearly say so.
+def with_signed_inertia(
+    problem: EstimationProblem, weight: float, drifting: tuple[str, ...]
+) -> tuple[DynamicsModel, EstimationProblem]:
+    """Model and problem in which rotor inertia may be negative on the joints whose data clearly say so.
 
     Args:
         problem: Problem of the model without candidates.
@@ -50,14 +52,14 @@ def with_signed_inertia(problem: EstimationProblem, weight: float, drifting: tup
     rotor = next((term for term in model.terms if isinstance(term, RotorInertia)), None)
     nominal = model.nominal_parameters()
     if rotor is None or nominal is None or not standard.described:
-        return problem
+        return model, problem
     asked = _signed(model, rotor, model.robot.joint_names if rotor.joints is None else rotor.joints)
     separate = separate_by_recording(problem.information, np.isin(problem.information.names, drifting))
     free = replace(problem, information=separate, standard=standard_of(asked, base))
     try:
         fit = PhysicallyConsistent(weight=weight).solve(free).standard
     except (EstimationError, UnsolvedError):
-        return problem
+        return model, problem
     assert fit is not None  # the method estimates standard parameters
     whole = WHOLE * _mean_inertia(model, nominal, observations)
     joints: list[str] = []
@@ -65,14 +67,15 @@ def with_signed_inertia(problem: EstimationProblem, weight: float, drifting: tup
         if name.symbol == SYMBOL and name.number and -whole[name.number - 1] < value < -CLEAR * deviation:
             joints.append(model.robot.joint_names[name.number - 1])
     if not joints:
-        return problem
+        return model, problem
     signed = _signed(model, rotor, tuple(joints))
-    return replace(problem, model=signed, standard=standard_of(signed, base))
+    return signed, replace(problem, model=signed, standard=standard_of(signed, base))
 
 
 def _signed(model: DynamicsModel, rotor: RotorInertia, joints: tuple[str, ...]) -> DynamicsModel:
     """Model whose rotor inertia may be negative on some joints."""
-    terms = tuple(replace(rotor, signed=joints) if term is rotor else term for term in model.terms)
+    signed = replace(rotor, signed=tuple(dict.fromkeys((*rotor.signed, *joints))))
+    terms = tuple(signed if term is rotor else term for term in model.terms)
     return replace(model, terms=terms)
 
 

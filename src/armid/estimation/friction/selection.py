@@ -140,12 +140,10 @@ def choose_friction(model: DynamicsModel, observations: Observations, *, threads
     problem = build_problem(model, observations, base=base, threads=threads)
     blocks = int(problem.information.rows.any(axis=1).sum())
     if blocks < FEWEST:
-        ones = np.ones(model.n)
         why = f"{blocks} blocks of rows are too few to select friction: at least {FEWEST} are needed."
-        return FrictionSelection(model, (), (), ones, np.zeros(model.n), None, why=why)
+        return FrictionSelection(model, (), (), np.ones(model.n), np.zeros(model.n), None, why=why)
     drifting = _drifting_offsets(problem.information, model)
-    problem = with_signed_inertia(problem, CONSISTENT_WEIGHT, drifting)
-    model, _, _ = problem.require_samples("friction selection")
+    model, problem = with_signed_inertia(problem, CONSISTENT_WEIGHT, drifting)
     loaded = _with_load_parameters(problem, LOAD_WEIGHT)
     allowed = allowed_candidates(loaded, observations)
 

@@ -113,9 +113,7 @@ class Uncertainty:
         information: Factors of the same rows in the parameters of the fit.
         prior: Precision of the prior, shape (b, b).
         inverse: Inverse of the normal matrix, prior included, shape (b, b).
-        known_covariance: Covariance that is not estimated from residuals (by prior and torque scales), and that is
-            added to the covariance from noise, shape (b, b).
-        by_misfit: Part of it that the misfit of the prior causes, shape (b, b).
+        known_covariance: Covariance by prior and torque scales, which is added to that from noise, shape (b, b).
         moved: Shift of the estimate by rows near velocity reversals, multiplied by the share that counts as one
             standard deviation, shape (b,).
         observed: Mask of the parameters on which the rows depend, shape (b,).
@@ -140,17 +138,22 @@ class Uncertainty:
         self.inverse: Array = half @ half.T
         self.known_covariance = scale_covariance(self.whole, fit.weights, self.inverse)
         # A prior of precision P in rows has the covariance c P⁻¹ and changes the estimate by H⁻¹ P of its error.
-        self.known_covariance = self.known_covariance + fit.prior_correlation * (
-            self.inverse @ self.prior @ self.inverse
-        )
-        self.by_misfit = np.zeros((b, b))
-        if fit.prior_excess is not None:
-            change = self.inverse @ self.prior
-            self.by_misfit = change @ fit.prior_excess @ change.T
-            self.known_covariance = self.known_covariance + self.by_misfit
+        by_prior = fit.prior_correlation * (self.inverse @ self.prior @ self.inverse)
+        self.known_covariance = self.known_covariance + by_prior + self.misfit_covariance
         self.moved: Array = np.zeros(b)  # by reversals
         self.observed: NDArray[np.bool_] = np.ones(b, dtype=np.bool_)
         self.errors = ErrorEffect(covariance=np.zeros((b, b)), attenuation=np.zeros(b))
+
+    @property
+    def misfit_covariance(self) -> Array:
+        """Covariance by the distance between links and description beyond what the prior says, shape (b, b)."""
+        change, excess = self.inverse @ self.prior, self.fit.prior_excess
+        return np.zeros_like(change) if excess is None else change @ excess @ change.T
+
+    @property
+    def systematic_covariance(self) -> Array:
+        """Covariance by systematic errors, shape (b, b)."""
+        return self.errors.covariance + np.outer(self.errors.attenuation, self.errors.attenuation)
 
     @property
     def border_covariance(self) -> Array:
@@ -267,8 +270,7 @@ class Uncertainty:
 
     def _with(self, covariance: Array, kind: str, freedom: Array | float) -> Fit:
         """Fit with the covariance from noise of the data plus the known covariance from prior and torque scales."""
-        fit = replace(self.fit, covariance_kind=kind, by_misfit=self.by_misfit)
-        return self.with_scatter(fit, covariance, self.known_covariance, freedom)
+        return self.with_scatter(replace(self.fit, covariance_kind=kind), covariance, self.known_covariance, freedom)
 
     def with_scatter(self, fit: Fit, scatter: Array, known_covariance: Array, freedom: Array | float) -> Fit:
         """Fit with covariance, degrees of freedom and the intervals of the standard parameters.
@@ -276,8 +278,7 @@ class Uncertainty:
         The covariance is the sum of `scatter`, caused by the noise of the data, and `known_covariance`, which is not
         estimated from residuals; `freedom` are the degrees of freedom of `scatter`.
         """
-        systematic = self.errors.covariance + np.outer(self.errors.attenuation, self.errors.attenuation)
-        known_covariance = known_covariance + np.outer(self.moved, self.moved) + systematic
+        known_covariance = known_covariance + np.outer(self.moved, self.moved) + self.systematic_covariance
         certain = known_covariance + self.border_covariance
         estimated, certain_part = np.diag(scatter), np.diag(certain)
         # A covariance of known size has infinite degrees of freedom [Satterthwaite1946].
@@ -291,12 +292,7 @@ class Uncertainty:
             findings = (*findings, *error_findings(self.errors, scatter, fit.names, self.problem.model.robot))
             findings = (*findings, *noise_finding(self.errors.attenuation, scatter, fit.names))
         return replace(
-            fit,
-            covariance=scatter + certain,
-            freedom=each * share**2,
-            standard=standard,
-            findings=findings,
-            by_systematic=systematic,
+            fit, covariance=scatter + certain, freedom=each * share**2, standard=standard, findings=findings
         )
 
     def _systematic_errors(self) -> ErrorEffect:

@@ -145,8 +145,8 @@ def prediction_error(
         by_scales: Part of the covariance by uncertain torque scales, shape (b, b); `None` if the scales are exact.
         left_out: True if recordings are left out in turn, whose errors contain the effect of systematic errors.
     """
-    systematic = fit.by_systematic if left_out else None
-    parts = [part for part in (by_scales, fit.by_misfit, systematic) if part is not None]
+    parts = [fit.report.by_misfit, *([fit.report.by_systematic] if left_out else [])]
+    parts = [part for part in (by_scales, *parts) if part is not None and part.size]
     without_effect = np.sum(parts, axis=0) if parts else np.zeros((0, 0))
     covariance = fit.covariance - without_effect if parts else fit.covariance
     return PredictionError(

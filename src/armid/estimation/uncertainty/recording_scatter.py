@@ -73,12 +73,10 @@ def with_recording_scatter(fit: Fit, left_out: Sequence[LeftOut], by_scales: Arr
     if standard is not None:
         usual = float(np.sqrt(np.mean(factors)))
         standard = _widened(standard, np.array([own.get(name.of_all, usual) for name in standard.names]))
-    more = np.outer(each, each)
     return replace(
         fit,
-        covariance=scattered * more + by_scales,
-        by_misfit=None if fit.by_misfit is None else fit.by_misfit * more,
-        by_systematic=None if fit.by_systematic is None else fit.by_systematic * more,
+        covariance=scattered * np.outer(each, each) + by_scales,
+        report=fit.report.mapped(np.diag(each)),
         standard=standard,
     )
 

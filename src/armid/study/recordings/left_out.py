@@ -62,7 +62,9 @@ def with_left_out(
     if found:  # their errors contain the scatter between recordings
         error = replace(error, without_effect=fit.covariance - error.effective(result.fit.covariance))
     error = updated(error, [each.log_factors for each in found])
-    result = replace(result, fit=replace(fit, by_misfit=None, by_systematic=None), prediction=error)
+    nothing = np.zeros((0, 0))  # the parts of the covariance are needed only for the facts above
+    report = replace(fit.report, by_misfit=nothing, by_systematic=nothing)
+    result = replace(result, fit=replace(fit, report=report), prediction=error)
     rows = problem.information.rows.sum(axis=0)
     if found:
         rows = np.sum([each.rows for each in found], axis=0)
