@@ -9,17 +9,24 @@ import numpy as np
 import pytest
 
 from armid.estimation.fit_result import Fit
-from armid.estimation.problem import build_problem
+from armid.estimation.problem import EstimationProblem, build_problem
 from armid.estimation.run_estimator import estimate
+from armid.estimation.uncertainty import recording_change as changes
 from armid.estimation.uncertainty.left_out_recordings import leave_out_recordings
 from armid.estimation.uncertainty.prediction_error import (
     BETWEEN_ARMS,
     PredictionError,
     expected_error,
-    mean_parameter_variance,
     prediction_error,
     updated,
     with_model_error,
+)
+from armid.estimation.uncertainty.recording_change import (
+    FRICTION,
+    OFFSET,
+    RecordingChange,
+    mean_parameter_variance,
+    recording_change,
 )
 from armid.estimation.uncertainty.recording_scatter import with_recording_scatter
 from armid.maths.distributions import NORMAL, scale_mixture_quantile
@@ -81,6 +88,15 @@ def test_the_variance_grows_with_the_distance_from_the_training_motion():
     assert (unlike > 0.01 + 2.0 * 0.16).all()
 
 
+NO_CHANGE = RecordingChange()
+
+
+def change_of(problem: EstimationProblem, fit: Fit) -> RecordingChange:
+    """Usual change of friction and offsets of a problem with samples."""
+    model, base, observations = problem.require_samples("the test")
+    return recording_change(model, base, fit.values, problem.information, observations)
+
+
 def test_left_out_recordings_determine_the_factor():
     error = PredictionError(3, np.full(2, 0.01), np.zeros((2, 2)))
     assert updated(error, []) == error
@@ -113,10 +129,10 @@ def test_what_has_no_effect_on_predictions_does_not_widen_them():
     misfit = replace(wider, report=replace(fit.report, by_misfit=some, by_systematic=none))
     systematic = replace(wider, report=replace(fit.report, by_misfit=none, by_systematic=some))
     only = replace(fit, report=replace(fit.report, by_misfit=none, by_systematic=none))
-    alone = prediction_error(problem.information, only, observed(run_of(1)))
+    alone = prediction_error(problem.information, only, observed(run_of(1)), NO_CHANGE)
 
     def ratio(of: Fit, *, left_out: bool) -> float:
-        error = prediction_error(problem.information, of, observed(run_of(1)), left_out=left_out)
+        error = prediction_error(problem.information, of, observed(run_of(1)), NO_CHANGE, left_out=left_out)
         np.testing.assert_allclose(
             error.parameter_variance,
             mean_parameter_variance(problem.information, error.effective(of.covariance)),
@@ -129,15 +145,18 @@ def test_what_has_no_effect_on_predictions_does_not_widen_them():
     assert ratio(systematic, left_out=False) == pytest.approx(1.3, rel=ROUNDING)
 
 
-def test_recordings_alike_are_predicted_as_noise_explains():
-    """Twelve joints of recordings: the mean logarithm has a standard deviation of 0.05, since rows are many."""
+def test_recordings_alike_are_predicted_as_noise_explains(monkeypatch: pytest.MonkeyPatch):
+    """Without the assumed change, the mean logarithm is 0; of twelve joints of recordings, its deviation is 0.05."""
+    monkeypatch.setattr(changes, "FRICTION", 0.0)
+    monkeypatch.setattr(changes, "OFFSET", 0.0)
     model, both = small_model(), observed(*(run_of(k, k) for k in range(4)))
     problem = build_problem(model, both)
     left_out = leave_out_recordings(problem, estimate)
     assert [each.recordings for each in left_out] == [(0,), (1,), (2,), (3,)]
     assert abs(np.mean([each.log_factors.mean() for each in left_out])) < 0.15
     fit = estimate(problem)
-    wider = with_recording_scatter(fit, left_out, np.zeros_like(fit.covariance))
+    none = np.zeros_like(fit.covariance)
+    wider = with_recording_scatter(fit, left_out, none, none)
     ratio = wider.deviation / fit.deviation
     assert (ratio >= 1.0).all() and np.median(ratio) < 1.3  # by chance, single parameters differ by two deviations
     assert leave_out_recordings(build_problem(model, observed(run_of(1))), estimate) == ()
@@ -150,10 +169,12 @@ def test_friction_that_changes_between_recordings_widens_intervals_and_bands():
     fit = estimate(problem)
     left_out = leave_out_recordings(problem, estimate)
     factor = updated(
-        prediction_error(problem.information, fit, problem.observations), [x.log_factors for x in left_out]
+        prediction_error(problem.information, fit, problem.observations, NO_CHANGE),
+        [x.log_factors for x in left_out],
     )
     assert factor.log_deviation > 0.7  # the factors differ by 0.8
-    wider = with_recording_scatter(fit, left_out, np.zeros_like(fit.covariance))
+    none = np.zeros_like(fit.covariance)
+    wider = with_recording_scatter(fit, left_out, none, none)
     friction = [k for k, name in enumerate(fit.names) if name.symbol in ("FV", "FS")]
     ratio = wider.deviation / fit.deviation
     assert np.median(ratio[friction]) > 1.5
@@ -163,8 +184,42 @@ def test_friction_that_changes_between_recordings_widens_intervals_and_bands():
 def test_the_expected_error_is_an_interval_about_the_explained_error():
     problem = build_problem(small_model(), observed(run_of(1)))
     fit = estimate(problem)
-    expected = expected_error(prediction_error(problem.information, fit, observed(run_of(1))), fit.noise)
+    expected = expected_error(prediction_error(problem.information, fit, observed(run_of(1)), NO_CHANGE), fit.noise)
     assert (expected.low < expected.rms).all() and (expected.rms < expected.high).all()
     assert (expected.rms >= fit.noise).all() and math.isclose(
         expected.rms[0] ** 2, expected.low[0] * expected.high[0]
     )
+
+
+def test_the_change_between_recordings_is_that_of_friction_and_offsets():
+    """Friction that is larger or smaller by its deviation changes the torque by so much in the mean of the rows."""
+    run = run_of(1)
+    problem = build_problem(small_model(), observed(run))
+    fit = estimate(problem)
+    change = change_of(problem, fit)
+    model, base = small_model(), problem.require_samples("the test")[1]
+    theta = np.zeros(len(model.parameters))
+    laws = np.isin(base.kept, model.law_columns)
+    theta[base.kept[laws]] = fit.values[laws]
+    friction = model.torque(run.motion, theta)[run.rows]
+    offset = OFFSET * np.ptp(run.torque[run.rows], axis=0)
+    np.testing.assert_allclose(change.variance, np.mean((FRICTION * friction) ** 2, axis=0) + offset**2, rtol=1e-6)
+    np.testing.assert_allclose(change.offset, offset)  # the model has no offset
+    error = prediction_error(problem.information, fit, observed(run), change)
+    without = prediction_error(problem.information, fit, observed(run), NO_CHANGE)
+    assert (expected_error(error, fit.noise).rms > expected_error(without, fit.noise).rms).all()
+
+
+def test_an_assumed_change_explains_scatter_and_widens_intervals_by_its_share():
+    """C / R is added, and what is assumed is not multiplied a second time."""
+    factors = (1.0, 1.0 + FRICTION, 1.0 - FRICTION)
+    problem = build_problem(small_model(), observed(*(run_of(k, k, friction=f) for k, f in enumerate(factors))))
+    fit = estimate(problem)
+    left_out = leave_out_recordings(problem, estimate)
+    none, change = np.zeros_like(fit.covariance), change_of(problem, fit).covariance
+    plain, aware = (with_recording_scatter(fit, left_out, none, each) for each in (none, change))
+    friction = [k for k, name in enumerate(fit.names) if name.symbol in ("FV", "FS")]
+    least = np.sqrt(np.diag(fit.covariance + change / 3.0))
+    assert (aware.deviation[friction] >= least[friction] * (1.0 - ROUNDING)).all()
+    assert (aware.deviation[friction] > fit.deviation[friction]).all()
+    assert ((aware.deviation / least)[friction] < (plain.deviation / fit.deviation)[friction]).all()

@@ -20,13 +20,14 @@ from armid.model.base_parameters import BaseParameters
 from armid.model.dynamics_model import DynamicsModel
 from armid.model.terms import Offset
 
-FRICTION = 0.08
+FRICTION = 0.06
 """Relative standard deviation of the friction of a joint between recordings. On four arms with several recordings, it
-was 0.01 to 0.45 for joints with considerable friction, and 0.06 in the median."""
+was 0.01 to 0.45 for joints with considerable friction, and 0.06 in the median; between the five recordings of one day
+of one of the arms, it was 0.01."""
 
-OFFSET = 0.005
+OFFSET = 0.004
 """Standard deviation of the offset of a torque between recordings, as a share of the range of the torque; on the same
-arms it was 0.001 to 0.09, and 0.005 in the median."""
+arms it was 0.001 to 0.09, and 0.005 in the median, of which a part is the uncertainty of the estimate."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
