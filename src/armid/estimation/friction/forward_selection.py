@@ -43,7 +43,7 @@ LEAST_WIDTH_GAIN = 0.002
 of a simulated arm with two elements of hysteresis had 1.37 times the error of a model that knows its friction."""
 
 CLEAR_REMAINDER = 0.5
-"""Number of standard errors by which the last width that remains of an option must reduce the held-out error. Without
+"""Number of standard errors by which the widths that remain of an option must reduce the held-out error. Without
 it, such a width made joint 3 of the iiwa 14 1.29 times worse than plain least squares on a left-out segment. A
 minimum of 1 % besides costs the LWR4+ a tenth of its accuracy on the other recording, which is faster."""
 
@@ -280,13 +280,13 @@ class _Search:
             self.trials[each.joint, others] = replace(trial, candidates=others)
 
     def withdraw_remainders(self) -> None:
-        """Withdraws hysteresis of which a single width remains that has no clear gain in the whole model.
+        """Withdraws hysteresis whose remaining widths together have no clear gain in the whole model.
 
-        An option is accepted for the gain of all of its widths. The gain of the widest one, which is never removed
-        for itself, may be none, and it resembles a spring.
+        An option is accepted for the gain of all of its widths. What remains may have none: the widest one is never
+        removed for itself, and it resembles a spring.
         """
         for each in tuple(self.selected):
-            if len(each.candidates) != 1 or not choice_of(each.candidates[0].term).is_sum:
+            if not choice_of(each.candidates[0].term).is_sum:
                 continue
             error = self._fold_errors()[:, each.joint]
             self.chosen[each.joint] -= set(each.candidates)
