@@ -20,6 +20,8 @@ from armid.measurement.observations import Observations
 from armid.measurement.processing.options import ProcessingOptions
 from armid.measurement.processing.pipeline import differenced_noise, process_recordings
 from armid.measurement.recording import Recording
+from armid.model.dynamics_model import DynamicsModel
+from armid.model.terms.ripple import Ripple
 from armid.study.config import RecordingChoice
 from armid.study.recordings.reading import position_zero_deviation
 from noisy import RATE, WLS, arm
@@ -34,6 +36,9 @@ LATE = 0.5 / RATE
 RUNS = 30
 """Recordings of a coverage; with seven parameters each a share is then known to about 3 %."""
 
+
+WAVES, RIPPLE = 20.0, 1.0
+"""Waves in a turn and amplitude [N·m] of a ripple of joint 2."""
 
 ZEROS = LogFormat(position_zero_deviation=[2e-4, 3e-3])
 
@@ -53,13 +58,15 @@ def recorded(
     noise: float = NOISE,
     q_noise: float = 0.0,
     slow: float = 1.0,
+    ripple: float = 0.0,
 ) -> Observations:
-    """Observations of the small arm with noise, delay, zero errors and noise of the positions."""
+    """Observations of the small arm with noise, delay, zero errors, noise of the positions, and ripple of joint 2."""
     model, base, truth = arm()
     rng = np.random.default_rng(seed)
     time = np.arange(round(SECONDS * RATE)) / RATE
     torque = model.regressor(plan(slow).at(time - late))[:, :, base.kept] @ truth
     torque = torque + noise * rng.normal(size=torque.shape)
+    torque[:, 1] += ripple * np.sin(WAVES * plan(slow).at(time).q[:, 1] + 0.7)
     q = plan(slow).at(time).q + zero + q_noise * rng.normal(size=torque.shape)
     log = Recording(time, q, effort=torque, joint_names=model.robot.joint_names, consecutive=True)
     return process_recordings([log], ProcessingOptions(), periods=[None])[0]
@@ -138,6 +145,29 @@ def test_the_bias_by_noise_of_the_positions_is_predicted_and_reported():
     np.testing.assert_allclose(mean[most], expected[most], rtol=0.35)  # scatter of a mean of 30, and second order
     assert all("regressor-noise" in each for each in codes)
     assert "regressor-noise" not in {f.code for f in identified(recorded(0)).findings}
+
+
+def test_intervals_hold_with_ripple_that_the_model_lacks_and_a_finding_says_so():
+    given = [recorded(seed, ripple=RIPPLE) for seed in range(RUNS)]
+    fits = [identified(each) for each in given]
+    ends, truth = np.array([fit.intervals for fit in fits]), arm()[2]
+    inside = np.mean((ends[..., 0] <= truth) & (truth <= ends[..., 1]), axis=0)
+    assert inside.min() >= 0.9  # without the ripple in the intervals, that of two parameters was 0.8
+    for fit, each in zip(fits, given, strict=True):
+        np.testing.assert_array_equal(fit.values, textbook(each).values)  # intervals alone change
+        (finding,) = [finding for finding in fit.findings if finding.code == "torque-ripple"]
+        assert arm()[0].robot.joint_names[1] in finding.evidence
+        assert f"harmonics = [{WAVES}]" in finding.remedy
+
+
+def test_the_term_that_the_finding_about_ripple_names_explains_the_residual():
+    given = recorded(0, ripple=RIPPLE)
+    model = DynamicsModel(arm()[0].robot, (*arm()[0].terms, Ripple((WAVES,))))
+    fit = estimate(build_problem(model, given), WLS)
+    assert "torque-ripple" not in {finding.code for finding in fit.findings}
+    values = dict(zip(fit.names, fit.values, strict=True))
+    found = np.hypot(values["RS20_2"], values["RC20_2"])
+    np.testing.assert_allclose(found, RIPPLE, rtol=0.2)  # four standard deviations
 
 
 def test_recorded_velocities_leave_no_noise_of_positions():

@@ -46,6 +46,7 @@ from armid.estimation.uncertainty.noise_spectrum import MAX_SIZE, LevelScatter, 
 from armid.estimation.uncertainty.reversal_sensitivity import shift_by_reversals
 from armid.estimation.uncertainty.scale_covariance import scale_covariance
 from armid.estimation.uncertainty.systematic.regressor_noise import noise_finding, regressor_noise_bias
+from armid.estimation.uncertainty.systematic.ripple_search import ripple_kinds
 from armid.estimation.uncertainty.systematic.systematic_error_effect import (
     ErrorEffect,
     effect_of_errors,
@@ -297,15 +298,16 @@ class Uncertainty:
             return self.errors
         if not _samples_match(self.problem, self.whole.rows[0]):
             return self.errors
-        values = np.broadcast_to(self.joint_values(), (self.whole.n, self.problem.information.count))
-        kinds = error_kinds(self.problem, values)
+        values = np.broadcast_to(self.joint_values(), (self.whole.n, problem.information.count))
+        # Rows that a robust method gives less weight, such as those in contact, say nothing about systematic errors.
+        largest = np.inf if self.fit.information is None else OUTLIER
+        ripple = ripple_kinds(problem, values, self.fit.weights, largest)
+        kinds = (*error_kinds(problem, values), *ripple)
         if not kinds:
             return self.errors
         attenuation = self.errors.attenuation
         if self.column_maps() is None:
             attenuation = regressor_noise_bias(problem, self.fit.values, self.fit.weights, self.inverse)
-        # Rows that a robust method gives less weight, such as those in contact, say nothing about systematic errors.
-        largest = np.inf if self.fit.information is None else OUTLIER
         products = error_products(problem, kinds, values, self.fit.weights, self.column_maps(), largest)
         return replace(effect_of_errors(products, self.inverse, self.prior), attenuation=attenuation)
 
