@@ -11,9 +11,17 @@ from armid.checked_array import Array
 from armid.estimation.fit_result import Fit
 from armid.estimation.problem import ZERO_ANGLE, build_problem
 from armid.estimation.run_estimator import estimate
+from armid.estimation.standard_parameter_resolution import ConeShift
 from armid.estimation.uncertainty.covariance import estimate_covariance
 from armid.estimation.uncertainty.prior_scale import prior_scales
 from armid.estimation.uncertainty.systematic.regressor_noise import SHARE, regressor_noise_bias
+from armid.estimation.uncertainty.systematic.systematic_error_effect import (
+    ConeEffect,
+    ErrorEffect,
+    effect_of_errors,
+    effect_with_cone,
+)
+from armid.estimation.uncertainty.systematic.systematic_errors import ErrorKind, ErrorProducts
 from armid.excitation.fourier import Excitation
 from armid.measurement.log_format import LogFormat
 from armid.measurement.observations import Observations
@@ -187,3 +195,44 @@ def test_a_prior_is_as_wide_as_its_misfit_says(far: float):
     np.testing.assert_allclose(
         scales, np.maximum([np.mean(difference[:20] ** 2), np.mean(difference[20:] ** 2)], 1.0), rtol=0.1
     )
+
+
+def cone_at_zero(error: float) -> tuple[Array, ErrorEffect, float]:
+    """Two parameters of which the first cannot be negative, with an error of the data that pushes it below zero.
+
+    Returns:
+        Errors of the estimate, effect of the error on it, and share by which the cone contradicts the data.
+    """
+    rng = np.random.default_rng(3)
+    X = rng.normal(size=(400, 2)) @ np.array([[1.0, 0.8], [0.0, 0.6]])
+    V = (X @ [-1.0, 0.3] + rng.normal(size=400))[:, None]
+    truth = np.array([0.1, 1.0])
+    y = X @ truth + error * V[:, 0] + rng.normal(size=400)
+    H = X.T @ X
+    free = np.linalg.solve(H, X.T @ y)
+    held = free if free[0] >= 0.0 else np.array([0.0, free[1] + H[1, 0] / H[1, 1] * free[0]])
+    barrier = np.diag([1e4 if free[0] < 0.0 else 0.0, 0.0])
+    r, parts = y - X @ held, np.arange(400).reshape(8, 50)
+    products = ErrorProducts(
+        (ErrorKind("rise", 0, 1.0),),
+        *(np.array(each) for each in zip(*(
+            (X[p].T @ X[p], X[p].T @ V[p], V[p].T @ V[p], X[p].T @ r[p], V[p].T @ r[p]) for p in parts
+        ), strict=True)),
+    )  # fmt: skip
+    with_cone, without = np.linalg.inv(H + barrier), np.linalg.inv(H)
+    cone = ConeEffect(barrier, ConeShift(np.zeros((2, 2)), held - free), without, 1.0)
+    effect = effect_with_cone(effect_of_errors(products, with_cone, barrier), products, cone)
+    return held - truth, effect, cone.contradicted
+
+
+def test_a_cone_that_the_data_contradict_does_not_hide_an_error():
+    """The error pushes the data out of the cone, and the cone moves another parameter by ten deviations."""
+    error, effect, contradicted = cone_at_zero(2.0)
+    assert contradicted > 0.9
+    assert (np.abs(error) <= 1.96 * np.sqrt(np.diag(effect.covariance))).all()
+
+
+def test_a_cone_that_the_data_do_not_contradict_leaves_the_effect_of_errors_as_it_is():
+    _, effect, contradicted = cone_at_zero(0.0)
+    assert contradicted == 0.0
+    assert np.sqrt(np.diag(effect.covariance)).max() < 0.2  # the error is known to 1 / √400

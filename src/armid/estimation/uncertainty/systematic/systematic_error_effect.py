@@ -14,12 +14,13 @@ direction for each joint. Where the data say that there is no error, both parts 
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from armid.checked_array import Array
 from armid.errors import Finding
+from armid.estimation.standard_parameter_resolution import ConeShift
 from armid.estimation.uncertainty.systematic.systematic_errors import ErrorKind, ErrorProducts
 from armid.remedy import Remedy, setting
 from armid.robot import Robot
@@ -59,13 +60,16 @@ class ErrorEffect:
     attenuation: Array = field(default_factory=lambda: np.zeros(0))
 
 
-def effect_of_errors(products: ErrorProducts, inverse: Array, prior: Array) -> ErrorEffect:
+def effect_of_errors(
+    products: ErrorProducts, inverse: Array, prior: Array, *, further: Array | float = 0.0
+) -> ErrorEffect:
     """Computes the effect of systematic errors on an estimate.
 
     Args:
         products: Products of the columns of the errors with rows and residuals.
         inverse: Inverse of the weighted normal matrix, prior included, shape (b, b).
         prior: Precision of the prior, shape (b, b).
+        further: Further shift of the estimate, shape (b,).
     """
     size = np.array([kind.deviation for kind in products.kinds])
     pulls, scores = products.pulls * size, products.scores * size
@@ -81,11 +85,51 @@ def effect_of_errors(products: ErrorProducts, inverse: Array, prior: Array) -> E
         half = 1.0 / np.sqrt(correlation)
         C = np.linalg.inv(half[:, None] * F * half + np.eye(len(size)))
         found = C @ (scores.sum(axis=0) / correlation)
-    shift = S @ found
+    shift = S @ found + further
     covariance = S @ C @ S.T + SHARE**2 * np.outer(shift, shift)
     return ErrorEffect(
         products.kinds, size * found, size * np.sqrt(np.diag(C)), S / size, 0.5 * (covariance + covariance.T)
     )
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class ConeEffect:
+    """Effect of the cone of consistent bodies on an estimate of b unknowns.
+
+    Attributes:
+        prior: Precision of prior and cone, shape (b, b).
+        shift: Precision of the prior alone, and shift by the cone.
+        without: Inverse of the weighted normal matrix with the prior alone, shape (b, b).
+        correlation: Number of rows that count as one independent sample.
+    """
+
+    prior: Array
+    shift: ConeShift
+    without: Array
+    correlation: float
+
+    @property
+    def contradicted(self) -> float:
+        """Share of the squared shift by the cone that noise does not explain, from 0 to 1."""
+        shift = self.shift.shift
+        size = float(shift @ np.linalg.solve(self.without, shift)) / self.correlation
+        inverse = np.linalg.inv(np.linalg.inv(self.without) + self.prior - self.shift.precision)
+        expected = float(np.sum(inverse * (self.prior - self.shift.precision)))
+        return max(0.0, 1.0 - max(expected, 0.0) / size) if size > 0.0 else 0.0
+
+
+def effect_with_cone(effect: ErrorEffect, products: ErrorProducts, cone: ConeEffect) -> ErrorEffect:
+    """Effect of systematic errors on an estimate that the cone holds.
+
+    If noise explains the shift by the cone, the cone holds the estimate against errors, too, as a prior does. If the
+    cone contradicts the data, errors have moved these out of it: the estimate is then wrong by the shift of the
+    estimate without the cone and by the shift by the cone.
+    """
+    share = cone.contradicted
+    if share == 0.0:
+        return effect
+    moved = effect_of_errors(products, cone.without, cone.shift.precision, further=cone.shift.shift)
+    return replace(effect, covariance=(1.0 - share) * effect.covariance + share * moved.covariance)
 
 
 def _correlation(scores: Array, information: Array) -> Array:
