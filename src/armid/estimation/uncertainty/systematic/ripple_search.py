@@ -24,12 +24,13 @@ from numpy.typing import NDArray
 
 from armid.checked_array import Array
 from armid.estimation.problem import EstimationProblem
-from armid.estimation.uncertainty.cross_products_by_frequency import column_numbers
+from armid.estimation.uncertainty.cross_products_by_frequency import column_numbers, find_periods
 from armid.estimation.uncertainty.systematic.systematic_errors import ErrorKind, part_seconds, parts_of_rows
 from armid.information.base_regressor_layout import column_source
 from armid.information.filtered_rows import rows
 from armid.information.hysteresis_states import with_hysteresis_states
 from armid.measurement.low_pass_band import Band
+from armid.measurement.observations import ObservedRun
 
 LOWEST, HIGHEST = 2.0, 250.0
 """Numbers of waves in a turn that are tried. One wave is gravity; more than 250 pass the filter only next to
@@ -53,6 +54,14 @@ MOST_WAVES = 3
 
 FEWEST_PARTS = 8
 """Smallest number of parts of the time in which a wave must be seen."""
+
+SHARE = 0.25
+"""Smallest mean squared gain of the filter for a wave. What passes only next to reversals looks like friction there,
+whose effect is estimated separately."""
+
+APART = 2.0
+"""Smallest distance between two numbers of waves of a joint, in the steps that are tried: the data do not tell waves
+apart that are closer."""
 
 SEEN = 0.01
 """Smallest information of a part about a wave, relative to the largest, with which the part counts."""
@@ -103,7 +112,7 @@ class _Residual:
         seen = n > SEEN * n.max(axis=1, keepdims=True)
         explained = np.abs(a) ** 2 * whole
         left = np.sum(np.where(seen, np.abs(z - a[:, None] * n) ** 2 / np.where(seen, n, 1.0), 0.0), axis=1)
-        count = seen.sum(axis=1)
+        count = np.where(n.sum(axis=1) >= SHARE * len(self.q), seen.sum(axis=1), 0)
         log_p = -(count - 1) * np.log1p(explained / np.maximum(left, np.finfo(float).tiny))
         return np.where(count >= FEWEST_PARTS, log_p, 0.0), 2.0 * a
 
@@ -142,15 +151,36 @@ def _waves(residual: _Residual) -> list[tuple[float, float]]:
     tried = np.arange(lowest, HIGHEST, step)
     found: list[tuple[float, float]] = []
     for _ in range(MOST_WAVES):
-        log_p, _ = residual.test(tried)
+        if not len(tried):
+            break
+        log_p = np.concatenate([residual.test(each)[0] for each in _equally_spaced(tried, step)])
         near = tried[int(np.argmin(log_p))] + step * np.linspace(-1.0, 1.0, 2 * FINER + 1)
         log_p, amplitude = residual.test(near)
         best = int(np.argmin(log_p))
         if log_p[best] > np.log(LEVEL / len(tried)):
             break
         found.append((float(near[best]), float(np.abs(amplitude[best]))))
+        tried = tried[np.abs(tried - near[best]) > APART * step]
         residual = residual.without(float(near[best]), complex(amplitude[best]))
     return found
+
+
+def _equally_spaced(waves: Array, step: float) -> list[Array]:
+    """Parts of numbers of waves between gaps."""
+    return np.split(waves, np.flatnonzero(np.diff(waves) > 1.5 * step) + 1)
+
+
+def _part_of_motion(run: ObservedRun, seconds: float) -> NDArray[np.int64]:
+    """Number of the part of time of each row; where the motion repeats, of the part of its period, shape (M,).
+
+    Errors of the model repeat with the motion, so periods are not independent.
+    """
+    part, periods = parts_of_rows(run, seconds), find_periods(run)
+    if periods is None:
+        return part
+    row = np.arange(len(part))
+    period = np.maximum(np.searchsorted(periods[:-1], row, side="right") - 1, 0)
+    return part[np.minimum(np.maximum(row - periods[:-1][period], 0), len(part) - 1)]
 
 
 def _residuals(problem: EstimationProblem, values: Array, weights: Array, largest: float) -> list[_Residual]:
@@ -163,8 +193,8 @@ def _residuals(problem: EstimationProblem, values: Array, weights: Array, larges
     for given in observations.runs:
         run = with_hysteresis_states(model, given, band)
         parameters = column_numbers(source, problem.information.names, run)
-        part = first + parts_of_rows(run, seconds)
-        first = int(part[-1]) + 1
+        part = first + _part_of_motion(run, seconds)
+        first = int(part.max()) + 1
         for begin, x in rows(source, run, band):
             end = begin + x.shape[1]
             chosen = run.rows[begin:end]
@@ -176,5 +206,7 @@ def _residuals(problem: EstimationProblem, values: Array, weights: Array, larges
     result: list[_Residual] = []
     for own in parts:
         q, dq, torque, part = (np.concatenate(each) for each in zip(*own, strict=True))
-        result.append(_Residual(q, dq, torque, np.flatnonzero(np.diff(part, prepend=-1)), band))
+        order = np.argsort(part, kind="stable")
+        first_rows = np.flatnonzero(np.diff(part[order], prepend=-1))
+        result.append(_Residual(q[order], dq[order], torque[order], first_rows, band))
     return result
