@@ -55,7 +55,7 @@ MOST_WAVES = 3
 FEWEST_PARTS = 8
 """Smallest number of parts of the time in which a wave must be seen."""
 
-SHARE = 0.25
+SHARE = 0.1
 """Smallest mean squared gain of the filter for a wave. What passes only next to reversals looks like friction there,
 whose effect is estimated separately."""
 
