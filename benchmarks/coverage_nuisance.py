@@ -28,6 +28,7 @@ import numpy as np
 
 from armid.checked_array import Array
 from armid.estimation.catalogue import ESTIMATORS
+from armid.estimation.fit_result import Fit
 from armid.estimation.problem import build_problem
 from armid.estimation.run_estimator import estimate
 from armid.excitation.fourier import Excitation
@@ -37,7 +38,7 @@ from armid.maths.inertia import pseudo_inertia, vector_from_pseudo_inertia
 from armid.measurement.processing.options import ProcessingOptions
 from armid.measurement.processing.pipeline import process_recordings
 from armid.measurement.recording import Recording
-from armid.model.base_parameters import find_base_parameters
+from armid.model.base_parameters import BaseParameters, find_base_parameters
 from armid.robot import load_robot
 
 ARMS = ("iiwa14-r820", "ur10e")
@@ -58,6 +59,12 @@ STRIBECK, STRIBECK_SPEED = 0.1, 0.1
 
 RIPPLE, TEETH = 0.01, 30.0
 """Torque ripple that is missing in the model: share of the RMS torque, and periods a turn."""
+
+POOR = 0.85
+"""Coverage of a parameter below which it is listed."""
+
+OFTEN = 0.5
+"""Share of the runs in which a parameter must be called identified to count as such."""
 
 TWELVE_BITS = 2.0 * np.pi / 4096.0
 """Position step of an encoder of 12 bits [rad]."""
@@ -159,7 +166,7 @@ class Simulation:
         return theta
 
     def recorded(self, rng: np.random.Generator) -> tuple[Recording, Array]:
-        """A recording, and the true base parameters."""
+        """A recording, and the true standard parameters."""
         case, theta = self.case, self.links(rng)
         time = np.arange(round(SECONDS * RATE)) / RATE
         ahead = 400  # samples before the log, in which a lag settles
@@ -184,7 +191,7 @@ class Simulation:
             phase = case.position_step * rng.uniform(size=self.model.n)  # otherwise all runs have the same rounding
             q = np.round((q - phase) / case.position_step) * case.position_step + phase
         names = self.model.robot.joint_names
-        return Recording(time, q, effort=torque, joint_names=names, consecutive=True), self.base.values_of(theta)
+        return Recording(time, q, effort=torque, joint_names=names, consecutive=True), theta
 
     def _noise(self, rng: np.random.Generator, dq: Array, torque: Array) -> Array:
         """Noise of the torque, shape (N, n)."""
@@ -211,55 +218,80 @@ class Simulation:
         return z * self.case.level * self.rms
 
 
-def measure(arm: str, name: str, method: str, runs: int, seed: int) -> dict[str, Any]:
-    """Coverage of one case on one arm."""
-    began, simulation = time.perf_counter(), Simulation(arm, CASES[name])
-    inside, identified, width, errors = [], [], [], []
-    said: Counter[str] = Counter()
-    told_of_worst = []
+def measure(arm: str, name: str, methods: list[str], runs: int, seed: int) -> list[dict[str, Any]]:
+    """Coverage of one case on one arm with each method, from the same recordings."""
+    simulation = Simulation(arm, CASES[name])
+    found = {method: _Outcomes() for method in methods}
     for k in range(runs):
-        recording, true = simulation.recorded(np.random.default_rng((seed, k)))
+        recording, theta = simulation.recorded(np.random.default_rng((seed, k)))
         observations, _ = process_recordings([recording], ProcessingOptions(), periods=[None])
-        fit = estimate(build_problem(simulation.model, observations, base=simulation.base), METHODS[method]())
-        ends = fit.intervals
-        held = (ends[:, 0] <= true) & (true <= ends[:, 1])
-        inside.append(held)
-        identified.append(_identified(fit, simulation.base.kept))
-        width.append((ends[:, 1] - ends[:, 0]) / 2.0 / (1.96 * fit.white_deviation))
-        errors.append((fit.values - true) / fit.white_deviation)
-        codes = {f.code for f in fit.findings}
-        said.update(codes)
-        told_of_worst.append(codes)
-    inside, identified, errors = np.array(inside), np.array(identified), np.array(errors)
-    each = inside.mean(axis=0)
-    counted = identified.mean(axis=0) > 0.5
-    worst = int(np.argmin(each))
-    return {
-        "arm": arm,
-        "case": name,
-        "method": method,
-        "runs": runs,
-        "mean": float(inside.mean()),
-        "worst": float(each.min()),
-        "worst_parameter": str(simulation.base.names[worst]),
-        "worst_identified": float(each[counted].min()) if counted.any() else 1.0,
-        "identified": int(counted.sum()),
-        "poor": [f"{simulation.base.names[k]} {each[k]:.2f}" for k in np.flatnonzero(each < 0.85)],
-        "width": float(np.median(width)),
-        "error": float(np.sqrt(np.mean(errors**2))),
-        "said": {code: count / runs for code, count in said.items()},
-        "seconds": (time.perf_counter() - began) / runs,
-    }
+        problem = build_problem(simulation.model, observations, base=simulation.base)
+        for method, outcomes in found.items():
+            began = time.perf_counter()
+            outcomes.add(estimate(problem, METHODS[method]()), theta, simulation.base)
+            outcomes.seconds += time.perf_counter() - began
+    return [{"arm": arm, "case": name, "method": method, **each.summary()} for method, each in found.items()]
 
 
-def _identified(fit: Any, kept: Any) -> Any:
-    """Mask of the base parameters that the estimate does not call dominated by the prior."""
+class _Outcomes:
+    """Fits of the same case and method."""
+
+    def __init__(self) -> None:
+        self.seconds = 0.0
+        self.inside: list[Any] = []
+        self.width: list[Any] = []
+        self.errors: list[Any] = []
+        self.identified: list[Any] = []
+        self.names: tuple[str, ...] = ()
+        self.said: Counter[str] = Counter()
+
+    def add(self, fit: Fit, theta: Array, base: BaseParameters) -> None:
+        """Adds a fit, given the true standard parameters (p,)."""
+        true = base.values_of(theta)
+        held = (fit.intervals[:, 0] <= true) & (true <= fit.intervals[:, 1])
+        self.inside.append(held)
+        self.width.append((fit.intervals[:, 1] - fit.intervals[:, 0]) / 2.0 / (1.96 * fit.white_deviation))
+        self.errors.append((fit.values - true) / fit.white_deviation)
+        self.names = tuple(str(name) for name in base.names)
+        self.said.update({f.code for f in fit.findings})
+        self.identified.append(_held_identified(fit, held, theta))
+
+    def summary(self) -> dict[str, Any]:
+        """Figures of the table."""
+        inside, identified = np.array(self.inside), np.array(self.identified)
+        each, runs = inside.mean(axis=0), len(inside)
+        worst = int(np.argmin(each))
+        counted = np.isfinite(identified).sum(axis=0)
+        often = counted > OFTEN * runs
+        of_identified = np.nansum(identified, axis=0)[often] / counted[often]
+        return {
+            "runs": runs,
+            "mean": float(inside.mean()),
+            "worst": float(each.min()),
+            "worst_parameter": self.names[worst],
+            "worst_identified": float(of_identified.min()) if often.any() else 1.0,
+            "mean_identified": float(of_identified.mean()) if often.any() else 1.0,
+            "identified": int(often.sum()),
+            "poor": [f"{self.names[k]} {each[k]:.2f}" for k in np.flatnonzero(each < POOR)],
+            "width": float(np.median(self.width)),
+            "error": float(np.sqrt(np.mean(np.square(self.errors)))),
+            "said": {code: count / runs for code, count in self.said.items()},
+            "seconds": self.seconds / runs,
+        }
+
+
+def _held_identified(fit: Fit, held: Any, theta: Array) -> Any:
+    """1 or 0 for each parameter that the estimate calls identified, by whether the interval holds; NaN for others.
+
+    With standard parameters these are the p standard parameters, otherwise the b base parameters.
+    """
     if fit.standard is not None:
-        status = np.array(fit.standard.status)
-        return status[kept] == "identified"
+        ends = fit.standard.intervals
+        inside = (ends[:, 0] <= theta) & (theta <= ends[:, 1])
+        return np.where(np.array(fit.standard.status) == "identified", inside, np.nan)
     listed = " ".join(f.evidence for f in fit.findings if f.code == "prior-dominated")
     names = {part.strip(" .") for part in listed.partition(":")[2].split(",")}
-    return np.array([name not in names for name in fit.names])
+    return np.where([name not in names for name in fit.names], held, np.nan)
 
 
 def line(row: dict[str, Any]) -> str:
@@ -267,7 +299,8 @@ def line(row: dict[str, Any]) -> str:
     said = ", ".join(f"{code} {share:.0%}" for code, share in sorted(row["said"].items()))
     return (
         f"{row['arm']:<12}{row['case']:<14}{row['method']:<10}{100 * row['mean']:5.1f} {100 * row['worst']:5.1f} "
-        f"{row['worst_parameter']:<6} {100 * row['worst_identified']:5.1f} of {row['identified']:<3} "
+        f"{row['worst_parameter']:<6} identified {row['identified']:<3}{100 * row['mean_identified']:5.1f} "
+        f"{100 * row['worst_identified']:5.1f} "
         f"×{row['width']:.2f} error {row['error']:.2f}  {row['seconds']:.2f} s  {said}"
     )
 
@@ -284,11 +317,11 @@ def main() -> int:
     options = parser.parse_args()
     rows: list[dict[str, Any]] = []
     for arm in options.arm or ARMS:
-        for method in options.method or ["wls"]:
-            for name in options.case or CASES:
-                rows.append(measure(arm, name, method, options.runs, options.seed))
-                if not options.json:
-                    print(line(rows[-1]), flush=True)
+        for name in options.case or CASES:
+            found = measure(arm, name, options.method or ["wls"], options.runs, options.seed)
+            rows += found
+            if not options.json:
+                print("\n".join(map(line, found)), flush=True)
     if options.json:
         print(json.dumps(rows, indent=1))
     return 0

@@ -18,10 +18,10 @@ from labs import write_recordings, write_study
 
 pytest.importorskip("plotly")
 
-TRAINING = 5
-"""Passes over a training recording that need its regressor: factors, systematic errors, spectrum of the residuals,
-rows away from reversals, prediction intervals. Each but the first needs the estimate, and filtered rows are too many
-to be kept."""
+TRAINING = 6
+"""Passes over a training recording that need its regressor: factors, search for ripple, systematic errors, spectrum
+of the residuals, rows away from reversals, prediction intervals. Each but the first needs the estimate, and filtered
+rows are too many to be kept."""
 
 VALIDATION = 1
 """Passes over a validation recording: prediction intervals."""

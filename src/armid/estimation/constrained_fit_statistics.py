@@ -19,7 +19,9 @@ from armid.estimation.fit_result import Fit
 from armid.estimation.prior import INFORMED, Prior, weight_finding
 from armid.estimation.problem import StandardParameters
 from armid.estimation.standard_parameter_resolution import (
+    FROM_NOISE,
     IDENTIFIED,
+    ConeShift,
     PriorUse,
     Proof,
     StandardFit,
@@ -146,6 +148,8 @@ def fit_of(estimate: PhysicalEstimate, findings: Sequence[Finding] = ()) -> Fit:
         np.zeros(len(values)) if centre is None else centre.values - values,
         _bounded(estimate.standard),
     )
+    if centre is not None:
+        lift = replace(lift, cone=_cone_shift(estimate, prior))
     excess = _prior_excess(estimate)
     if excess is not None:
         lift = replace(lift, rest=lift.rest + _left_over(lift.share, estimate.standard.regrouping, excess))
@@ -228,6 +232,17 @@ def _base_precision(estimate: PhysicalEstimate, precision: Array) -> Array:
     return inverse_of(covariance + 1e-6 * np.diag(length**2))
 
 
+def _cone_shift(estimate: PhysicalEstimate, prior: Array) -> ConeShift | None:
+    """Effect of the cone beside a Gaussian prior of precision `prior` (x, x); `None` for other priors."""
+    if estimate.use.kind != "euclidean" or estimate.is_reduced:
+        return None
+    rows, precision = estimate.weighted.rows, _base_precision(estimate, prior)
+    mean = estimate.standard.regrouping @ estimate.prior.mean
+    normal = rows.T @ rows
+    free = inverse_of(normal + precision) @ (normal @ estimate.weighted.values + precision @ mean)
+    return ConeShift(precision, estimate.base - free)
+
+
 def _bounded(standard: StandardParameters) -> Array:
     """Mask (p,) of the parameters that cannot be negative."""
     bounded = standard.nonnegative.astype(np.float64)
@@ -242,7 +257,9 @@ def _standard_fit(
     standard, data, values, basis = estimate.standard, estimate.weighted, estimate.values, estimate.basis
     columns = data.rows @ standard.regrouping @ basis
     covariance, share = shares(columns.T @ columns, prior)
-    spread = basis @ covariance @ basis.T
+    spread, noise = basis @ covariance @ basis.T, basis @ covariance @ columns.T
+    # A value that the data move may nevertheless depend on errors of the prior of other parameters.
+    by_prior = np.sum(noise**2, axis=1) < FROM_NOISE * np.diag(spread)
     moves = basis != 0.0
     given, resolution = ~moves.any(axis=1), moves @ share
     held = _held(estimate, np.sqrt(np.maximum(np.diag(spread), 0.0)), given, resolution)
@@ -254,7 +271,7 @@ def _standard_fit(
         data.correlation * spread,
         np.stack([values, values], axis=1),
         resolution,
-        status_of(resolution, estimate.is_informed, given, held.at_zero | held.at_limit | held.inside),
+        status_of(resolution, estimate.is_informed, given, held.at_zero | held.at_limit | held.inside | by_prior),
         estimate.use,
         Proof(price, float(eigenvalues.min(initial=np.inf)), lowest, estimate.gap),
         lift,

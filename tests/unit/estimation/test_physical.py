@@ -134,6 +134,21 @@ def test_resolution_is_the_share_of_the_data():
     np.testing.assert_allclose(shares(np.diag([99.0, 0.01]), precision)[1], [0.99, 0.01 / 1.01])
 
 
+@pytest.mark.parametrize("prior", ["log-det", "euclidean"])
+@pytest.mark.parametrize("weight", [1.0, 100.0])
+def test_what_is_identified_does_not_follow_another_description(prior: str, weight: float):
+    """Bodies of the description that are all 20 % heavier, two deviations of the prior of weight 100."""
+    problem = problem_of()
+    assert problem.standard is not None and problem.standard.nominal is not None
+    other = replace(problem.standard, nominal=1.2 * problem.standard.nominal)
+    _, first = estimate(problem, prior=prior, weight=weight)
+    _, second = estimate(replace(problem, standard=other), prior=prior, weight=weight)
+    moved = np.abs(second.values - first.values) / (0.5 * np.diff(first.intervals, axis=1)[:, 0])
+    identified = np.array(first.status) == "identified"
+    assert identified.sum() >= 10
+    assert (moved[identified] < 1.0).all()
+
+
 def test_status():
     share = np.array([1.0, IDENTIFIED, 0.5, 0.5 * UNSEEN, 1.0, 1.0])
     given, held = np.array([0, 0, 0, 0, 1, 0], bool), np.array([0, 0, 0, 0, 0, 1], bool)

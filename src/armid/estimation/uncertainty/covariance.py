@@ -45,13 +45,9 @@ from armid.estimation.uncertainty.jackknife import RepetitionBlocks, block_covar
 from armid.estimation.uncertainty.noise_spectrum import MAX_SIZE, LevelScatter, NoiseModel
 from armid.estimation.uncertainty.reversal_sensitivity import shift_by_reversals
 from armid.estimation.uncertainty.scale_covariance import scale_covariance
-from armid.estimation.uncertainty.systematic.regressor_noise import noise_finding, regressor_noise_bias
-from armid.estimation.uncertainty.systematic.systematic_error_effect import (
-    ErrorEffect,
-    effect_of_errors,
-    error_findings,
-)
-from armid.estimation.uncertainty.systematic.systematic_errors import OUTLIER, error_kinds, error_products
+from armid.estimation.uncertainty.systematic.effect_on_fit import effect_on_fit
+from armid.estimation.uncertainty.systematic.regressor_noise import noise_finding
+from armid.estimation.uncertainty.systematic.systematic_error_effect import ErrorEffect, error_findings
 from armid.estimation.uncertainty.whiteness import whiteness
 from armid.information.hysteresis_states import with_hysteresis_states
 from armid.information.information import Information, stack, total
@@ -127,15 +123,7 @@ class Uncertainty:
         self.whole = total(self.information)
         b = self.whole.count
         self.prior = np.zeros((b, b)) if fit.prior_precision is None else fit.prior_precision
-        # The prior counts in the scale: it may be so much surer of some parameters than the data that it would round
-        # away what these say of all others.
-        A = stack(self.whole, fit.weights)[0]
-        length = np.sqrt(np.sum(A**2, axis=0) + np.diag(self.prior))
-        length = np.where(length > 0.0, length, 1.0)
-        A = A / length
-        values, vectors = np.linalg.eigh(A.T @ A + self.prior / np.outer(length, length))
-        half = vectors / np.sqrt(np.maximum(values, MIN_EIGENVALUE)) / length[:, None]
-        self.inverse: Array = half @ half.T
+        self.inverse: Array = self._inverse_with(self.prior)
         self.known_covariance = scale_covariance(self.whole, fit.weights, self.inverse)
         # A prior of precision P in rows has the covariance c P⁻¹ and changes the estimate by H⁻¹ P of its error.
         by_prior = fit.prior_correlation * (self.inverse @ self.prior @ self.inverse)
@@ -143,6 +131,18 @@ class Uncertainty:
         self.moved: Array = np.zeros(b)  # by reversals
         self.observed: NDArray[np.bool_] = np.ones(b, dtype=np.bool_)
         self.errors = ErrorEffect(covariance=np.zeros((b, b)), attenuation=np.zeros(b))
+
+    def _inverse_with(self, prior: Array) -> Array:
+        """Inverse of the normal matrix with a precision (b, b) of the prior."""
+        # The prior counts in the scale: it may be so much surer of some parameters than the data that it would round
+        # away what these say of all others.
+        A = stack(self.whole, self.fit.weights)[0]
+        length = np.sqrt(np.sum(A**2, axis=0) + np.diag(prior))
+        length = np.where(length > 0.0, length, 1.0)
+        A = A / length
+        values, vectors = np.linalg.eigh(A.T @ A + prior / np.outer(length, length))
+        half = vectors / np.sqrt(np.maximum(values, MIN_EIGENVALUE)) / length[:, None]
+        return np.asarray(half @ half.T, dtype=np.float64)
 
     @property
     def misfit_covariance(self) -> Array:
@@ -302,17 +302,8 @@ class Uncertainty:
             return self.errors
         if not _samples_match(self.problem, self.whole.rows[0]):
             return self.errors
-        values = np.broadcast_to(self.joint_values(), (self.whole.n, self.problem.information.count))
-        kinds = error_kinds(self.problem, values)
-        if not kinds:
-            return self.errors
-        attenuation = self.errors.attenuation
-        if self.column_maps() is None:
-            attenuation = regressor_noise_bias(problem, self.fit.values, self.fit.weights, self.inverse)
-        # Rows that a robust method gives less weight, such as those in contact, say nothing about systematic errors.
-        largest = np.inf if self.fit.information is None else OUTLIER
-        products = error_products(problem, kinds, values, self.fit.weights, self.column_maps(), largest)
-        return replace(effect_of_errors(products, self.inverse, self.prior), attenuation=attenuation)
+        values = np.broadcast_to(self.joint_values(), (self.whole.n, problem.information.count))
+        return effect_on_fit(problem, self.fit, values, self.prior, self._inverse_with, self.column_maps())
 
     def _spectrum(self) -> tuple[_Spectrum | None, str]:
         """Noise spectrum of the samples, and an empty text; or `None`, and the reason why it cannot be estimated."""

@@ -13,13 +13,16 @@ direction for each joint. Where the data say that there is no error, both parts 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+import itertools
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from armid.checked_array import Array
 from armid.errors import Finding
+from armid.estimation.standard_parameter_resolution import ConeShift
 from armid.estimation.uncertainty.systematic.systematic_errors import ErrorKind, ErrorProducts
+from armid.remedy import Remedy, setting
 from armid.robot import Robot
 
 SHARE = 0.75
@@ -57,13 +60,16 @@ class ErrorEffect:
     attenuation: Array = field(default_factory=lambda: np.zeros(0))
 
 
-def effect_of_errors(products: ErrorProducts, inverse: Array, prior: Array) -> ErrorEffect:
+def effect_of_errors(
+    products: ErrorProducts, inverse: Array, prior: Array, *, further: Array | float = 0.0
+) -> ErrorEffect:
     """Computes the effect of systematic errors on an estimate.
 
     Args:
         products: Products of the columns of the errors with rows and residuals.
         inverse: Inverse of the weighted normal matrix, prior included, shape (b, b).
         prior: Precision of the prior, shape (b, b).
+        further: Further shift of the estimate, shape (b,).
     """
     size = np.array([kind.deviation for kind in products.kinds])
     pulls, scores = products.pulls * size, products.scores * size
@@ -79,11 +85,51 @@ def effect_of_errors(products: ErrorProducts, inverse: Array, prior: Array) -> E
         half = 1.0 / np.sqrt(correlation)
         C = np.linalg.inv(half[:, None] * F * half + np.eye(len(size)))
         found = C @ (scores.sum(axis=0) / correlation)
-    shift = S @ found
+    shift = S @ found + further
     covariance = S @ C @ S.T + SHARE**2 * np.outer(shift, shift)
     return ErrorEffect(
         products.kinds, size * found, size * np.sqrt(np.diag(C)), S / size, 0.5 * (covariance + covariance.T)
     )
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class ConeEffect:
+    """Effect of the cone of consistent bodies on an estimate of b unknowns.
+
+    Attributes:
+        prior: Precision of prior and cone, shape (b, b).
+        shift: Precision of the prior alone, and shift by the cone.
+        without: Inverse of the weighted normal matrix with the prior alone, shape (b, b).
+        correlation: Number of rows that count as one independent sample.
+    """
+
+    prior: Array
+    shift: ConeShift
+    without: Array
+    correlation: float
+
+    @property
+    def contradicted(self) -> float:
+        """Share of the squared shift by the cone that noise does not explain, from 0 to 1."""
+        shift = self.shift.shift
+        size = float(shift @ np.linalg.solve(self.without, shift)) / self.correlation
+        inverse = np.linalg.inv(np.linalg.inv(self.without) + self.prior - self.shift.precision)
+        expected = float(np.sum(inverse * (self.prior - self.shift.precision)))
+        return max(0.0, 1.0 - max(expected, 0.0) / size) if size > 0.0 else 0.0
+
+
+def effect_with_cone(effect: ErrorEffect, products: ErrorProducts, cone: ConeEffect) -> ErrorEffect:
+    """Effect of systematic errors on an estimate that the cone holds.
+
+    If noise explains the shift by the cone, the cone holds the estimate against errors, too, as a prior does. If the
+    cone contradicts the data, errors have moved these out of it: the estimate is then wrong by the shift of the
+    estimate without the cone and by the shift by the cone.
+    """
+    share = cone.contradicted
+    if share == 0.0:
+        return effect
+    moved = effect_of_errors(products, cone.without, cone.shift.precision, further=cone.shift.shift)
+    return replace(effect, covariance=(1.0 - share) * effect.covariance + share * moved.covariance)
 
 
 def _correlation(scores: Array, information: Array) -> Array:
@@ -112,30 +158,59 @@ def error_findings(effect: ErrorEffect, scatter: Array, names: tuple[str, ...], 
     deviation = np.sqrt(np.maximum(np.diag(scatter), 0.0))
     findings: list[Finding] = []
     for name, message in MESSAGES.items():
-        own = [k for k, kind in enumerate(effect.kinds) if kind.name == name]
-        sure = [k for k in own if abs(effect.values[k]) > SURE * effect.deviations[k]]
+        groups = [own for own in _groups(effect, name) if _size(effect, own)[0] > SURE * _size(effect, own)[1]]
+        sure = list(itertools.chain.from_iterable(groups))
         shift = effect.sensitivity[:, sure] @ effect.values[sure]
         ratio = np.divide(np.abs(shift), deviation, out=np.zeros_like(shift), where=deviation > 0.0)
         if not len(sure) or ratio.max() < MATTERS:
             continue
         most = int(np.argmax(ratio))
-        joints = [robot.joints[effect.kinds[k].joint] for k in sure]
-        units = {
-            "delay": ["ms"] * len(sure),
-            "zero": [j.unit for j in joints],
-            "rise": [j.effort_unit for j in joints],
-        }
-        factor = 1e3 if name == "delay" else 1.0
-        listed = ", ".join(
-            f"{joint.name} {factor * effect.values[k]:.3g} ± {factor * effect.deviations[k]:.2g} {unit}"
-            for k, joint, unit in zip(sure, joints, units[name], strict=True)
-        )
+        listed = ", ".join(_stated(effect, own, robot) for own in groups)
         evidence = (
             f"{message.found} {listed}. This shifts {names[most]} by {ratio[most]:.1f} standard deviations of its "
             "noise, and other parameters less. The intervals are widened by this shift; the values are not corrected."
         )
-        findings.append(Finding(message.code, "warning", "", evidence, message.remedy))
+        remedy = message.remedy
+        if name == "ripple":
+            remedy = _with_term([effect.kinds[own[0]] for own in groups], robot)
+        findings.append(Finding(message.code, "warning", "", evidence, remedy))
     return findings
+
+
+def _with_term(kinds: list[ErrorKind], robot: Robot) -> Remedy:
+    """Remedy that adds ripple to the model; numbers of waves that are nearly equal are one harmonic."""
+    waves = np.sort([kind.waves for kind in kinds])
+    alike = np.split(waves, np.flatnonzero(np.diff(waves) > SAME_WAVES) + 1)
+    harmonics = [round(2.0 * float(np.mean(each))) / 2.0 for each in alike]
+    joints = [robot.joints[j].name for j in sorted({kind.joint for kind in kinds})]
+    return Remedy(
+        "add the term `ripple`, with ", setting("harmonics", harmonics), " and ", setting("joints", joints),
+        " in [model.ripple].",
+    )  # fmt: skip
+
+
+def _groups(effect: ErrorEffect, name: str) -> list[list[int]]:
+    """Indices of the errors of a kind; sine and cosine of a ripple belong together."""
+    groups: dict[tuple[int, float], list[int]] = {}
+    for k, kind in enumerate(effect.kinds):
+        if kind.name == name:
+            groups.setdefault((kind.joint, kind.waves), []).append(k)
+    return list(groups.values())
+
+
+def _size(effect: ErrorEffect, own: list[int]) -> tuple[float, float]:
+    """Size of an error and its standard deviation; for a ripple, the amplitude."""
+    return float(np.linalg.norm(effect.values[own])), float(np.sqrt(np.mean(effect.deviations[own] ** 2)))
+
+
+def _stated(effect: ErrorEffect, own: list[int], robot: Robot) -> str:
+    """Name of the joint, value of the error, standard deviation and unit."""
+    kind, (size, deviation) = effect.kinds[own[0]], _size(effect, own)
+    joint = robot.joints[kind.joint]
+    if kind.name == "ripple":
+        return f"{joint.name} {size:.3g} ± {deviation:.2g} {joint.effort_unit} with {kind.waves:.3g} waves in a turn"
+    factor, unit = {"delay": (1e3, "ms"), "zero": (1.0, joint.unit), "rise": (1.0, joint.effort_unit)}[kind.name]
+    return f"{joint.name} {factor * effect.values[own[0]]:.3g} ± {factor * deviation:.2g} {unit}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,6 +230,9 @@ MATTERS = 1.0
 """Smallest largest shift of a parameter, in standard deviations by noise, from which errors are reported. A shift of
 one standard deviation lowers the coverage of a 95 % interval to 83 %."""
 
+SAME_WAVES = 1.0
+"""Largest difference of numbers of waves in a turn that the remedy takes as one harmonic."""
+
 MESSAGES = {
     "delay": _Message(
         "timing-error",
@@ -173,5 +251,6 @@ MESSAGES = {
         "Friction near rest is larger than the model's (smaller if negative):",
         'let friction be selected with `terms = "auto"`, or add the term `stribeck`.',
     ),
+    "ripple": _Message("torque-ripple", "The residuals repeat with the angle of joints, with these amplitudes:", ""),
 }
 """Texts about each kind of error."""

@@ -1,12 +1,13 @@
 """Systematic errors of measurement and friction that every recording has, and their effect on an estimate.
 
-Three kinds of error are small, and no residual shows them clearly: the torque is late by a part of a sample or passes
-a low-order lag, the zeros of the encoders are wrong by a milliradian, and friction rises near rest.
-To first order, each of them adds a column to the torque of the model:
+Some kinds of error are small, and no residual shows them clearly: the torque is late by a part of a sample or passes
+a low-order lag, the zeros of the encoders are wrong by a milliradian, friction rises near rest, and gears cause
+ripple. To first order, each of them adds a column to the torque of the model:
 
 - a delay or a first-order lag of joint j by T seconds adds -T dτ_j/dt to the torque of this joint;
 - a zero error of the positions of joint k adds ∂τ/∂q_k to the torques of all joints;
-- friction that rises near rest adds sign(q̇_j) exp(-(q̇_j / v)²) to the torque of joint j.
+- friction that rises near rest adds sign(q̇_j) exp(-(q̇_j / v)²) to the torque of joint j;
+- ripple with k waves in a turn adds sin(k q_j) and cos(k q_j) to the torque of joint j.
 
 With the weighted columns V of m such errors, the weighted rows X and the normal matrix H, an error e changes the
 estimate by S e with S = H⁻¹XᵀV. The residual r tells about e as much as VᵀV - VᵀX H⁻¹XᵀV, since the parameters take
@@ -68,14 +69,18 @@ class ErrorKind:
     """Kind of systematic error.
 
     Attributes:
-        name: `delay`, `zero` or `rise`.
+        name: `delay`, `zero`, `rise` or `ripple`.
         joint: Index of the joint.
         deviation: Standard deviation of the error before the data are seen [s, rad or m, N·m or N].
+        waves: Number of waves in a turn, for ripple.
+        phase: Phase of the wave at position zero, for ripple [rad].
     """
 
     name: str
     joint: int
     deviation: float
+    waves: float = 0.0
+    phase: float = 0.0
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -143,13 +148,13 @@ def error_products(
     """
     model, base, observations = problem.require_samples("cover")
     source = column_source(model, base)
-    seconds = max(PART_SECONDS, sum(run.motion.samples / run.rate for run in observations.runs) / MOST_PARTS)
+    seconds = part_seconds(observations.runs)
     found: list[Array] = []
     for given in observations.runs:
         run = with_hysteresis_states(model, given, observations.band)
         parameters = column_numbers(source, problem.information.names, run)
         errors = _error_columns(source, run, observations.band, kinds, parameters, values)
-        part = np.arange(len(run.rows)) * run.step // max(round(seconds * run.rate), 1)
+        part = parts_of_rows(run, seconds)
         u = values.shape[1] if column_maps is None else column_maps[0].shape[1]
         sums = np.zeros((int(part[-1]) + 1, u + len(kinds), u + len(kinds) + 1))
         for begin, x in rows(source, run, observations.band):
@@ -163,6 +168,16 @@ def error_products(
         tuple(kinds), whole[:, :-m, : -m - 1], whole[:, :-m, -m - 1 : -1], whole[:, -m:, -m - 1 : -1],
         whole[:, :-m, -1], whole[:, -m:, -1],
     )  # fmt: skip
+
+
+def part_seconds(runs: Sequence[ObservedRun]) -> float:
+    """Length of the parts of time of some runs [s]."""
+    return max(PART_SECONDS, sum(run.motion.samples / run.rate for run in runs) / MOST_PARTS)
+
+
+def parts_of_rows(run: ObservedRun, seconds: float) -> NDArray[np.int64]:
+    """Number of the part of time of each of the M rows of a run, for parts of a given length, shape (M,)."""
+    return np.asarray(np.arange(len(run.rows)) * run.step // max(round(seconds * run.rate), 1), dtype=np.int64)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -224,6 +239,9 @@ def _error_columns(
     for k, kind in enumerate(kinds):
         if kind.name == "zero":
             result[:, :, k] = _by_position(source, on_grid, kind.joint, parameters, values)
+        elif kind.name == "ripple":
+            wave = np.sin(kind.waves * run.motion.q[:, kind.joint] + kind.phase)
+            result[:, kind.joint, k] = _filtered(wave[:, None], run, band)[:, 0]
         else:
             column = slope if kind.name == "delay" else rise
             result[:, kind.joint, k] = 0.0 if column is None else column[:, kind.joint]

@@ -1,0 +1,212 @@
+"""Search for torques that are periodic in a joint's angle, in the residuals of an estimate.
+
+Gears, motors and torque sensors cause such ripple. Where a joint is slow, the ripple passes the filter, and it has
+the same sign at the same angle, so it shifts parameters by more than noise of the same size does. For each joint and
+number of waves k, the residual r of part p of the time gives
+
+    z_p = Σ g r exp(-i k q),        n_p = Σ g²,
+
+with the gain g of the filter at the momentary frequency k |q̇| / 2π. Noise makes the z_p of different parts
+independent, with variances in proportion to n_p. A ripple makes them a n_p with the same complex amplitude a. So
+the explained sum |Σ z_p|² / Σ n_p and the rest Σ |z_p - a n_p|² / n_p have the ratio of an F test with 2 and
+2 (P - 1) degrees of freedom, whatever the colour of the noise within a part. The waves that pass the test become
+columns of `armid.estimation.uncertainty.systematic.systematic_errors`, which has the exact filter and the columns of
+the model.
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armid.checked_array import Array
+from armid.estimation.problem import EstimationProblem
+from armid.estimation.uncertainty.cross_products_by_frequency import column_numbers, find_periods
+from armid.estimation.uncertainty.systematic.systematic_errors import ErrorKind, part_seconds, parts_of_rows
+from armid.information.base_regressor_layout import column_source
+from armid.information.filtered_rows import rows
+from armid.information.hysteresis_states import with_hysteresis_states
+from armid.measurement.low_pass_band import Band
+from armid.measurement.observations import ObservedRun
+
+LOWEST, HIGHEST = 2.0, 250.0
+"""Numbers of waves in a turn that are tried. One wave is gravity; more than 250 pass the filter only next to
+reversals, whose effect is estimated separately. In the residuals of recorded arms, 4, 8 and 221 waves were found."""
+
+TURNS = 1.5
+"""Smallest number of waves within the range of the joint; fewer waves do not show that the torque repeats."""
+
+STEP = 1.5
+"""Step between numbers of waves that are tried, times the range of the joint [rad]: the phase of a wave halfway
+between is then wrong by at most 0.4 rad at the ends of the range."""
+
+FINER = 8
+"""Number of steps into which the step next to the best number of waves is divided."""
+
+LEVEL = 1e-3
+"""Probability that noise alone gives a joint a wave, over all numbers of waves that are tried."""
+
+MOST_WAVES = 3
+"""Largest number of waves for a joint: usual gears have two orders that matter."""
+
+FEWEST_PARTS = 8
+"""Smallest number of parts of the time in which a wave must be seen."""
+
+SHARE = 0.1
+"""Smallest mean squared gain of the filter for a wave. What passes only next to reversals looks like friction there,
+whose effect is estimated separately."""
+
+APART = 2.0
+"""Smallest distance between two numbers of waves of a joint, in the steps that are tried: the data do not tell waves
+apart that are closer."""
+
+SEEN = 0.01
+"""Smallest information of a part about a wave, relative to the largest, with which the part counts."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class _Residual:
+    """Residual of one joint in the M rows that are used.
+
+    Attributes:
+        q, dq: Positions [rad] and velocities [rad/s], shape (M,).
+        torque: Residuals, shape (M,) [N·m].
+        part: First row of each part of the time, shape (P,).
+        band: Filter of the rows.
+    """
+
+    q: Array
+    dq: Array
+    torque: Array
+    part: NDArray[np.int64]
+    band: Band
+
+    def gain(self, waves: float) -> Array:
+        """Gain of the filter at the momentary frequency of a number of waves, shape (M,)."""
+        if self.band.is_open:
+            return np.ones(len(self.q))
+        squared = (waves / (2.0 * np.pi * self.band.cutoff) * self.dq) ** 2
+        power = squared.copy()
+        for _ in range(self.band.order - 1):  # far faster than a general power
+            power *= squared
+        return np.asarray(1.0 / (1.0 + power), dtype=np.float64)
+
+    def test(self, waves: Array) -> tuple[Array, Array]:
+        """Logarithm of the probability that noise explains as much, and complex amplitude, shapes (waves,).
+
+        The numbers of waves must be equally spaced.
+        """
+        z = np.empty((len(waves), len(self.part)), dtype=np.complex128)
+        n = np.empty(z.shape)
+        turned = self.torque * np.exp(-1j * waves[0] * self.q)
+        turn = np.exp(-1j * (waves[1] - waves[0]) * self.q) if len(waves) > 1 else turned
+        for k, each in enumerate(waves.tolist()):
+            gain = self.gain(each)
+            z[k], n[k] = np.add.reduceat(gain * turned, self.part), np.add.reduceat(gain * gain, self.part)
+            turned *= turn
+        whole = np.maximum(n.sum(axis=1), np.finfo(float).tiny)
+        a = z.sum(axis=1) / whole
+        seen = n > SEEN * n.max(axis=1, keepdims=True)
+        explained = np.abs(a) ** 2 * whole
+        left = np.sum(np.where(seen, np.abs(z - a[:, None] * n) ** 2 / np.where(seen, n, 1.0), 0.0), axis=1)
+        count = np.where(n.sum(axis=1) >= SHARE * len(self.q), seen.sum(axis=1), 0)
+        log_p = -(count - 1) * np.log1p(explained / np.maximum(left, np.finfo(float).tiny))
+        return np.where(count >= FEWEST_PARTS, log_p, 0.0), 2.0 * a
+
+    def without(self, waves: float, amplitude: complex) -> _Residual:
+        """The residual without a wave."""
+        wave = np.real(amplitude * np.exp(1j * waves * self.q)) * self.gain(waves)
+        return _Residual(self.q, self.dq, self.torque - wave, self.part, self.band)
+
+
+def ripple_kinds(problem: EstimationProblem, values: Array, weights: Array, largest: float) -> tuple[ErrorKind, ...]:
+    """Ripple of each joint that the residuals show, two errors (sine and cosine) for each number of waves.
+
+    Args:
+        problem: Problem with its samples, in c parameters.
+        values: Parameters of each joint's torque, shape (n, c).
+        weights: Weight of each joint's rows, shape (n,).
+        largest: Largest weighted residual of a row that is used; infinite for all rows.
+    """
+    model, _, _ = problem.require_samples("cover")
+    kinds: list[ErrorKind] = []
+    for j, residual in enumerate(_residuals(problem, values, weights, largest)):
+        if model.robot.joints[j].is_prismatic or len(residual.part) < FEWEST_PARTS:
+            continue
+        for waves, amplitude in _waves(residual):
+            kinds += [ErrorKind("ripple", j, amplitude, waves, phase) for phase in (0.0, np.pi / 2.0)]
+    return tuple(kinds)
+
+
+def _waves(residual: _Residual) -> list[tuple[float, float]]:
+    """Numbers of waves of one joint and their amplitudes [N·m], the most significant first."""
+    extent = float(np.ptp(residual.q))
+    lowest = max(LOWEST, 2.0 * np.pi * TURNS / max(extent, np.finfo(float).tiny))
+    if lowest >= HIGHEST:
+        return []
+    step = STEP / extent
+    tried = np.arange(lowest, HIGHEST, step)
+    found: list[tuple[float, float]] = []
+    for _ in range(MOST_WAVES):
+        if not len(tried):
+            break
+        log_p = np.concatenate([residual.test(each)[0] for each in _equally_spaced(tried, step)])
+        near = tried[int(np.argmin(log_p))] + step * np.linspace(-1.0, 1.0, 2 * FINER + 1)
+        log_p, amplitude = residual.test(near)
+        best = int(np.argmin(log_p))
+        if log_p[best] > np.log(LEVEL / len(tried)):
+            break
+        found.append((float(near[best]), float(np.abs(amplitude[best]))))
+        tried = tried[np.abs(tried - near[best]) > APART * step]
+        residual = residual.without(float(near[best]), complex(amplitude[best]))
+    return found
+
+
+def _equally_spaced(waves: Array, step: float) -> list[Array]:
+    """Parts of numbers of waves between gaps."""
+    return np.split(waves, np.flatnonzero(np.diff(waves) > 1.5 * step) + 1)
+
+
+def _part_of_motion(run: ObservedRun, seconds: float) -> NDArray[np.int64]:
+    """Number of the part of time of each row; where the motion repeats, of the part of its period, shape (M,).
+
+    Errors of the model repeat with the motion, so periods are not independent.
+    """
+    part, periods = parts_of_rows(run, seconds), find_periods(run)
+    if periods is None:
+        return part
+    row = np.arange(len(part))
+    period = np.maximum(np.searchsorted(periods[:-1], row, side="right") - 1, 0)
+    return part[np.minimum(np.maximum(row - periods[:-1][period], 0), len(part) - 1)]
+
+
+def _residuals(problem: EstimationProblem, values: Array, weights: Array, largest: float) -> list[_Residual]:
+    """Residuals of each joint in all runs."""
+    model, base, observations = problem.require_samples("cover")
+    source, band = column_source(model, base), observations.band
+    seconds = part_seconds(observations.runs)
+    parts: list[list[tuple[Array, Array, Array, NDArray[np.int64]]]] = [[] for _ in range(model.n)]
+    first = 0
+    for given in observations.runs:
+        run = with_hysteresis_states(model, given, band)
+        parameters = column_numbers(source, problem.information.names, run)
+        part = first + _part_of_motion(run, seconds)
+        first = int(part.max()) + 1
+        for begin, x in rows(source, run, band):
+            end = begin + x.shape[1]
+            chosen = run.rows[begin:end]
+            for j, (a, b) in enumerate(itertools.pairwise(source.layout.offset)):
+                residual = x[b - 1] - values[j, parameters[j]] @ x[a : b - 1]
+                used = run.mask[begin:end, j] & (np.abs(weights[j] * residual) <= largest)
+                q, dq = run.motion.q[chosen, j][used], run.motion.dq[chosen, j][used]
+                parts[j].append((q, dq, residual[used], part[begin:end][used]))
+    result: list[_Residual] = []
+    for own in parts:
+        q, dq, torque, part = (np.concatenate(each) for each in zip(*own, strict=True))
+        order = np.argsort(part, kind="stable")
+        first_rows = np.flatnonzero(np.diff(part[order], prepend=-1))
+        result.append(_Residual(q[order], dq[order], torque[order], first_rows, band))
+    return result
