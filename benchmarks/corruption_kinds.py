@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -28,6 +28,7 @@ from corruptions import (
     payload,
     piece_reversed,
     position_as,
+    position_held,
     position_noise,
     position_outliers,
     position_steps,
@@ -79,7 +80,9 @@ MIDWAY = ("changes-midway",)
 
 WARMING = ("temperature-drift", *MIDWAY)
 CROSSED = ("cross-talk",)
-UNIT = ("torque-unit", "motor-side", "current-without-gain", "description-does-not-match")
+UNIT = ("torque-unit", "motor-side", "current-without-gain", "description-does-not-match", "torque-beyond-limit")
+"""The last one says, too, that the unit of the torque is to be checked, and how it is converted."""
+
 CLOCK = ("clock-jitter", "clock-gap", "rows-repeated", "rows-not-consecutive", "clock-rate", "time-scale")
 ZERO = ("position-offset",)
 LAW = ("friction-missing", "residual-by-angle")
@@ -159,7 +162,7 @@ KINDS: tuple[Kind, ...] = (
     Kind(
         "channel",
         "position keeps its value for a tenth",
-        lambda s: replace(s.raw, q=s.raw.q + s.one(held(s, s.raw.q[:, s.joint], 0.4, 0.5) - s.raw.q[:, s.joint])),
+        position_held(0.4, 0.5),
         CHANNEL,
         True,
     ),
