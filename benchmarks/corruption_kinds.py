@@ -80,9 +80,7 @@ MIDWAY = ("changes-midway",)
 
 WARMING = ("temperature-drift", *MIDWAY)
 CROSSED = ("cross-talk",)
-UNIT = ("torque-unit", "motor-side", "current-without-gain", "description-does-not-match", "torque-beyond-limit")
-"""The last one says, too, that the unit of the torque is to be checked, and how it is converted."""
-
+UNIT = ("torque-unit", "motor-side", "current-without-gain", "description-does-not-match")
 CLOCK = ("clock-jitter", "clock-gap", "rows-repeated", "rows-not-consecutive", "clock-rate", "time-scale")
 ZERO = ("position-offset",)
 LAW = ("friction-missing", "residual-by-angle")
