@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -28,6 +28,7 @@ from corruptions import (
     payload,
     piece_reversed,
     position_as,
+    position_held,
     position_noise,
     position_outliers,
     position_steps,
@@ -159,7 +160,7 @@ KINDS: tuple[Kind, ...] = (
     Kind(
         "channel",
         "position keeps its value for a tenth",
-        lambda s: replace(s.raw, q=s.raw.q + s.one(held(s, s.raw.q[:, s.joint], 0.4, 0.5) - s.raw.q[:, s.joint])),
+        position_held(0.4, 0.5),
         CHANNEL,
         True,
     ),

@@ -195,6 +195,17 @@ def held(s: Scene, column: Array, low: float, high: float) -> Array:
     return np.where(rows, column[np.argmax(rows)], column)
 
 
+def position_held(low: float, high: float) -> Change:
+    """Position of one joint that keeps its value between two shares, the velocity as it was."""
+
+    def change(s: Scene) -> Recording:
+        q = s.raw.q.copy()
+        q[:, s.joint] = held(s, q[:, s.joint], low, high)
+        return replace(s.raw, q=q)
+
+    return change
+
+
 def position_noise(size: float) -> Change:
     """White noise on the position alone."""
     return lambda s: replace(s.raw, q=s.raw.q + s.one(size * s.rng.standard_normal(s.raw.samples)))

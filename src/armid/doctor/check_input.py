@@ -13,7 +13,7 @@ from armid.doctor.changes.position_jumps import Jump, position_jumps, without_ju
 from armid.doctor.downsample import downsample
 from armid.doctor.earlier_run_links import KnownLinks
 from armid.doctor.fitted_log import LogState
-from armid.doctor.remedy_trial import RemedyTrial, try_remedy
+from armid.doctor.remedy_trial import WORSE, RemedyTrial, try_remedy
 from armid.doctor.stuck_channels import stuck_segments, without_stuck
 from armid.errors import Finding
 from armid.maths.median import median
@@ -32,6 +32,10 @@ ROUNDS = 3
 ROWS = 3
 """Smallest number of rows for each parameter of a joint with which a model is fitted. With fewer rows, the fit
 follows the noise, and friction of the wrong sign can seem significant."""
+
+INSTEAD = 0.5
+"""Gain of the second strongest fault, relative to that of the strongest one, from which it is accepted instead if
+the log does not confirm the strongest one."""
 
 LESS_ALIKE = 0.01
 """Decrease of the correlation between the measured torque and the torque of an earlier run, averaged over the
@@ -56,8 +60,9 @@ class Explanation:
         after: The log with the fault corrected.
         confirmed: Function that tests the fault by independent evidence in the log, if there is such a test. It is
             called only for the first fault.
-        by_error_alone: True if a smaller error is the only evidence; the held-out error must then decrease, too.
-            Wrong signs of torques, wrong zeros and wrong gravity also show in friction, inertias and weights.
+        worse: Largest increase of the logarithm of the held-out error by the correction. It is negative, `HELPS`, if
+            a smaller error is the only evidence. Wrong signs of torques, wrong zeros and wrong gravity also show in
+            friction, inertias and weights.
         trial: Held-out errors without and with the correction, if they are computed on some of the rows only; if not
             given, they are computed on all rows.
     """
@@ -70,11 +75,22 @@ class Explanation:
     remedy: Callable[[LogEvidence], str]
     after: LogState
     confirmed: Callable[[LogEvidence], bool] | None = None
-    by_error_alone: bool = False
+    worse: float = WORSE
     trial: RemedyTrial | None = None
 
 
 Explain = Callable[[LogState], Explanation | None]
+
+
+def _comparable_gain(before: LogState, each: Explanation) -> float:
+    """Gain by which a fault is compared with others: the smaller one of the gains on all rows and on the judged rows.
+
+    A delay is judged away from reversals. There a fault of another kind can look like one, and then the correction
+    hardly lowers the residual of the other rows, or raises it.
+    """
+    if each.trial is None or not np.isfinite(each.gain):
+        return each.gain
+    return min(each.gain, before.fit.cost - each.after.fit.cost)
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,11 +188,18 @@ class LogEvidence:
             if state is None:
                 break
             candidates = [each for explain in self.explains if (each := explain(state)) is not None]
-            candidates = sorted((each for each in candidates if each.code not in codes), key=lambda each: -each.gain)
-            best = next((each for each in candidates if self._holds(state, each)), None)
+            candidates = [each for each in candidates if each.code not in codes]
+            candidates.sort(key=lambda each, before=state: -_comparable_gain(before, each))
+            holding = (each for each in candidates if self._holds(state, each))
+            best = next(holding, None)
             if best is None:
                 break
-            if best.confirmed is None or (not state.change_corrected if accepted else best.confirmed(self)):
+            if not (sure := self._is_confirmed(best, bool(accepted), state)):
+                other = next(holding, None)
+                least = INSTEAD * _comparable_gain(state, best)
+                if other is not None and _comparable_gain(state, other) > least:
+                    best, sure = other, self._is_confirmed(other, bool(accepted), state)
+            if sure:
                 accepted.append((state, best))
             elif len(candidates) == 1:
                 break
@@ -184,12 +207,18 @@ class LogEvidence:
             state = best.after
         return tuple(accepted)
 
+    def _is_confirmed(self, each: Explanation, further: bool, state: LogState) -> bool:
+        """True if independent evidence confirms a fault; a fault after the first one must not raise the residual."""
+        if further:
+            return (each.confirmed is None or not state.change_corrected) and _comparable_gain(state, each) >= 0.0
+        return each.confirmed is None or each.confirmed(self)
+
     def _holds(self, before: LogState, each: Explanation) -> bool:
         """True if the held-out error confirms a fault, or if it does not contradict other evidence for the fault."""
         if each.severity == "error" and self._contradicts_run(before, each.after):
             return False
         trial = self._trial(before, each)
-        return trial.helps if each.by_error_alone else not trial.harms
+        return trial.after < trial.before + each.worse
 
     def _contradicts_run(self, before: LogState, after: LogState) -> bool:
         """True if the correction of a fault reduces the agreement of the log with the links of an earlier run."""

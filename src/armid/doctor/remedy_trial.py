@@ -29,8 +29,9 @@ RIDGE = 1e-6
 WORTH = 0.002
 """Change of the logarithm of the error below which held-out motion is no evidence."""
 
-WORSE = 0.01
-"""Increase of the logarithm of the error from which an explanation is rejected, even if it has other evidence."""
+HELPS, WORSE, CERTAIN = -WORTH, 0.01, 0.05
+"""Increase of the logarithm of the error from which an explanation is rejected: if a smaller error is the only
+evidence, if it has other evidence, and if other evidence leaves no doubt."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +51,7 @@ class RemedyTrial:
     @property
     def helps(self) -> bool:
         """True if the remedy reduces the error."""
-        return self.after < self.before - WORTH
+        return self.after < self.before + HELPS
 
     @property
     def harms(self) -> bool:

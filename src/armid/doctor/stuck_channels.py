@@ -36,14 +36,13 @@ def stuck_segments(recording: Recording, rate: float) -> tuple[tuple[int, str, i
     effort = recording.effort
     for j in range(recording.n):
         for quantity, values in (("q", recording.q[:, j]), ("effort", None if effort is None else effort[:, j])):
-            rows = None if values is None else _stuck(values, recording.valid[:, j], rate)
+            rows = None if values is None else _stuck(values, recording.valid[:, j], rate, recording.q)
             if values is None or rows is None:
                 continue
             a, b = rows
-            moved = np.ptp(recording.q[a:b], axis=0) / np.maximum(np.ptp(recording.q, axis=0), 1e-12)
-            if quantity == "effort" and (moved.max() < SWING or _at_extreme(values, a)):
+            if quantity == "effort" and _at_extreme(values, a):
                 continue
-            if quantity == "q" and (moved.max() < SWING or not _breaks(values, a, b)):
+            if quantity == "q" and not _breaks(values, a, b):
                 continue
             stuck.append((j, quantity, a, b))
     return tuple(stuck)
@@ -57,24 +56,36 @@ def without_stuck(recording: Recording, segments: tuple[tuple[int, str, int, int
     return replace(recording, valid=valid) if segments else recording
 
 
-def _stuck(values: Array, valid: NDArray[np.bool_], rate: float) -> tuple[int, int] | None:
+def _stuck(values: Array, valid: NDArray[np.bool_], rate: float, q: Array) -> tuple[int, int] | None:
     """First and last row of a segment in which a channel is stuck at one value; `None` if there is no such segment.
 
-    The segment must be far longer than every other segment at one value.
+    The segment must be far longer than every other segment at one value. Segments in which the arm rests do not
+    count.
+
+    Args:
+        values: Values of the channel, shape (N,).
+        valid: Mask of the rows that are used, shape (N,).
+        rate: Sample rate [Hz].
+        q: Positions of all joints, shape (N, n).
     """
     if np.ptp(values) == 0.0:
         return None
     same = (values[1:] == values[:-1]) & valid[1:] & valid[:-1]
     edges = np.flatnonzero(np.diff(np.concatenate([[0], same.astype(np.int8), [0]])))
-    if not len(edges):
-        return None
-    pairs = edges.reshape(-1, 2)
-    lengths = np.sort(pairs[:, 1] - pairs[:, 0])
-    longest, next_longest = int(lengths[-1]), int(lengths[-2]) if len(lengths) > 1 else 0
-    if longest < max(STUCK_SAMPLES, STUCK_SECONDS * rate) or longest < USUAL * next_longest:
-        return None
-    a, b = pairs[int(np.argmax(pairs[:, 1] - pairs[:, 0]))]
-    return int(a), int(b)
+    segments = edges.reshape(-1, 2)
+    lengths = segments[:, 1] - segments[:, 0]
+    longest: tuple[int, int] | None = None
+    for k in np.argsort(-lengths):
+        a, b = (int(row) for row in segments[k])
+        if longest is None and b - a < max(STUCK_SAMPLES, STUCK_SECONDS * rate):
+            return None
+        if longest is not None and longest[1] - longest[0] >= USUAL * (b - a):
+            return longest
+        if (np.ptp(q[a:b], axis=0) >= SWING * np.maximum(np.ptp(q, axis=0), 1e-12)).any():
+            if longest is not None:
+                return None
+            longest = a, b
+    return longest
 
 
 def _at_extreme(values: Array, row: int) -> bool:

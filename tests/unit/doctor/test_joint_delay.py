@@ -150,8 +150,14 @@ def test_torques_that_are_all_late_are_no_late_joint(name: str, milliseconds: in
 
 
 def test_a_delay_of_all_torques_that_some_torques_contradict_is_doubtful():
-    """Two positions are late; the torques of joints beside them are not early."""
-    found = faults("iiwa14-r820", moved(precise_log("iiwa14-r820"), [0, 1], 20, "q", "dq"))
+    """Three positions are late; the torques of joints beside them are not early."""
+    found = faults("iiwa14-r820", moved(precise_log("iiwa14-r820"), [0, 1, 2], 20, "q", "dq"))
     (common,) = (f for f in found if f.code == "channel-delay")
     assert re.search(r"contradict this delay \(lag of .*A5 -?[0-2]\.\d ms", common.evidence)
     assert common.remedy.endswith("# s, if the positions of no single joint are late")
+
+
+def test_of_two_late_positions_the_one_with_more_effect_is_named():
+    (found,) = faults("iiwa14-r820", moved(precise_log("iiwa14-r820"), [0, 1], 20, "q", "dq"))
+    assert (found.code, found.channel) == ("joint-delay", "A2")
+    assert re.search(r"late by (19|20|21) ± ", found.evidence)

@@ -16,8 +16,8 @@ from armid.study.remedy_translation import tables_of
 from healing import told_after
 from sick import Case, sound
 
-UR10E = 4
-"""Seed of a log of this arm."""
+UR10E, PANDA = 4, 51
+"""Seeds of logs of these arms."""
 
 RATE = 0.02
 """Relative error of a unit of time that is taken from velocities."""
@@ -109,3 +109,47 @@ def test_units_are_seen_by_the_limits_where_masses_are_missing(factor: float, na
     assert bare.recording.effort is not None
     found = [f for f in told(bare.logged(effort=factor * bare.recording.effort)) if f.code == "torque-unit"]
     assert [f.severity for f in found] == ["error"] and name in found[0].evidence
+
+
+@pytest.mark.parametrize(("seed", "joint"), [(PANDA, 1), (PANDA, 2)])
+def test_a_torque_that_is_logged_without_its_sign_is_named(seed: int, joint: int):
+    case = sound(seed)
+    assert case.recording.effort is not None
+    effort = case.recording.effort.copy()
+    effort[:, joint] = np.abs(effort[:, joint])
+    found = [f for f in told(case.logged(effort=effort)) if "without signs" in f.evidence]
+    assert [(f.code, f.channel) for f in found] == [("torque-sign", case.robot.joint_names[joint])]
+
+
+def test_a_torque_whose_number_overflows_is_named():
+    case = sound(UR10E)
+    assert case.recording.effort is not None
+    effort = case.recording.effort.copy()
+    end = 0.6 * np.abs(effort[:, 1]).max()
+    effort[:, 1] = (effort[:, 1] + end) % (2.0 * end) - end
+    found = [f for f in told(case.logged(effort=effort)) if f.code == "saturation"]
+    assert [(f.severity, f.channel) for f in found] == [("error", case.robot.joint_names[1])]
+    assert "overflows" in found[0].evidence
+
+
+def test_a_torque_that_falls_to_zero_again_and_again_is_named():
+    case = sound(UR10E)
+    assert case.recording.effort is not None and case.recording.time is not None
+    effort = case.recording.effort.copy()
+    effort[(10.0 * case.recording.time).astype(int) % 2 == 1, 2] = 0.0
+    found = [f for f in told(case.logged(effort=effort)) if f.code == "channel-dead"]
+    assert [(f.severity, f.channel) for f in found] == [("error", case.robot.joint_names[2])]
+    assert "comes back" in found[0].evidence
+
+
+def test_a_torque_that_is_sampled_more_slowly_is_named_with_its_interval():
+    case = sound(UR10E)
+    assert case.recording.effort is not None and case.recording.time is not None
+    step = float(np.median(np.diff(case.recording.time)))
+    rows = max(2, round(0.1 / step))
+    effort = case.recording.effort.copy()
+    effort[:, 2] = effort[np.arange(len(effort)) // rows * rows, 2]
+    found = [f for f in told(case.logged(effort=effort)) if f.code == "channel-coarse"]
+    assert [(f.severity, f.channel) for f in found] == [("warning", case.robot.joint_names[2])]
+    seconds = float(re.findall(r"new every ([\d.]+) s", found[0].evidence)[0])
+    assert seconds == pytest.approx(rows * step, rel=0.02)  # three digits are printed

@@ -10,7 +10,7 @@ from armid.doctor.changes.excluded_part import excluded_part, near_changes
 from armid.doctor.changes.refine import FittedChange
 from armid.doctor.changes.wording import channel_of, evidence_of
 from armid.doctor.check_input import Explanation, LogEvidence
-from armid.doctor.remedy_trial import RemedyTrial, heldout_error
+from armid.doctor.remedy_trial import HELPS, RemedyTrial, heldout_error
 from armid.measurement.remedy_builders import excluding
 from armid.remedy import Remedy
 
@@ -61,7 +61,7 @@ def explained_by(change: FittedChange, code: str, severity: Literal["error", "wa
         evidence_of(change, robot.joint_names, units),
         lambda evidence: _remedy(change, evidence),
         state.without_change(change.torque).without(near_changes(change)),
-        by_error_alone=True,
+        worse=HELPS,
         trial=trial_of(change),
     )
 

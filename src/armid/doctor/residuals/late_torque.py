@@ -15,7 +15,7 @@ from armid.checked_array import Array
 from armid.doctor.check_input import Explanation, LogEvidence
 from armid.doctor.fitted_log import LogState
 from armid.doctor.quick_fit import cost_of, products
-from armid.doctor.remedy_trial import try_remedy
+from armid.doctor.remedy_trial import HELPS, try_remedy
 from armid.doctor.rows_away_from_reversals import judged_away_from_reversals
 from armid.information.filtering import in_band
 from armid.measurement.remedy_builders import lines
@@ -90,7 +90,7 @@ def explain(code: str, state: LogState) -> Explanation | None:
         f"{1 - np.exp(-best.gain):.0%} smaller.",
         lambda evidence: lines("s", delay=_delays(evidence, best)),
         _advanced(state, best.joint, best.seconds),
-        by_error_alone=True,
+        worse=HELPS,
         trial=try_remedy(judged.rows, _advanced(judged, best.joint, best.seconds).rows),
     )
 

@@ -19,9 +19,9 @@ from armid.doctor.check_definition import LogCheck
 from armid.doctor.check_input import Explanation, LogEvidence
 from armid.doctor.fitted_log import LogState
 from armid.doctor.quick_fit import RIDGE, products, solve
-from armid.doctor.remedy_trial import try_remedy
+from armid.doctor.remedy_trial import HELPS, try_remedy
 from armid.doctor.residuals import late_torque
-from armid.doctor.rows_away_from_reversals import away_from_reversals
+from armid.doctor.rows_away_from_reversals import judged_away_from_reversals
 from armid.errors import Finding
 from armid.information.filtering import in_band
 from armid.maths.birge_ratio import birge_ratio
@@ -55,6 +55,10 @@ AGREED = 0.4
 """Largest conflict between the joints after the correction. If a delay is the fault, the conflict was at most 0.28;
 if another fault, such as torque without gravity, only looks like a delay, it was 0.5 or more."""
 
+CERTAIN = 2.0
+"""Number of standard deviations by which a delay must differ from zero if the standard deviation contains the
+disagreement of the other joints."""
+
 STEPS, SETTLED = 4, 0.3
 """Largest number of Gauss-Newton steps, and size of a step, in standard deviations, below which the iteration
 ends."""
@@ -67,6 +71,11 @@ HINT = 0.01
 
 LOOKED_AT = 2
 """Number of joints whose delay is refined."""
+
+RESOLVED = 0.4
+"""Smallest decrease of the conflict, relative to that of the mean logarithm of the RMS residuals, with which a larger
+conflict than `AGREED` may remain: a real arm whose joints disagree by 0.7 in a sound log did so with 1.05 while the
+positions of one joint were late, and the correction lowered the residual by 0.6."""
 
 SAME = 0.5
 """Largest relative difference of the delay if the torque of every joint has a separate delay. For late positions of
@@ -129,8 +138,8 @@ def _late_positions(state: LogState) -> Explanation | None:
     """Explains the misfit by a delay of the positions of one joint; `None` if no joint has such a delay."""
     if state.rows.n < 2 or state.log.band.is_open or not all(run.consecutive for run in state.log.runs):
         return None
-    away = away_from_reversals(state)
-    if not away.rows.mask.any():
+    away, moving = judged_away_from_reversals(state)
+    if not moving.any():
         return None
     judged = _delayable(away)
     gains = _first_order_gains(judged)
@@ -151,7 +160,7 @@ def _late_positions(state: LogState) -> Explanation | None:
         f"{1 - np.exp(-best.gain):.0%} smaller.",
         lambda evidence: _remedy(evidence, best.joint, delay),
         _moved(state, best.joint, delay),
-        by_error_alone=True,
+        worse=HELPS,
         trial=try_remedy(away.rows, best.after.rows),
     )
 
@@ -242,9 +251,12 @@ def _refined(judged: DelayableLog, j: int) -> JointDelay | None:
     after = now.state
     gain = state.fit.cost - after.fit.cost
     evidence = gain * float(np.sum(state.rows.mask.sum(axis=0) / state.fit.autocorrelation))
-    if abs(total) < max(LEAST, SURE * deviation) or gain < GAIN or evidence < SIGNIFICANT or after.conflict > AGREED:
+    if abs(total) < max(LEAST, SURE * deviation) or gain < GAIN or evidence < SIGNIFICANT:
         return None
-    return JointDelay(j, total, deviation * _disagreement(now, j), gain, after)
+    if after.conflict > AGREED and state.conflict - after.conflict < RESOLVED * gain:
+        return None
+    deviation *= _disagreement(now, j)
+    return JointDelay(j, total, deviation, gain, after) if abs(total) > CERTAIN * deviation else None
 
 
 def _delay_of(log: DelayableLog, j: int, *, each_torque: bool) -> tuple[float, float]:

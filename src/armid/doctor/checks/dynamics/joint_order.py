@@ -18,7 +18,7 @@ from armid.doctor.checks.signals.position_limits import outside_limits
 from armid.doctor.downsample import DownsampledLog
 from armid.doctor.fitted_log import LogState
 from armid.doctor.quick_fit import QuickRows, cost_of, make_rows, products, tables
-from armid.doctor.remedy_trial import try_remedy
+from armid.doctor.remedy_trial import HELPS, WORSE, try_remedy
 from armid.doctor.rows_away_from_reversals import is_significant, judged_away_from_reversals
 from armid.errors import Finding
 from armid.measurement.columns.joint_assignment import by_number
@@ -88,7 +88,12 @@ def explain(state: LogState) -> Explanation | None:
     same, limits = np.arange(state.rows.n), limit_excess(state)
     judged, moving = judged_away_from_reversals(state)
     begin = _Order(same, same, cost_of(judged.rows, products(judged.rows)))
-    best, others = _searched(state, judged, begin, limits)
+    best, others, few = _searched(state, judged, begin, limits)
+    if few and not _is_worth(judged, begin.cost - best.cost, best, moving):
+        # The rows away from reversals are those of the motion as logged; for another order they can be too few.
+        judged, moving = state, np.zeros_like(moving)
+        begin = _Order(same, same, state.fit.cost)
+        best, others, _ = _searched(state, judged, begin, limits)
     gain = begin.cost - best.cost
     if not _is_worth(judged, gain, best, moving):
         return None if limits.given_fits else _by_limits(state, judged, begin, limits)
@@ -155,17 +160,22 @@ def _explanation(
         evidence,
         lambda evidence: _remedy(evidence, best),
         after,
-        by_error_alone=supported,
+        worse=HELPS if supported else WORSE,
         trial=try_remedy(judged.rows, judged_after.rows),
     )
 
 
-def _searched(state: LogState, judged: LogState, begin: _Order, limits: LimitExcess) -> tuple[_Order, list[_Order]]:
-    """Order with the smallest residual, found by exchanges of pairs, and the orders that were tried last."""
+def _searched(
+    state: LogState, judged: LogState, begin: _Order, limits: LimitExcess
+) -> tuple[_Order, list[_Order], bool]:
+    """Order with the smallest residual, found by exchanges of pairs, and the orders that were tried last.
+
+    The third value is true if an order that fits far better was left out, because too few rows judge it.
+    """
     same, coarse = begin.motion, state.log.coarse()
     takes = limits.allowed, limits.excess < np.inf
     near = _evaluated(state, coarse, same, same).cost + NEAR
-    best, others = begin, list[_Order]()
+    best, others, few = begin, list[_Order](), False
     for step in range(EXCHANGES):
         trials = list(_exchanged(state, coarse, best, takes))
         if step == 0:
@@ -174,12 +184,13 @@ def _searched(state: LogState, judged: LogState, begin: _Order, limits: LimitExc
                 guesses += [(shift, [shift, same]) for shift in shifts(len(same))]
             trials += [order for guess in guesses for order in _with_motion(state, coarse, takes, *guess)]
         trials = sorted((t for t in _distinct(trials) if t.cost < near), key=lambda order: order.cost)[:LOOKED_AT]
+        few = few or any(t.cost < near - NEAR - SURE and not _has_rows(judged, t) for t in trials)
         close = [_evaluated(state, judged.log, t.motion, t.torque) for t in trials if _has_rows(judged, t)]
         better = min(close, key=lambda order: order.cost, default=best)
         if better.cost > best.cost - GAIN:
             break
         best, others = better, [order for order in close if order is not better]
-    return best, others
+    return best, others, few
 
 
 def _has_rows(judged: LogState, order: _Order) -> bool:

@@ -10,6 +10,7 @@ from armid.doctor.check_input import Explanation, LogEvidence
 from armid.doctor.checks.dynamics.torque_sign import FLIP, cost_with_signs, relative_signs, signs_value
 from armid.doctor.fitted_log import LogState
 from armid.doctor.quick_fit import cost_of, products
+from armid.doctor.remedy_trial import HELPS
 from armid.errors import Finding
 from armid.maths.median import median
 from armid.measurement.remedy_builders import lines
@@ -78,7 +79,7 @@ def explain(state: LogState) -> Explanation | None:
         f"{1 - np.exp(-gain):.0%} smaller.",
         lambda evidence: lines(position_sign=signs_value(np.asarray(evidence.reading.position_sign) * sign)),
         after,
-        by_error_alone=True,
+        worse=HELPS,
     )
 
 

@@ -13,6 +13,7 @@ from armid.doctor.check_input import Explanation, LogEvidence
 from armid.doctor.downsample import DownsampledLog
 from armid.doctor.fitted_log import LogState
 from armid.doctor.quick_fit import cost_of, make_rows, tables
+from armid.doctor.remedy_trial import HELPS
 from armid.errors import Finding
 from armid.measurement.remedy_builders import lines
 from armid.model.motion import Motion
@@ -82,7 +83,7 @@ def explain(state: LogState) -> Explanation | None:
         f"large, the residual of one model for all joints is {1 - np.exp(-gain):.0%} smaller.",
         lambda evidence: _remedy(evidence, factor),
         after,
-        by_error_alone=True,
+        worse=HELPS,
     )
 
 

@@ -15,6 +15,7 @@ from armid.doctor.check_definition import LogCheck
 from armid.doctor.check_input import Explanation, LogEvidence
 from armid.doctor.fitted_log import LogState
 from armid.doctor.quick_fit import cost_of, products
+from armid.doctor.remedy_trial import HELPS
 from armid.errors import Finding
 from armid.measurement.remedy_builders import lines
 
@@ -105,7 +106,7 @@ def explain(state: LogState) -> Explanation | None:
         f"{1 - np.exp(-gains[best]):.0%} smaller.{doubt}",
         lambda evidence: _gain(evidence, correction),
         after,
-        by_error_alone=True,
+        worse=HELPS,
     )
 
 

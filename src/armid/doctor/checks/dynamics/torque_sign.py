@@ -13,6 +13,7 @@ from armid.doctor.check_definition import LogCheck
 from armid.doctor.check_input import Explanation, LogEvidence
 from armid.doctor.fitted_log import LogState
 from armid.doctor.quick_fit import QuickRows, cost_of, make_rows, products
+from armid.doctor.remedy_trial import CERTAIN, WORSE
 from armid.errors import Finding
 from armid.measurement.remedy_builders import lines
 
@@ -32,6 +33,9 @@ SURE = 8.0
 """Number of standard deviations from which negative friction is significant. In real logs, friction differs from the
 model; with controllers that compensate friction, the number reaches 6 although the sign is right."""
 
+NEGATIVE = 20.0
+"""Number of standard deviations from which negative friction of all joints concerned leaves no doubt."""
+
 ALSO = 0.03
 """Difference of the mean logarithms of the RMS residuals for two signs, below which the log does not show which of
 them is wrong."""
@@ -43,9 +47,57 @@ ALIKE = 0.8
 """Correlation with the torque of the description from which the description counts as evidence."""
 
 
+NEAR_ZERO, TOUCHES, STEEP = 0.03, 4, 0.4
+"""Share of the largest torque below which a torque counts as zero, smallest number of times at which a torque of one
+sign comes to zero and turns back, and smallest slope there, relative to the usual one, from which its sign is
+missing. The slope of a torque with its sign falls to zero where it turns back."""
+
+SMOOTHED = 0.1
+"""Time over which such a torque is averaged, against noise [s]."""
+
+
 def check(evidence: LogEvidence) -> list[Finding]:
-    """Reports joints with a wrong sign of the torque."""
-    return evidence.explained(CODE)
+    """Reports joints with a wrong sign of the torque, or whose torque has no sign."""
+    return evidence.explained(CODE) + _without_sign(evidence)
+
+
+def _without_sign(evidence: LogEvidence) -> list[Finding]:
+    """Reports torques that come to zero several times, at a slope, and never change their sign."""
+    recording = evidence.recording
+    if recording is None or recording.effort is None or recording.consecutive is False:
+        return []
+    findings: list[Finding] = []
+    for j, joint in enumerate(evidence.robot.joints):
+        torque = recording.effort[recording.valid[:, j], j]
+        if not len(torque) or (torque.min() < 0.0 < torque.max()):
+            continue
+        rows = max(1, round(SMOOTHED * evidence.rate))
+        amount = np.convolve(np.abs(torque), np.full(rows, 1.0 / rows), mode="valid")
+        low = amount < NEAR_ZERO * amount.max()
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], low.astype(np.int8), [0]]))).reshape(-1, 2)
+        inside = [(a, b) for a, b in edges if a > 0 and b < len(amount)]
+        if len(inside) < TOUCHES or low.mean() > 0.5 or not _turns_sharply(amount, inside):
+            continue
+        text = (
+            f"The torque of {joint.name} comes to zero {len(inside)} times, but never changes its sign: amounts "
+            "without signs were logged."
+        )
+        findings.append(Finding(CODE, "error", joint.name, text, "log the torque with its sign"))
+    return findings
+
+
+def _turns_sharply(amount: Array, inside: Sequence[tuple[int, int]]) -> bool:
+    """True if an amount (N,) falls to zero and rises again about as fast as it changes elsewhere.
+
+    Args:
+        amount: Amount of a torque.
+        inside: First row and row after the last one of each segment near zero.
+    """
+    rows = max(3, int(np.median([b - a for a, b in inside])))
+    usual = float(np.median(np.abs(amount[rows:] - amount[:-rows])))
+    wide = [(a, b) for a, b in inside if a >= rows and b + rows <= len(amount)]
+    falls = [min(amount[a - rows] - amount[a], amount[b + rows - 1] - amount[b - 1]) for a, b in wide]
+    return bool(falls) and float(np.median(falls)) > STEEP * usual
 
 
 CODE = "torque-sign"
@@ -76,6 +128,7 @@ def explain(state: LogState) -> Explanation | None:
         _evidence(state, wrong, gain) + _doubt(state, sign),
         lambda evidence: lines(torque_sign=signs_value(np.asarray(evidence.reading.torque_sign) * sign)),
         state.with_torque(sign),
+        worse=CERTAIN if (state.dissipation[wrong] < -NEGATIVE).all() else WORSE,
     )
 
 

@@ -16,9 +16,9 @@ from armid.doctor.check_definition import LogCheck
 from armid.doctor.check_input import Explanation, LogEvidence
 from armid.doctor.fitted_log import LogState
 from armid.doctor.quick_fit import solve
-from armid.doctor.remedy_trial import RemedyTrial, heldout_error, try_remedy
+from armid.doctor.remedy_trial import HELPS, RemedyTrial, heldout_error, try_remedy
 from armid.doctor.residuals.added_columns import AddedColumns
-from armid.doctor.rows_away_from_reversals import away_from_reversals
+from armid.doctor.rows_away_from_reversals import judged_away_from_reversals
 from armid.errors import Finding
 
 CODE = "cross-talk"
@@ -42,7 +42,7 @@ CALM = 0.8
 """Share of the rows with the smallest residuals, on which the share of the torque is estimated once more. A
 contact of the arm resembles crosstalk in a few rows only; a joint that sticks, near its reversals only."""
 
-CALM_GAIN = 0.4
+CALM_GAIN, AWAY_GAIN = 0.4, 0.3
 """Smallest decrease of the mean logarithm of the RMS residuals on the calm rows, and on rows away from reversals,
 relative to that on all rows."""
 
@@ -110,7 +110,7 @@ def explain(state: LogState) -> Explanation | None:
         f"is {1 - np.exp(-gain):.0%} smaller.",
         lambda evidence: _remedy(shares, names),
         now,
-        by_error_alone=True,
+        worse=HELPS,
         trial=_trial(state, now),
     )
 
@@ -135,8 +135,8 @@ def _share(state: LogState, j: int, k: int) -> TorqueShare | None:
     least = GAIN if factor > 0.0 else GAIN_OF_NEGATIVE
     if gain < least or abs(factor) < SURE * deviation:
         return None
-    for part in (_calm(state), away_from_reversals(state)):
-        if not part.rows.mask[:, j].any() or part.fit.cost - solve(part.rows, extra=column).cost < CALM_GAIN * gain:
+    for part, share in ((_calm(state), CALM_GAIN), (judged_away_from_reversals(state)[0], AWAY_GAIN)):
+        if part.fit.cost - solve(part.rows, extra=column).cost < share * gain:
             return None
     return TorqueShare(j, k, factor, deviation, gain, _without_share(state, j, k, factor))
 

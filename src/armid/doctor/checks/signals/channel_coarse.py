@@ -22,6 +22,10 @@ STILL = 0.5
 """Smallest share of rows in which a coarse channel keeps its value. If a channel changes in nearly every row, its
 steps are those of the motion, at a low sample rate."""
 
+HELD, ALIKE, OTHERS = 0.03, 0.8, 4.0
+"""Shortest time for which a torque keeps each value [s], smallest share of these times that are equal up to a row,
+and smallest ratio of the changes of the position to those of the torque, from which it is sampled too slowly."""
+
 FEWEST = 100
 """Smallest number of rows."""
 
@@ -41,6 +45,9 @@ def check(evidence: LogEvidence) -> list[Finding]:
         if step > COARSE_TORQUE * size:
             text = f"The torque has steps of {step:.3g} {joint.effort_unit}, {step / size:.0%} of its range."
             findings.append(Finding(CODE, "warning", joint.name, text, "log the torque with more digits"))
+        elif (held := _held(effort, q) / evidence.rate) > HELD:
+            text = f"The torque is new every {held:.3g} s only, and keeps its value in between."
+            findings.append(Finding(CODE, "warning", joint.name, text, "log the torque at the rate of the positions"))
         step = _step(q)
         if step > (COARSE_LENGTH if joint.is_prismatic else COARSE_ANGLE):
             text = f"The position has steps of {step:.3g} {joint.unit}; its derivatives are those of the steps."
@@ -52,6 +59,16 @@ def _step(x: Array) -> float:
     """Smallest step of a channel (N,) that keeps its value in most rows; 0 if it does not, or if it is constant."""
     steps = np.abs(np.diff(x))
     return smallest_step(steps) if len(steps) and np.mean(steps == 0.0) > STILL else 0.0
+
+
+def _held(effort: Array, q: Array) -> float:
+    """Number of rows for which a torque (N,) keeps each value; 0 if the number varies, or the position does so."""
+    new = np.flatnonzero(np.diff(effort))
+    if len(new) < FEWEST // 4 or np.count_nonzero(np.diff(q)) < OTHERS * len(new):
+        return 0.0
+    rows = np.diff(new)
+    typical = float(np.median(rows))
+    return typical if np.mean(np.abs(rows - typical) <= 1.0) >= ALIKE and typical > 2.0 else 0.0
 
 
 CHECK = LogCheck(

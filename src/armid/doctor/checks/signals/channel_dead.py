@@ -13,8 +13,13 @@ STANDSTILL = 1.0
 """Shortest rest of all joints that is reported [s]; rows of shorter rests are never used."""
 
 
+INTERRUPTED, TIMES, ABRUPT = 0.1, 8, 5.0
+"""Share of rows at one value of a torque, number of times at which it takes this value, and ratio of its steps to and
+from the value to nine tenths of its other steps, from which the torque is interrupted."""
+
+
 def check(evidence: LogEvidence) -> list[Finding]:
-    """Reports stuck channels as errors and standstill as information."""
+    """Reports stuck and interrupted channels as errors and standstill as information."""
     recording = evidence.recording
     if recording is None or recording.effort is None or recording.consecutive is False:
         return []
@@ -35,7 +40,36 @@ def check(evidence: LogEvidence) -> list[Finding]:
                 excluding(evidence.reading, [_times(evidence, a, b)], "or record the motion again"),
             )
         )
-    return findings
+    return findings + [found for j in range(recording.n) if (found := _interrupted(evidence, j)) is not None]
+
+
+def _interrupted(evidence: LogEvidence, j: int) -> Finding | None:
+    """Finding about a torque that falls to one value again and again; `None` if it does not."""
+    recording = evidence.recording
+    assert recording is not None and recording.effort is not None
+    torque = recording.effort[:, j]
+    values, counts = np.unique(torque, return_counts=True)
+    value, count = float(values[np.argmax(counts)]), int(counts.max())
+    if not INTERRUPTED * len(torque) < count < (1.0 - INTERRUPTED) * len(torque):
+        return None
+    there = torque == value
+    steps = np.abs(np.diff(torque))
+    entries, inside = there[1:] != there[:-1], ~there[1:] & ~there[:-1]
+    if entries.sum() < 2 * TIMES or not inside.any():
+        return None
+    usual = float(np.quantile(steps[inside], 0.9))
+    if float(np.median(steps[entries])) <= ABRUPT * max(usual, np.finfo(float).tiny):
+        return None
+    joint = evidence.robot.joints[j]
+    return Finding(
+        "channel-dead",
+        "error",
+        joint.name,
+        f"The torque of {joint.name} falls to {value:.4g} {joint.effort_unit} and comes back "
+        f"{int(entries.sum()) // 2} times, in steps at least {ABRUPT:g} times as large as others; {count} of "
+        f"{len(torque)} rows have this value. Check the sensor, the cable and the logger of this channel first.",
+        "record the motion again, or correct the log: leave out the rows with this value",
+    )
 
 
 def _rests(evidence: LogEvidence) -> Finding | None:

@@ -9,6 +9,7 @@ from armid.checked_array import Array
 from armid.doctor.check_definition import LogCheck
 from armid.doctor.check_input import Explanation, LogEvidence
 from armid.doctor.fitted_log import LogState
+from armid.doctor.remedy_trial import HELPS
 from armid.errors import Finding
 from armid.measurement.log_format import LogFormat
 from armid.measurement.position_range_check import WIDEST
@@ -55,7 +56,7 @@ def explain(state: LogState) -> Explanation | None:
         f"the other unit, the residual is {1 - np.exp(-gain):.0%} smaller.",
         lambda evidence: lines(units=_units(evidence.reading, turned, everywhere=everywhere)),
         after,
-        by_error_alone=True,
+        worse=HELPS,
     )
 
 

@@ -19,6 +19,10 @@ LIMIT = 0.98
 SPOILING = 0.01
 """Share of samples at a plateau from which most of an estimate is wrong if they are used."""
 
+NEAR_END, OVERFLOWS = 0.8, 3
+"""Share of the largest torque beyond which a torque is near the end of its range, and smallest number of steps from
+one end to the other in one row from which its number overflows. On recorded and simulated logs there is none."""
+
 BEYOND = 1.5
 """Ratio of torque to the limit of the description from which this limit cannot have been in force."""
 
@@ -39,7 +43,10 @@ def check(evidence: LogEvidence) -> list[Finding]:
         if not len(tau) or np.ptp(tau) == 0.0:
             continue
         at_limit = int((np.abs(tau) >= LIMIT * joint.effort_limit).sum()) if joint.effort_limit > 0.0 else 0
-        if j in flat:
+        overflows = 0 if recording.consecutive is False else _overflows(recording.effort[:, j])
+        if overflows >= OVERFLOWS:
+            findings.append(_overflowing(joint, overflows))
+        elif j in flat:
             findings.append(_clipped(joint, flat[j], kept=evidence.saturation == "keep"))
         elif at_limit >= FEWEST and np.sort(np.abs(tau))[-FEWEST] > BEYOND * joint.effort_limit:
             findings.append(_beyond(joint, tau))
@@ -51,6 +58,26 @@ def check(evidence: LogEvidence) -> list[Finding]:
             remedy = lines(table="processing", saturation=LIMIT)
             findings.append(Finding("saturation", "warning", joint.name, text, remedy))
     return findings
+
+
+def _overflows(tau: Array) -> int:
+    """Number of steps of a torque (N,) from one end of its range to the other in one row, without coming back."""
+    end = NEAR_END * float(np.abs(tau).max())
+    at = np.flatnonzero((np.abs(tau[1:]) > end) & (np.abs(tau[:-1]) > end) & (tau[1:] * tau[:-1] < 0.0))
+    stays = [k for k in at if 2 <= k < len(tau) - 3 and tau[k - 1] * tau[k] > 0.0 and tau[k + 2] * tau[k + 1] > 0.0]
+    return len(stays)
+
+
+def _overflowing(joint: Joint, count: int) -> Finding:
+    """Finding about a torque that steps from one end of its range to the other."""
+    return Finding(
+        "saturation",
+        "error",
+        joint.name,
+        f"The torque of {joint.name} steps {count} times from one end of its range to the other in one row, and "
+        "stays there: its number overflows beyond the end.",
+        "log the torque in a number with a larger range, or correct the log by the range after each such step",
+    )
 
 
 def _clipped(joint: Joint, flat: Plateau, *, kept: bool) -> Finding:
