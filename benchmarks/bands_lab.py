@@ -41,7 +41,7 @@ from armid.validation.torque_validation import predict_recording
 from sound import NOISE, RATE, ROOT, motion
 
 ARMS = {
-    **{name: name for name in ("iiwa14-r820", "iiwa7-r800", "panda", "ur5e", "ur10e")},
+    **{name: name for name in ("iiwa14-r820", "panda", "ur5e", "ur10e")},
     "gantry": str(ROOT / "tests/tables/gantry.toml"),
     "scara": str(ROOT / "tests/tables/scara.toml"),
 }
