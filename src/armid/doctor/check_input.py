@@ -195,10 +195,11 @@ class LogEvidence:
             if best is None:
                 break
             if not (sure := self._is_confirmed(best, bool(accepted), state)):
-                other = next(holding, None)
                 least = INSTEAD * _comparable_gain(state, best)
-                if other is not None and _comparable_gain(state, other) > least:
-                    best, sure = other, self._is_confirmed(other, bool(accepted), state)
+                rivals = (each for each in holding if _comparable_gain(state, each) > least)
+                other = next((each for each in rivals if self._is_confirmed(each, bool(accepted), state)), None)
+                if other is not None:
+                    best, sure = other, True
             if sure:
                 accepted.append((state, best))
             elif len(candidates) == 1:
@@ -222,7 +223,7 @@ class LogEvidence:
 
     def _contradicts_run(self, before: LogState, after: LogState) -> bool:
         """True if the correction of a fault reduces the agreement of the log with the links of an earlier run."""
-        if self.known is None or before.nominal is None or after.nominal is None:
+        if self.known is None or not self.known.of_run or before.nominal is None or after.nominal is None:
             return False
         return after.nominal.alike < before.nominal.alike - LESS_ALIKE
 

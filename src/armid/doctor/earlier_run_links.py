@@ -34,11 +34,11 @@ ROUNDS = 4
 
 @dataclass(frozen=True, eq=False, slots=True)
 class KnownLinks:
-    """Links that were identified in an earlier run; in the log, the arm may carry an additional load.
+    """Links of an earlier run, or of the description; in the log, the arm may carry an additional load.
 
     Attributes:
         bodies: Inertial parameters of the links, shape (n, 10).
-        source: Name of the run, for use in sentences.
+        source: Name of the run, for use in sentences, or `DESCRIPTION`.
         loaded: Index of the link that may carry a load that `bodies` does not contain; `None` if no link may carry
             one.
     """
@@ -49,6 +49,11 @@ class KnownLinks:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "bodies", array(self.bodies, (None, 10), "bodies"))
+
+    @property
+    def of_run(self) -> bool:
+        """True if the links are those of an earlier run."""
+        return self.source != DESCRIPTION
 
     @property
     def usual_load(self) -> Array:

@@ -196,8 +196,8 @@ def check_new_recordings(
 ) -> tuple[Finding, ...]:
     """Findings of the readers and of the doctor on new recordings of the arm of a run.
 
-    The doctor compares the recordings with the links of the run, which may carry a load, and not with the
-    description: the run describes the arm more accurately, and no description contains the load.
+    The doctor compares the recordings with the links of the run, which may carry a load: the run describes the arm
+    more accurately than the description, unless it failed (`known_links`), and no description contains the load.
 
     Args:
         run: The run.

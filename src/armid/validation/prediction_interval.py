@@ -71,7 +71,7 @@ def band_of_rows(model: DynamicsModel, estimate: Estimate, observations: Observa
         fit = replace(fit, covariance=training.effective(fit.covariance))
     covariances = [_covariance_of_means(base, fit)]
     if training is not None and training.change.known:
-        covariances.append(training.change.covariance)
+        covariances.append(_change_of_common(base, fit, training.change.covariance))
     share, *by_change = _parameter_variances(model, base, covariances, observations, every)
     variance = explained = np.maximum(share + fit.noise**2, np.finfo(float).tiny)
     factor = 1.0
@@ -99,6 +99,16 @@ def _covariance_of_means(base: BaseParameters, fit: Fit) -> Array:
         [np.var(fit.values[row > 0.0], ddof=1) if k > 1 else 0.0 for row, k in zip(mean, count, strict=True)]
     )
     return mean @ fit.covariance @ mean.T + np.diag(spread)
+
+
+def _change_of_common(base: BaseParameters, fit: Fit, change: Array) -> Array:
+    """Covariance (b, b) of the change without parameters that each recording has of its own.
+
+    The variance between the recordings is in the covariance of their means.
+    """
+    separate = {name.of_all for name in fit.names if name.recording}
+    common = np.array([name not in separate for name in base.names])
+    return change * np.outer(common, common)
 
 
 def _parameter_variances(

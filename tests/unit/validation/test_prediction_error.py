@@ -156,7 +156,7 @@ def test_recordings_alike_are_predicted_as_noise_explains(monkeypatch: pytest.Mo
     assert abs(np.mean([each.log_factors.mean() for each in left_out])) < 0.15
     fit = estimate(problem)
     none = np.zeros_like(fit.covariance)
-    wider = with_recording_scatter(fit, left_out, none, none)
+    wider = with_recording_scatter(fit, left_out, 4, none, none)
     ratio = wider.deviation / fit.deviation
     assert (ratio >= 1.0).all() and np.median(ratio) < 1.3  # by chance, single parameters differ by two deviations
     assert leave_out_recordings(build_problem(model, observed(run_of(1))), estimate) == ()
@@ -174,7 +174,7 @@ def test_friction_that_changes_between_recordings_widens_intervals_and_bands():
     )
     assert factor.log_deviation > 0.7  # the factors differ by 0.8
     none = np.zeros_like(fit.covariance)
-    wider = with_recording_scatter(fit, left_out, none, none)
+    wider = with_recording_scatter(fit, left_out, 4, none, none)
     friction = [k for k, name in enumerate(fit.names) if name.symbol in ("FV", "FS")]
     ratio = wider.deviation / fit.deviation
     assert np.median(ratio[friction]) > 1.5
@@ -217,7 +217,7 @@ def test_an_assumed_change_explains_scatter_and_widens_intervals_by_its_share():
     fit = estimate(problem)
     left_out = leave_out_recordings(problem, estimate)
     none, change = np.zeros_like(fit.covariance), change_of(problem, fit).covariance
-    plain, aware = (with_recording_scatter(fit, left_out, none, each) for each in (none, change))
+    plain, aware = (with_recording_scatter(fit, left_out, 3, none, each) for each in (none, change))
     friction = [k for k, name in enumerate(fit.names) if name.symbol in ("FV", "FS")]
     least = np.sqrt(np.diag(fit.covariance + change / 3.0))
     assert (aware.deviation[friction] >= least[friction] * (1.0 - ROUNDING)).all()

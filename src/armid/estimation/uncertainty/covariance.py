@@ -303,7 +303,9 @@ class Uncertainty:
         if not _samples_match(self.problem, self.whole.rows[0]):
             return self.errors
         values = np.broadcast_to(self.joint_values(), (self.whole.n, problem.information.count))
-        return effect_on_fit(problem, self.fit, values, self.prior, self._inverse_with, self.column_maps())
+        return effect_on_fit(
+            problem, self.fit, values, self.prior, self.inverse, self._inverse_with, self.column_maps()
+        )
 
     def _spectrum(self) -> tuple[_Spectrum | None, str]:
         """Noise spectrum of the samples, and an empty text; or `None`, and the reason why it cannot be estimated."""

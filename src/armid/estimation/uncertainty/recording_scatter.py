@@ -44,12 +44,15 @@ def covariance_by_scales(fit: Fit, problem: EstimationProblem) -> Array:
     return scale_covariance(own.whole, fit.weights, own.inverse)
 
 
-def with_recording_scatter(fit: Fit, left_out: Sequence[LeftOut], by_scales: Array, change: Array) -> Fit:
+def with_recording_scatter(
+    fit: Fit, left_out: Sequence[LeftOut], recordings: int, by_scales: Array, change: Array
+) -> Fit:
     """Adds the usual change between recordings to the covariance of a fit, and multiplies it by a larger scatter.
 
     Args:
         fit: Estimate from all training recordings.
         left_out: Estimates without one recording or several; without any, the fit is returned unchanged.
+        recordings: Number of all training recordings.
         by_scales: Part of the covariance by uncertain torque scales, which are the same in all recordings, shape (b,
             b).
         change: Covariance of the parameters of one recording by the change of friction and offsets, shape (b, b).
@@ -60,25 +63,23 @@ def with_recording_scatter(fit: Fit, left_out: Sequence[LeftOut], by_scales: Arr
     names = left_out[0].fit.names
     mean = np.array([[name == copy for copy in copies] for name in names], dtype=np.float64)
     mean /= mean.sum(axis=1, keepdims=True)
-    count = sum(len(each.recordings) for each in left_out)
-    own = mean.max(axis=1) < 1.0  # parameters of which each recording has its own; these contain their change
-    change = np.where(own[:, None] | own, 0.0, change)
+    separate = mean.max(axis=1) < 1.0  # each recording has its own, whose scatter is that of the change
+    change = np.where(separate[:, None] | separate, 0.0, change)
     place = [names.index(copy) for copy in copies]
-    scattered = fit.covariance - by_scales + change[np.ix_(place, place)] / count
+    scattered = fit.covariance - by_scales + change[np.ix_(place, place)] / recordings
     variance = np.diag(mean @ (fit.covariance - by_scales) @ mean.T)
-    factors = scatter_factors(mean @ fit.values, variance, left_out, np.diag(change))
+    factors = scatter_factors(mean @ fit.values, variance, left_out, recordings, np.diag(change))
     each = np.sqrt(factors)[place]
-    own = dict(zip(names, np.sqrt(factors), strict=True))
-    standard = fit.standard
-    if standard is not None:
-        usual = float(np.sqrt(np.mean(factors)))
-        standard = _widened(standard, np.array([own.get(name.of_all, usual) for name in standard.names]))
-    return replace(
-        fit,
-        covariance=scattered * np.outer(each, each) + by_scales,
-        report=fit.report.mapped(np.diag(each)),
-        standard=standard,
-    )
+    covariance = scattered * np.outer(each, each) + by_scales
+    if fit.standard is None:
+        return replace(fit, covariance=covariance)
+    known = {name: k for k, name in enumerate(names)}
+    usual, added = float(np.mean(factors)), np.diag(change) / recordings
+    widening = np.ones(len(fit.standard.names))
+    for k, name in enumerate(fit.standard.names):
+        own, at = fit.standard.covariance[k, k], known.get(name.of_all)
+        widening[k] = usual if at is None else factors[at] * (1.0 + (added[at] / own if own > 0.0 else 0.0))
+    return replace(fit, covariance=covariance, standard=_widened(fit.standard, np.sqrt(widening)))
 
 
 def _widened(fit: StandardFit, factor: Array) -> StandardFit:
@@ -90,21 +91,23 @@ def _widened(fit: StandardFit, factor: Array) -> StandardFit:
     return replace(fit, covariance=fit.covariance * np.outer(factor, factor), intervals=ends)
 
 
-def scatter_factors(values: Array, variance: Array, left_out: Sequence[LeftOut], change: Array) -> Array:
+def scatter_factors(
+    values: Array, variance: Array, left_out: Sequence[LeftOut], recordings: int, change: Array
+) -> Array:
     """Factor of the variance of each parameter by the scatter between recordings, at least 1, shape (b,).
 
     Args:
         values: Estimate from all recordings, shape (b,).
         variance: Variance of each parameter, shape (b,).
         left_out: Estimates without one recording or several.
+        recordings: Number of all training recordings.
         change: Variance of each parameter of one recording by the change of friction and offsets, shape (b,).
     """
-    count = sum(len(each.recordings) for each in left_out)
     squares: list[Array] = []
     for each in left_out:
         other = np.diag(each.fit.covariance)
         difference = np.maximum(other - variance, SMALLEST_DIFFERENCE * other)
-        difference += change * (1.0 / max(count - len(each.recordings), 1) - 1.0 / count)
+        difference += change * (1.0 / (recordings - len(each.recordings)) - 1.0 / recordings)
         ratio = (each.fit.values - values) ** 2 / np.where(difference > 0.0, difference, np.inf)
         squares.append(np.minimum(ratio, LARGEST))
     table = np.array(squares)

@@ -56,7 +56,8 @@ def with_left_out(
     model, base, observations = problem.require_samples("cross-validation")
     values = averaged(base.names, result.fit).values
     change = recording_change(model, base, values, problem.information, observations)
-    fit = with_recording_scatter(result.fit, found, by_scales, change.covariance)
+    count = len(np.unique(problem.information.recording))
+    fit = with_recording_scatter(result.fit, found, count, by_scales, change.covariance)
     scales = by_scales if by_scales.any() else None
     error = prediction_error(whole.information, result.fit, observations, change, scales, left_out=bool(found))
     if found:  # their errors contain the scatter between recordings

@@ -47,7 +47,9 @@ def _interrupted(evidence: LogEvidence, j: int) -> Finding | None:
     """Finding about a torque that falls to one value again and again; `None` if it does not."""
     recording = evidence.recording
     assert recording is not None and recording.effort is not None
-    torque = recording.effort[:, j]
+    torque = recording.effort[recording.valid[:, j], j]
+    if not len(torque):
+        return None
     values, counts = np.unique(torque, return_counts=True)
     value, count = float(values[np.argmax(counts)]), int(counts.max())
     if not INTERRUPTED * len(torque) < count < (1.0 - INTERRUPTED) * len(torque):
@@ -55,10 +57,10 @@ def _interrupted(evidence: LogEvidence, j: int) -> Finding | None:
     there = torque == value
     steps = np.abs(np.diff(torque))
     entries, inside = there[1:] != there[:-1], ~there[1:] & ~there[:-1]
-    if entries.sum() < 2 * TIMES or not inside.any():
+    others = steps[inside & (steps > 0.0)]  # a coarse torque often keeps its value
+    if entries.sum() < 2 * TIMES or not len(others):
         return None
-    usual = float(np.quantile(steps[inside], 0.9))
-    if float(np.median(steps[entries])) <= ABRUPT * max(usual, np.finfo(float).tiny):
+    if float(np.median(steps[entries])) <= ABRUPT * float(np.quantile(others, 0.9)):
         return None
     joint = evidence.robot.joints[j]
     return Finding(

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from armid.checked_array import Array
 from armid.doctor.check_definition import LogCheck
 from armid.doctor.check_input import Explanation, LogEvidence
-from armid.doctor.earlier_run_links import DESCRIPTION
 from armid.doctor.fitted_log import LogState
 from armid.doctor.remedy_trial import try_remedy
 from armid.errors import Finding
@@ -107,7 +106,7 @@ def check(evidence: LogEvidence) -> list[Finding]:
 def _covers(evidence: LogEvidence, finding: Finding) -> bool:
     """True if proposed drive gains agree with the gains of the log format, within the deviations stated there."""
     given, stated = evidence.reading.drive_gain, evidence.reading.drive_gain_deviation
-    of_run = evidence.known is not None and evidence.known.source != DESCRIPTION  # a run has the same gains
+    of_run = evidence.known is not None and evidence.known.of_run  # with the same gains
     if given is None or stated is None or of_run:
         return False
     ratio = np.asarray(Remedy.read(finding.remedy).keys["drive_gain"]) / np.asarray(given)

@@ -61,11 +61,15 @@ def check(evidence: LogEvidence) -> list[Finding]:
 
 
 def _overflows(tau: Array) -> int:
-    """Number of steps of a torque (N,) from one end of its range to the other in one row, without coming back."""
+    """Number of steps of a torque (N,) from one end of its range to the other in one row, in its direction."""
     end = NEAR_END * float(np.abs(tau).max())
     at = np.flatnonzero((np.abs(tau[1:]) > end) & (np.abs(tau[:-1]) > end) & (tau[1:] * tau[:-1] < 0.0))
-    stays = [k for k in at if 2 <= k < len(tau) - 3 and tau[k - 1] * tau[k] > 0.0 and tau[k + 2] * tau[k + 1] > 0.0]
-    return len(stays)
+    # It moves on in the same direction, which friction that reverses does not.
+    goes_on = [
+        0 < k < len(tau) - 2 and (tau[k] - tau[k - 1]) * tau[k] > 0.0 and (tau[k + 2] - tau[k + 1]) * tau[k] > 0.0
+        for k in at
+    ]
+    return sum(goes_on)
 
 
 def _overflowing(joint: Joint, count: int) -> Finding:

@@ -26,6 +26,7 @@ def effect_on_fit(
     fit: Fit,
     values: Array,
     prior: Array,
+    inverse: Array,
     inverse_with: Callable[[Array], Array],
     column_maps: Sequence[Array] | None,
 ) -> ErrorEffect:
@@ -36,11 +37,11 @@ def effect_on_fit(
         fit: The fit.
         values: Parameters of each joint's torque, shape (n, c).
         prior: Precision of the prior, shape (b, b).
+        inverse: Inverse of the weighted normal matrix with this prior, shape (b, b).
         inverse_with: Function that gives the inverse of the weighted normal matrix with a precision (b, b).
         column_maps: Matrices from b unknowns to the parameters of each joint's columns, shapes (c, b); if not given,
             the unknowns are the parameters.
     """
-    inverse = inverse_with(prior)
     b = len(inverse)
     # Rows that a robust method gives less weight, such as those in contact, say nothing about systematic errors.
     largest = np.inf if fit.information is None else OUTLIER

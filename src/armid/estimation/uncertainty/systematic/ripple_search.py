@@ -36,6 +36,11 @@ LOWEST, HIGHEST = 2.0, 250.0
 """Numbers of waves in a turn that are tried. One wave is gravity; more than 250 pass the filter only next to
 reversals, whose effect is estimated separately. In the residuals of recorded arms, 4, 8 and 221 waves were found."""
 
+LARGEST_RANGE, HALF_WAVE = 6.0 * np.pi, 0.5
+"""Range of positions up to which all numbers of waves are tried that it tells apart [rad], and distance of the
+numbers that are tried beyond. The work grows with their number: a joint that has turned a hundred times would need
+minutes."""
+
 TURNS = 1.5
 """Smallest number of waves within the range of the joint; fewer waves do not show that the torque repeats."""
 
@@ -148,13 +153,15 @@ def _waves(residual: _Residual) -> list[tuple[float, float]]:
     if lowest >= HIGHEST:
         return []
     step = STEP / extent
-    tried = np.arange(lowest, HIGHEST, step)
+    apart = step if extent <= LARGEST_RANGE else HALF_WAVE
+    tried = np.arange(np.ceil(lowest / apart) * apart, HIGHEST, apart)
     found: list[tuple[float, float]] = []
     for _ in range(MOST_WAVES):
         if not len(tried):
             break
-        log_p = np.concatenate([residual.test(each)[0] for each in _equally_spaced(tried, step)])
+        log_p = np.concatenate([residual.test(each)[0] for each in _equally_spaced(tried, apart)])
         near = tried[int(np.argmin(log_p))] + step * np.linspace(-1.0, 1.0, 2 * FINER + 1)
+        near = near[(near >= lowest) & (near <= HIGHEST)]
         log_p, amplitude = residual.test(near)
         best = int(np.argmin(log_p))
         if log_p[best] > np.log(LEVEL / len(tried)):

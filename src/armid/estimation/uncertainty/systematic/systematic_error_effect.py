@@ -178,10 +178,8 @@ def error_findings(effect: ErrorEffect, scatter: Array, names: tuple[str, ...], 
 
 
 def _with_term(kinds: list[ErrorKind], robot: Robot) -> Remedy:
-    """Remedy that adds ripple to the model; numbers of waves that are nearly equal are one harmonic."""
-    waves = np.sort([kind.waves for kind in kinds])
-    alike = np.split(waves, np.flatnonzero(np.diff(waves) > SAME_WAVES) + 1)
-    harmonics = [round(2.0 * float(np.mean(each))) / 2.0 for each in alike]
+    """Remedy that adds ripple to the model; numbers of waves are rounded to halves."""
+    harmonics = sorted({round(2.0 * kind.waves) / 2.0 for kind in kinds})
     joints = [robot.joints[j].name for j in sorted({kind.joint for kind in kinds})]
     return Remedy(
         "add the term `ripple`, with ", setting("harmonics", harmonics), " and ", setting("joints", joints),
@@ -229,9 +227,6 @@ chance causes less than one report in 700 recordings of an arm with seven joints
 MATTERS = 1.0
 """Smallest largest shift of a parameter, in standard deviations by noise, from which errors are reported. A shift of
 one standard deviation lowers the coverage of a 95 % interval to 83 %."""
-
-SAME_WAVES = 1.0
-"""Largest difference of numbers of waves in a turn that the remedy takes as one harmonic."""
 
 MESSAGES = {
     "delay": _Message(
