@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from armid.estimation.estimators.physical import PhysicallyConsistent
 from armid.estimation.fit_result import Fit
 from armid.estimation.problem import EstimationProblem, build_problem
 from armid.estimation.run_estimator import estimate
@@ -223,3 +224,21 @@ def test_an_assumed_change_explains_scatter_and_widens_intervals_by_its_share():
     assert (aware.deviation[friction] >= least[friction] * (1.0 - ROUNDING)).all()
     assert (aware.deviation[friction] > fit.deviation[friction]).all()
     assert ((aware.deviation / least)[friction] < (plain.deviation / fit.deviation)[friction]).all()
+
+
+def test_standard_parameters_have_the_change_of_their_friction():
+    """The share C / R is added to the variance of noise, whatever the kind of the parameter."""
+    factors = (1.0, 1.0 + FRICTION, 1.0 - FRICTION)
+    problem = build_problem(small_model(), observed(*(run_of(k, k, friction=f) for k, f in enumerate(factors))))
+    method = PhysicallyConsistent()
+    fit = estimate(problem, method)
+    assert fit.standard is not None
+    left_out = leave_out_recordings(problem, lambda part: estimate(part, method))
+    none, change = np.zeros_like(fit.covariance), change_of(problem, fit).covariance
+    aware = with_recording_scatter(fit, left_out, 3, none, change).standard
+    assert aware is not None
+    for k, name in enumerate(fit.standard.names):
+        if name.symbol in ("FV", "FS"):
+            added = change[fit.names.index(name), fit.names.index(name)] / 3.0
+            assert aware.covariance[k, k] >= (fit.standard.covariance[k, k] + added) * (1.0 - ROUNDING)
+            assert np.ptp(aware.intervals[k]) > np.ptp(fit.standard.intervals[k])
