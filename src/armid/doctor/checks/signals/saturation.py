@@ -69,7 +69,7 @@ def _overflows(tau: Array) -> int:
         0 < k < len(tau) - 2 and (tau[k] - tau[k - 1]) * tau[k] > 0.0 and (tau[k + 2] - tau[k + 1]) * tau[k] > 0.0
         for k in at
     ]
-    return sum(goes_on)
+    return int(np.count_nonzero(goes_on))
 
 
 def _overflowing(joint: Joint, count: int) -> Finding:
