@@ -198,7 +198,7 @@ def test_a_plan_after_a_run_has_the_torque_that_the_run_predicts(identified, tmp
 def test_poses_need_a_run_of_the_arm_for_its_torque(identified, small, tmp_path, capsys):
     poses = ["--experiment", "poses", "--poses", 3, "--after", identified / "run", "--out", tmp_path / "poses"]
     run([identified / "small.urdf", *poses], capsys)
-    assert "under this gravity" in stopped([small, *poses], capsys)
+    assert "with the same direction of gravity" in stopped([small, *poses], capsys)
 
 
 def test_a_run_about_another_arm_is_refused(identified, small, tmp_path, capsys):

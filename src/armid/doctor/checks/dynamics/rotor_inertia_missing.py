@@ -53,7 +53,7 @@ def check(evidence: LogEvidence) -> list[Finding]:
     if evidence.model is None:
         return [Finding(CODE, "info", ", ".join(joints), f"{text} {ADDED}")]
     remedy = lines(table="model", terms=[*term_names(evidence), "rotor-inertia"])
-    misses = evidence.known is not None and evidence.known.of_run and gain > MISSES
+    misses = evidence.known is not None and gain > MISSES
     return [Finding(CODE, "error" if misses else "warning", ", ".join(joints), text, remedy)]
 
 
