@@ -16,9 +16,8 @@ from armid.estimation.update.payload import LOAD_NAMES
 from armid.lab.inverse_dynamics_recording import record
 from armid.maths.inertia import about_com, com_inertia_to_vector
 from armid.measurement.recording import Recording
-from armid.runs.new_recordings import only_drive_gains_failed
 from armid.runs.payload import NOTHING
-from armid.runs.run import load_run, save_run
+from armid.runs.run import load_run, only_drive_gains_failed, save_run
 from armid.study.config import RecordingChoice, load_study
 from armid.study.identify import identify
 from armid.study.recordings.processed import process_each

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from armid.checked_array import Array
 from armid.dataclass_files import load
 from armid.doctor.checks.dynamics.rotor_inertia_missing import CODE as ROTOR_INERTIA_MISSING
-from armid.doctor.checks.signals.motor_side import CURRENT, MOTOR, UNIT
 from armid.doctor.earlier_run_links import DESCRIPTION, KnownLinks
 from armid.errors import Finding, RobotError, StudyError
 from armid.estimation.estimate_record import torque_parameters
@@ -25,10 +24,9 @@ from armid.measurement.recording import Recording
 from armid.model.base_parameters import BaseParameters
 from armid.remedy import Remedy, setting
 from armid.robot.robot import Robot
-from armid.runs.run import Run, failed_checks
+from armid.runs.run import Run, failed_checks, only_drive_gains_failed
 from armid.study.config import RecordingChoice
 from armid.study.diagnosis import findings_of_each, merged
-from armid.study.plausibility import recording_error_check
 from armid.study.recordings.processed import (
     ProcessedRecording,
     joined_observations,
@@ -36,9 +34,6 @@ from armid.study.recordings.processed import (
     process_each,
 )
 from armid.study.recordings.reading import position_zero_deviation, read_choice, scale_deviation
-
-GAIN_CODES = (CURRENT, MOTOR, UNIT)
-"""Codes of findings on a torque that does not agree with the described masses; wrong drive gains are one cause."""
 
 ReadRecording = tuple[RecordingChoice, Recording]
 """Recording that was read, with its path, role and log format."""
@@ -263,26 +258,6 @@ def known_links(run: Run, loaded: int | None = None) -> KnownLinks | None:
     last = tip if tip >= 0 else run.robot.n - 1
     bodies = theta[model.inertial_columns].reshape(-1, 10)
     return KnownLinks(bodies, source, last if loaded is None else loaded)
-
-
-def only_drive_gains_failed(run: Run) -> bool:
-    """Tests whether a run failed its validation only because the drive gains contradict the described masses.
-
-    The doctor reports such gains with one of the three codes `GAIN_CODES`. A finding with such a code can also have
-    another cause, such as positions in counts of encoders; its remedy is then not a drive gain.
-
-    Args:
-        run: The run.
-    """
-    if run.verdict != "fail" or run.log_format.drive_gain is None:
-        return False
-    names = failed_checks(run)
-    errors = [each for each in run.estimate.findings if each.severity == "error" and each.code in GAIN_CODES]
-    return (
-        bool(names)
-        and {*names} <= {recording_error_check(code) for code in GAIN_CODES}
-        and all("drive_gain" in Remedy.read(each.remedy).keys for each in errors)
-    )
 
 
 def earlier_information(run: Run) -> Information:

@@ -15,9 +15,9 @@ from armid.estimation.update.payload import LOAD_NAMES, DriveGains, PayloadEstim
 from armid.estimation.update.payload_misfit import PayloadMisfit
 from armid.estimation.update.stacked_problem import stack_problems
 from armid.model.terms.rigid_body import rigid_body_units
-from armid.runs.new_recordings import NewRecordings, load_new_recordings, only_drive_gains_failed
+from armid.runs.new_recordings import NewRecordings, load_new_recordings
 from armid.runs.payload_link import PayloadLink, fit_finding, payload_link
-from armid.runs.run import Run
+from armid.runs.run import Run, only_drive_gains_failed
 from armid.study.diagnosis import diagnosed_error
 from armid.study.plausibility import contradictions, few_blocks_finding
 from armid.study.storage.records import judgement_record

@@ -16,6 +16,7 @@ from typing import Any
 
 from armid.atomic_file import replace_file
 from armid.dataclass_files import load, save
+from armid.doctor.checks.signals.motor_side import CURRENT, MOTOR, UNIT
 from armid.errors import ArmidError
 from armid.estimation.estimate_record import Estimate
 from armid.estimation.link_properties import LinkTable, link_record, link_table
@@ -23,9 +24,11 @@ from armid.measurement.log_format import LogFormat
 from armid.measurement.processing.options import ProcessingOptions
 from armid.model.dynamics_model import DynamicsModel
 from armid.notebook_display import Displayed, Summary
+from armid.remedy import Remedy
 from armid.robot import Robot
 from armid.study.config import ModelChoice, build_model
 from armid.study.identify import Result
+from armid.study.plausibility import recording_error_check
 from armid.study.storage.atomic_folder import refuse, whole_folder
 from armid.study.storage.provenance import RunOrigin, origin_now, origin_of, origin_record
 from armid.study.storage.records import (
@@ -41,6 +44,10 @@ MARKER = "estimate.json"
 
 FORMAT = 1
 """Number of the format of the folder of a run, stored in `model.json`. A run without this number has format 1."""
+
+
+GAIN_CODES = (CURRENT, MOTOR, UNIT)
+"""Codes of findings on a torque that does not agree with the described masses; wrong drive gains are one cause."""
 
 
 @dataclass(frozen=True, eq=False, slots=True, repr=False)
@@ -220,6 +227,26 @@ def failed_checks(run: Run) -> list[str]:
     """Names of the checks that failed in the validation of a run."""
     record: dict[str, Any] = json.loads((Path(run.folder) / "validation.json").read_text(encoding="utf-8"))
     return [each["name"] for each in record.get("checks", []) if not each["ok"]]
+
+
+def only_drive_gains_failed(run: Run) -> bool:
+    """Tests whether a run failed its validation only because the drive gains contradict the described masses.
+
+    The doctor reports such gains with one of the three codes `GAIN_CODES`. A finding with such a code can also have
+    another cause, such as positions in counts of encoders; its remedy is then not a drive gain.
+
+    Args:
+        run: The run.
+    """
+    if run.verdict != "fail" or run.log_format.drive_gain is None:
+        return False
+    names = failed_checks(run)
+    errors = [each for each in run.estimate.findings if each.severity == "error" and each.code in GAIN_CODES]
+    return (
+        bool(names)
+        and {*names} <= {recording_error_check(code) for code in GAIN_CODES}
+        and all("drive_gain" in Remedy.read(each.remedy).keys for each in errors)
+    )
 
 
 def _verdict(folder: Path) -> str:

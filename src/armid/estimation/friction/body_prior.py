@@ -24,6 +24,7 @@ from armid.estimation.crossvalidation import (
     one_standard_error,
     split,
 )
+from armid.estimation.estimate_record import torque_parameters
 from armid.estimation.estimators.physical import PhysicallyConsistent
 from armid.estimation.estimators.ridge import Ridge
 from armid.estimation.friction.heldout_gains import GainPrior, make_folds
@@ -32,6 +33,7 @@ from armid.estimation.prior import make_prior
 from armid.estimation.problem import EstimationProblem
 from armid.estimation.whitened_system import WhitenedSystem
 from armid.information.information import Information, total
+from armid.model.dynamics_model import DynamicsModel
 
 FOLDS = 8
 """Number of folds on which the weight of the prior is chosen, as in the selection."""
@@ -154,3 +156,17 @@ def predicts_as_well(problem: EstimationProblem, first: Estimator, second: Estim
 def _held_out(problem: EstimationProblem, method: Estimator, part: Fold) -> Array:
     """Squared error of each joint on a fold that is left out, shape (n,)."""
     return held_out_squares(part.held_out, method.solve(replace(problem, information=part.training)).values)
+
+
+def with_load_parameters(problem: EstimationProblem, weight: float) -> DynamicsModel:
+    """Adds the inertial parameters of a first estimate for load-dependent friction, unless the model has them.
+
+    Args:
+        problem: Problem of the model without load-dependent friction, with its samples.
+        weight: Weight of the prior of the first estimate, in units of one row.
+    """
+    model, base, _ = problem.require_samples("load-dependent friction")
+    if model.load_parameters is not None or not model.has_rigid_bodies:
+        return model
+    theta = torque_parameters(base, Ridge(weight=weight).solve(problem))
+    return replace(model, load_parameters=theta[model.inertial_columns].reshape(model.n, 10))

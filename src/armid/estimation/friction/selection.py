@@ -18,10 +18,15 @@ from numpy.typing import NDArray
 from armid.checked_array import Array
 from armid.errors import EstimationError
 from armid.estimation.crossvalidation import can_cross_validate, folds
-from armid.estimation.estimate_record import torque_parameters
 from armid.estimation.estimators.ridge import Ridge
 from armid.estimation.friction.apparent_inertia import with_signed_inertia
-from armid.estimation.friction.body_prior import CONSISTENT, CONSISTENT_WEIGHT, choose_prior, suitable_method
+from armid.estimation.friction.body_prior import (
+    CONSISTENT,
+    CONSISTENT_WEIGHT,
+    choose_prior,
+    suitable_method,
+    with_load_parameters,
+)
 from armid.estimation.friction.candidates import (
     Candidate,
     CandidateModel,
@@ -36,7 +41,7 @@ from armid.estimation.friction.forward_selection import HeldOutTrial, SelectionP
 from armid.estimation.friction.heldout_gains import HeldOutFolds, make_folds
 from armid.estimation.friction.shape_fit import refine_shapes
 from armid.estimation.friction_per_recording import contrasted, offset_names, separate_by_recording
-from armid.estimation.problem import EstimationProblem, build_problem
+from armid.estimation.problem import build_problem
 from armid.estimation.whitened_system import whiten
 from armid.information.accumulate import accumulate_information
 from armid.information.hysteresis_states import without_creep
@@ -144,7 +149,7 @@ def choose_friction(model: DynamicsModel, observations: Observations, *, threads
         return FrictionSelection(model, (), (), np.ones(model.n), np.zeros(model.n), None, why=why)
     drifting = _drifting_offsets(problem.information, model)
     model, problem = with_signed_inertia(problem, CONSISTENT_WEIGHT, drifting)
-    loaded = _with_load_parameters(problem, LOAD_WEIGHT)
+    loaded = with_load_parameters(problem, LOAD_WEIGHT)
     allowed = allowed_candidates(loaded, observations)
 
     def extend(candidates: Sequence[frozenset[Candidate]]) -> tuple[CandidateModel, Information]:
@@ -217,16 +222,6 @@ def _apart(information: Information) -> NDArray[np.int64]:
     if len(recordings) < 2:
         return folds(information, LONG)
     return np.minimum(np.searchsorted(recordings, information.recording), len(recordings) - 1).astype(np.int64)
-
-
-def _with_load_parameters(problem: EstimationProblem, weight: float) -> DynamicsModel:
-    """Adds the inertial parameters of a first estimate for load-dependent friction, unless the model has them."""
-    model, base = problem.model, problem.base
-    assert model is not None and base is not None  # `choose_friction` gives them
-    if model.load_parameters is not None or not model.has_rigid_bodies:
-        return model
-    theta = torque_parameters(base, Ridge(weight=weight).solve(problem))
-    return replace(model, load_parameters=theta[model.inertial_columns].reshape(model.n, 10))
 
 
 def _weight_in_samples(rows: float, information: Information, noise: tuple[float, ...]) -> tuple[float | None, str]:
