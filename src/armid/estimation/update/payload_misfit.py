@@ -46,6 +46,9 @@ EXACT = 1e-4
 """Relative standard deviation that is used for an exact torque scale when the scales of other joints are
 uncertain."""
 
+ROUNDING = 1e-12
+"""Ratio of the residual to the torque below which the residual is a rounding error, which has no scatter to compare."""
+
 
 @dataclass(frozen=True, eq=False, slots=True)
 class PayloadMisfit:
@@ -80,7 +83,8 @@ def payload_misfit(new: Information, alone: WhitenedSystem, values: Array, scale
     squares = np.array([held_out_squares(new, s * values)[j] for j, s in enumerate(scale)])
     spent = np.maximum(alone.effective_dof, np.finfo(float).tiny)
     left = rows - alone.effective_dof
-    tested = (left > together) & (alone.squares > 0.0)
+    torque = held_out_squares(new, np.zeros_like(values))
+    tested = (left > together) & (alone.squares > ROUNDING**2 * torque)
     noise = np.divide(alone.squares, left, out=np.zeros(new.n), where=tested)
     excess = np.maximum(squares - alone.squares, 0.0) / spent / together
     ratio = np.divide(excess, noise, out=np.zeros(new.n), where=tested)
