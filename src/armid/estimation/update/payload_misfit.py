@@ -47,7 +47,7 @@ EXACT = 1e-4
 uncertain."""
 
 ROUNDING = 1e-12
-"""Ratio of the residual to the torque below which the residual is a rounding error, which has no scatter to compare."""
+"""Ratio of residual to torque below which the residual is a rounding error, which has no scatter to compare."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
