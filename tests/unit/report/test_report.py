@@ -339,8 +339,14 @@ def test_the_band_that_is_drawn_is_the_one_that_is_judged_by(
     np.testing.assert_allclose(inside, judged.coverage95, atol=1e-12)  # the same rows
     monkeypatch.setattr(torque_validation, "COVERED_ROWS", len(drawn.time) // 4)
     between = evaluate_recording(made, processed).half_band
-    # It changes as slowly as the motion, but for the rows at reversals, where the friction changes its sign.
-    assert np.mean(np.abs(between / drawn.half_band - 1.0) < 0.2) > 0.9
+    # It changes as slowly as the motion, but for the rows about reversals, where friction changes its sign.
+    slow = np.abs(drawn.dq) < 0.1 * np.abs(drawn.dq).max(axis=0)
+    for _ in range(4):  # rows between which the interval is drawn
+        slow[1:] |= slow[:-1]
+        slow[:-1] |= slow[1:]
+    moving = np.where(slow, np.nan, between / drawn.half_band)
+    assert np.isfinite(moving).mean() > 0.5
+    assert np.nanmax(np.abs(moving - 1.0)) < 0.2
 
 
 def test_a_run_that_was_never_checked_has_a_page(run: Run, tmp_path: Path):

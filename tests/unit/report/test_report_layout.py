@@ -334,6 +334,14 @@ def test_links_of_several_bodies_are_one_pair_and_the_worst_of_it_is_shown():
 
 
 def test_links_show_their_bodies_as_described_and_as_identified(bodies: PageData):
+    fit = bodies.run.estimate.fit
+    assert fit.standard is not None
+    # No torque of this arm shows a mass by itself; here the last link counts as known.
+    last = f"_{bodies.run.robot.n}"
+    names = zip(fit.standard.names, fit.standard.status, strict=True)
+    status = tuple("identified" if name.endswith(last) else each for name, each in names)
+    known_last = replace(fit, standard=replace(fit.standard, status=status))
+    bodies = replace(bodies, run=replace(bodies.run, estimate=replace(bodies.run.estimate, fit=known_last)))
     section, table = show_link_properties(bodies), link_table(bodies.run.model, bodies.run.estimate)
     assert section is not None
     (shown,) = section.tables
@@ -348,7 +356,7 @@ def test_links_show_their_bodies_as_described_and_as_identified(bodies: PageData
             assert float(new[column[name]]) == pytest.approx(body.estimate[k], abs=1e-12)
     cells = [cell for row in shown.rows if row[1].text == "identified" for cell in row[2:]]
     known = np.isfinite([body.intervals for body in table.links]).all(axis=2)
-    assert sum("±" in cell.text for cell in cells) == int(known.sum())  # no torque of this arm shows a mass by itself
+    assert sum("±" in cell.text for cell in cells) == int(known.sum()) > 0
     assert all(("±" in cell.text) is (cell.kind != "guessed") for cell in cells)
 
 
