@@ -115,9 +115,11 @@ def test_effects_and_the_noise_free_truth(armid):
     truth = json.loads(Path("lab/truth.json").read_text())
     assert truth["controller"]["kind"] == "pd-gravity" and min(truth["rotor"]) > 0.0
     assert truth["friction"]["stribeck"]["extra"] and truth["plan"]["period"] == pytest.approx(2.0)
-    exact, logged = np.load("lab/noise-free.npz"), load_recording("lab/recording.csv")
-    assert exact["effort"].shape == (200, 3) and logged.effort is not None
-    assert (logged.effort - exact["effort"]).std() == pytest.approx(0.3, rel=0.1)
+    with np.load("lab/noise-free.npz") as archive:
+        exact = archive["effort"]
+    logged = load_recording("lab/recording.csv")
+    assert exact.shape == (200, 3) and logged.effort is not None
+    assert (logged.effort - exact).std() == pytest.approx(0.3, rel=0.1)
 
 
 @pytest.mark.parametrize(

@@ -31,6 +31,15 @@ cone. The solver reaches this accuracy on badly scaled problems. A less accurate
 status of the solver."""
 
 
+SETTINGS: tuple[dict[str, Any], ...] = (
+    {},
+    {"equilibrate_enable": False},
+    {"direct_solve_method": "faer"},
+    {"max_step_fraction": 0.9},
+)
+"""Settings of the solver, tried in this order until a solution passes the check. If a minimum is only approached as
+unknowns grow (a mass that nothing bounds), rounding decides with which of them the solver reaches its accuracy."""
+
 LARGEST = 1e100
 """Absolute value from which a variable is invalid: its square must be finite."""
 
@@ -158,32 +167,42 @@ def solve_cones(cost: Array, cones: Sequence[Cone], squares: Array | None = None
     Raises:
         UnsolvedError: The solution fails its check. The message gives the status of the solver, gap and violation.
     """
+    squares = np.zeros(len(cost)) if squares is None else squares
+    status, found = "", None
+    for settings in SETTINGS:
+        status, found = _solved(cost, cones, squares, settings)
+        if found.gap <= ACCEPTED and found.violation <= ACCEPTED:
+            return found
+    assert found is not None
+    raise UnsolvedError(
+        f"The conic solver found no solution ({status}; gap {found.gap:.1e}, violation {found.violation:.1e}).",
+        remedy="check the size of the values: the parameters of an arm should not differ by more than a factor "
+        "of 1e8.",
+    )
+
+
+def _solved(cost: Array, cones: Sequence[Cone], squares: Array, changed: dict[str, Any]) -> tuple[Any, ConeSolution]:
+    """Status and solution, not checked yet, of the solver with some settings changed from their usual values."""
     clarabel: Any = import_module("clarabel")
     settings = clarabel.DefaultSettings()
     settings.verbose = False
     settings.max_threads = 1
     settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = SOLVER_TOLERANCE
+    for name, value in changed.items():
+        setattr(settings, name, value)
     rows, offsets, kinds = zip(*(_for_solver(cone, clarabel) for cone in cones), strict=True)
-    A = np.concatenate(rows)
-    squares = np.zeros(len(cost)) if squares is None else squares
+    A, b = np.concatenate(rows), np.concatenate(offsets)
     curved = SparseColumns.of(np.diag(squares))
-    solver = clarabel.DefaultSolver(curved, cost, SparseColumns.of(A), np.concatenate(offsets), list(kinds), settings)
-    answer = solver.solve()
+    answer = clarabel.DefaultSolver(curved, cost, SparseColumns.of(A), b, list(kinds), settings).solve()
     x, z = np.array(answer.x, dtype=np.float64), np.array(answer.z, dtype=np.float64)
     with np.errstate(over="ignore", invalid="ignore"):  # a failed solver may return any numbers
         half = 0.5 * float(squares @ x**2)
         objective = float(cost @ x) + half
         slope = cost + squares * x + A.T @ z
-        gap = abs(objective + half + float(np.concatenate(offsets) @ z)) / max(1.0, abs(objective))
+        gap = abs(objective + half + float(b @ z)) / max(1.0, abs(objective))
         finite = bool(np.abs(np.concatenate([x, z])).max() < LARGEST)  # false for NaN
         violation = _worst(cones, x, z) if finite else float("inf")
-    if not (gap <= ACCEPTED and violation <= ACCEPTED):
-        raise UnsolvedError(
-            f"The conic solver found no solution ({answer.status}; gap {gap:.1e}, violation {violation:.1e}).",
-            remedy="check the size of the values: the parameters of an arm should not differ by more than a factor "
-            "of 1e8.",
-        )
-    return ConeSolution(x, objective, gap, slope, violation)
+    return answer.status, ConeSolution(x, objective, gap, slope, violation)
 
 
 def _worst(cones: Sequence[Cone], x: Array, z: Array) -> float:
