@@ -10,10 +10,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from armid.cli.value_completion import among
 from armid.errors import ArmidError, did_you_mean
 
 if TYPE_CHECKING:
     from armid.measurement.log_format import LogFormat
+
+PRESET_NAMES = ("ur-rtde", "kuka-fri", "libfranka")
+"""Names of the presets for log formats (`armid.measurement.log_format.PRESETS`), which help texts do not import."""
 
 Columns = Annotated[
     list[str] | None,
@@ -31,6 +35,21 @@ Data = Annotated[
 Rate = Annotated[float | None, typer.Option(help="Sampling rate of a recording without a clock, Hz.")]
 Period = Annotated[
     str | None, typer.Option(metavar="S|none", help="Period of the motion, s; by default found from the positions.")
+]
+Preset = Annotated[
+    str | None,
+    typer.Option(
+        "--preset",
+        metavar="NAME",
+        help="Columns of a well-known log: ur-rtde, kuka-fri, libfranka.",
+        autocompletion=among(PRESET_NAMES),
+    ),
+]
+Edges = Annotated[
+    str | None,
+    typer.Option(
+        metavar="drop|pad|periodic", help="Treatment of the ends of a recording; that of the run by default."
+    ),
 ]
 TimeUnit = Annotated[float | None, typer.Option(help="Unit of the clock in seconds, for instance 0.001.")]
 TorqueSign = Annotated[
@@ -60,6 +79,7 @@ def given(
     units: str | None = None,
     time_unit: float | None = None,
     period: str | None = None,
+    preset: str | None = None,
 ) -> dict[str, Any]:
     """Arguments of `LogFormat` that are given on the command line; arguments that are not given are left out.
 
@@ -67,7 +87,7 @@ def given(
         ArmidError: The value of an option has the wrong form.
     """
     keys: dict[str, Any] = {"rate": rate, "torque_sign": torque_sign, "units": units, "time_unit": time_unit}
-    keys["period"] = _period(period)
+    keys |= {"period": _period(period), "preset": preset}
     arguments: dict[str, Any] = {key: value for key, value in keys.items() if value is not None}
     return arguments | ({"columns": columns_given(columns)} if columns else {})
 
@@ -96,13 +116,16 @@ def changed_reading(
     torque_sign: int | None,
     columns: list[str] | None,
     lines: list[str] | None = None,
+    *,
+    period: str | None = None,
+    preset: str | None = None,
 ) -> dict[str, Any]:
     """Arguments of `LogFormat` that the command line changes; columns that are not given stay those of the run.
 
     Raises:
         ArmidError: A line is not a key of a log format with a value.
     """
-    arguments = {**_keys_of_lines(lines or []), **given(columns, rate, torque_sign)}
+    arguments = {**_keys_of_lines(lines or []), **given(columns, rate, torque_sign, period=period, preset=preset)}
     if "columns" in arguments:
         arguments["columns"] = {**reading.columns, **arguments["columns"]}
     return arguments

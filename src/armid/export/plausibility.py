@@ -16,7 +16,7 @@ from armid.remedy import Remedy, setting
 from armid.robot.missing_inertia import placeholder_masses
 from armid.robot.robot import InertialParameters, Robot
 from armid.runs.run import Run
-from armid.study.plausibility import far_masses, listed_masses
+from armid.study.plausibility.estimate_findings import far_masses, listed_masses
 
 SEEN = 1e-6
 """Tolerance of the test whether base parameters determine a mass: the length of the projection of its unit vector

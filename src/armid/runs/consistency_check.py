@@ -25,6 +25,7 @@ from armid.notebook_display import Displayed, Summary
 from armid.robot import Robot
 from armid.robot.missing_inertia import placeholder_masses
 from armid.runs.run import Run
+from armid.study.plausibility.one_sided_filter import CODE as ONE_SIDED
 from armid.validation.distance_to_consistency import Certificate, certify_values
 from armid.validation.gravity_sign import gravity_sign_finding
 from armid.validation.smallest_mass_matrix import Pose, worst_along, worst_pose
@@ -227,6 +228,10 @@ def _meaning(run: Run, verdict: Verdict) -> Finding:
             "only cause"
         )
         remedy = "check the recordings with armid doctor, and the residuals in the report; " + remedy
+    biased = [each for each in run.estimate.findings if each.code == ONE_SIDED]
+    if biased:
+        why = "the torque was filtered and the model's columns were not, which biases the parameters: no noise"
+        remedy = biased[0].remedy.rstrip(".")
     if fit.standard is None:
         remedy += "; identify with --method physical, which keeps links physically consistent"
     evidence = f"the method {run.estimate.method} fits the torque without physical constraints on the links"

@@ -24,7 +24,7 @@ from armid.measurement.recording import Recording
 from armid.model.base_parameters import BaseParameters
 from armid.remedy import Remedy, setting
 from armid.robot.robot import Robot
-from armid.runs.run import Run, failed_checks, only_drive_gains_failed
+from armid.runs.run import Run, failed_checks, format_of_new_recording, only_drive_gains_failed
 from armid.study.config import RecordingChoice
 from armid.study.diagnosis import findings_of_each, merged
 from armid.study.recordings.processed import (
@@ -100,7 +100,7 @@ def load_new_recordings(
         )
     recordings, read = read_new_recordings(run, paths, reading)
     unseen, read_unseen = _read_held_out(run, held_out, recordings)
-    processed = process_each(recordings, run.processing, run.robot)
+    processed = process_each(recordings, run.processing, run.robot, edges_required=False)
     observations = joined_observations(processed)
     base = run.estimate.base
     earlier = earlier_information(run)
@@ -124,7 +124,7 @@ def load_new_recordings(
         samples.information,
         samples,
         processed,
-        judged_without_memory(process_each(unseen, run.processing, run.robot), run.model),
+        judged_without_memory(process_each(unseen, run.processing, run.robot, edges_required=False), run.model),
         (*new_recording_findings(run), *told, *of_processing),
     )
 
@@ -143,7 +143,7 @@ def read_new_recordings(
         StudyError: The run was trained on a recording, or a recording is given twice.
         RecordingError: A recording cannot be read or has other joints.
     """
-    how = replace(run.log_format, **{"exclude": (), "start": None, **reading})
+    how = format_of_new_recording(run, reading)
     recordings: list[ReadRecording] = []
     findings: list[tuple[Finding, ...]] = []
     seen = dict.fromkeys(run.trained_on, run.folder)

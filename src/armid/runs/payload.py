@@ -19,7 +19,8 @@ from armid.runs.new_recordings import NewRecordings, load_new_recordings
 from armid.runs.payload_link import PayloadLink, fit_finding, payload_link
 from armid.runs.run import Run, only_drive_gains_failed
 from armid.study.diagnosis import diagnosed_error
-from armid.study.plausibility import contradictions, few_blocks_finding
+from armid.study.plausibility.estimate_findings import few_blocks_finding
+from armid.study.plausibility.recording_errors import contradictions
 from armid.study.storage.records import judgement_record
 from armid.validation.torque_validation import Check
 

@@ -27,7 +27,8 @@ from armid.runs.run import Run
 from armid.study.config import EstimationChoice, RecordingChoice, Study, parse_robot, resolve_model
 from armid.study.diagnosis import diagnosed_error
 from armid.study.identify import Result
-from armid.study.plausibility import contradicted, few_blocks_finding, negative_finding
+from armid.study.plausibility.estimate_findings import few_blocks_finding, negative_finding
+from armid.study.plausibility.recording_errors import contradicted
 from armid.study.recordings.processed import ProcessedRecording, joined_observations
 from armid.study.score_recordings import score_recordings
 from armid.threads import one_blas_thread

@@ -12,10 +12,10 @@ import numpy as np
 
 from armid.errors import ArmidError, Finding, StudyError
 from armid.estimation.estimate_record import torque_parameters
-from armid.measurement.processing.pipeline import process_recordings
 from armid.remedy import Remedy, setting
-from armid.runs.run import Run
+from armid.runs.run import Run, format_of_new_recording
 from armid.study.config import RecordingChoice
+from armid.study.recordings.processed import process_each
 from armid.study.recordings.reading import read_choice
 from armid.validation.rollout import Feedback
 from armid.validation.rollout_score import MotionScore, score_motion
@@ -90,18 +90,17 @@ def roll_out_run(
             f"{run.robot.n}.",
             remedy="give the gains of this arm.",
         )
-    how = replace(run.log_format, **{"exclude": (), "start": None, **reading})
+    how = format_of_new_recording(run, reading)
     parameters = torque_parameters(run.estimate.base, run.estimate.fit)
     every_row = replace(run.processing, slow=0.0, saturation="keep", standstill="keep")
     scores: list[MotionScore] = []
     findings: list[Finding] = []
     for path in paths:
-        recording, found = read_choice(RecordingChoice(path, "validate", how), ".", run.robot)
-        findings += found
-        observations, found = process_recordings(
-            [recording], every_row, periods=[how.stated_period], starts=[how.start]
-        )
-        findings += found
+        choice = RecordingChoice(path, "validate", how)
+        recording, found = read_choice(choice, ".", run.robot)
+        (processed,) = process_each([(choice, recording)], every_row, run.robot, edges_required=False)
+        observations = processed.observations
+        findings += (*found, *processed.findings)
         score = score_motion(
             run.model,
             parameters,

@@ -28,7 +28,7 @@ from armid.remedy import Remedy
 from armid.robot import Robot
 from armid.study.config import ModelChoice, build_model
 from armid.study.identify import Result
-from armid.study.plausibility import recording_error_check
+from armid.study.plausibility.recording_errors import recording_error_check
 from armid.study.storage.atomic_folder import refuse, whole_folder
 from armid.study.storage.provenance import RunOrigin, origin_now, origin_of, origin_record
 from armid.study.storage.records import (
@@ -221,6 +221,37 @@ def _damaged(folder: Path, error: Exception) -> ArmidError:
         f"({type(error).__name__}: {error}).",
         remedy="identify again.",
     )
+
+
+def format_of_new_recording(run: Run, changes: Mapping[str, Any]) -> LogFormat:
+    """Log format of a new recording: that of the run without what belongs to one recording alone, with changes.
+
+    Excluded intervals, the period and the start of the first period belong to one recording; a period is detected
+    from the positions.
+
+    Args:
+        run: The run.
+        changes: Fields of the log format that differ from that of the run's first recording.
+    """
+    period = "none" if run.log_format.period == "none" else None
+    return dataclasses.replace(run.log_format, **{"exclude": (), "start": None, "period": period, **changes})
+
+
+def with_edges(run: Run, edges: str | None) -> Run:
+    """Run that treats the ends of new recordings in another way.
+
+    Args:
+        run: The run.
+        edges: `drop`, `pad` or `periodic`; `None` for that of the run.
+
+    Raises:
+        StudyError: The treatment is unknown.
+    """
+    if edges is None or edges == run.processing.edges:
+        return run
+    average = run.processing.average and edges == "periodic"
+    changed: Any = {"edges": edges, "average": average}
+    return dataclasses.replace(run, processing=dataclasses.replace(run.processing, **changed))
 
 
 def failed_checks(run: Run) -> list[str]:

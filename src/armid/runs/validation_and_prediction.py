@@ -15,16 +15,14 @@ from armid.checked_array import Array
 from armid.errors import ArmidError, Finding, StudyError
 from armid.estimation.estimate_record import torque_parameters
 from armid.information.hysteresis_states import with_hysteresis_states
-from armid.measurement.log_format import LogFormat
-from armid.measurement.processing.pipeline import process_recordings
 from armid.measurement.readers import load_recording
 from armid.measurement.recording import Recording
 from armid.model.motion import Motion
 from armid.runs.new_recordings import check_new_recordings
-from armid.runs.run import Run
+from armid.runs.run import Run, format_of_new_recording
 from armid.study.config import RecordingChoice
 from armid.study.plans.plan_reading import motion_of_plan
-from armid.study.plausibility import contradicted
+from armid.study.plausibility.recording_errors import contradicted
 from armid.study.recordings.processed import judged_without_memory, process_each
 from armid.study.recordings.reading import read_choice
 from armid.study.score_recordings import score_recordings
@@ -51,7 +49,7 @@ def validate_run(
     recordings: list[tuple[RecordingChoice, Recording]] = []
     read_findings: list[tuple[Finding, ...]] = []
     for path in paths:
-        choice = RecordingChoice(path, "validate", _like(run, reading))
+        choice = RecordingChoice(path, "validate", format_of_new_recording(run, reading))
         recording, found = read_choice(choice, ".", run.robot)
         read_findings.append(found)
         if recording.sha256 in run.trained_on:
@@ -61,15 +59,12 @@ def validate_run(
                 remedy="give a recording that was not used for training.",
             )
         recordings.append((choice, recording))
-    processed = judged_without_memory(process_each(recordings, run.processing, run.robot), run.model)
+    processed = judged_without_memory(
+        process_each(recordings, run.processing, run.robot, edges_required=False), run.model
+    )
     scores, found = score_recordings(run.model, run.estimate, processed)
     told = check_new_recordings(run, recordings, read_findings)
     return contradicted(validate(run.robot.joint_names, scores, run.estimate), told), (*told, *found)
-
-
-def _like(run: Run, changes: Mapping[str, Any]) -> LogFormat:
-    """Log format of the run for another recording, without the excluded intervals of the run, with `changes`."""
-    return replace(run.log_format, **{"exclude": (), "start": None, **changes})
 
 
 def motion_of(run: Run, path: str, *, rate: float, reading: Mapping[str, Any]) -> Motion:
@@ -87,15 +82,17 @@ def motion_of(run: Run, path: str, *, rate: float, reading: Mapping[str, Any]) -
     planned = motion_of_plan(path, run.robot, rate)
     if planned is not None:
         return planned
-    how = _like(run, reading)
+    how = format_of_new_recording(run, reading)
     raw = load_recording(path, how, run.robot)
     if raw.effort is None:  # only the motion is needed
         how = replace(how, drive_gain=None, drive_gain_deviation=None)
-    recording, _ = read_choice(RecordingChoice(path, reading=how), ".", run.robot, {path: raw})
+    choice = RecordingChoice(path, reading=how)
+    recording, _ = read_choice(choice, ".", run.robot, {path: raw})
     if recording.effort is None:
         recording = replace(recording, effort=np.zeros_like(recording.q))
     every_row = replace(run.processing, slow=0.0, saturation="keep", standstill="keep")
-    observations, _ = process_recordings([recording], every_row, periods=[how.stated_period], starts=[how.start])
+    (processed,) = process_each([(choice, recording)], every_row, run.robot, edges_required=False)
+    observations = processed.observations
     # Hysteresis states begin anew in each run.
     motions = [
         with_hysteresis_states(run.model, observed, observations.band).motion for observed in observations.runs

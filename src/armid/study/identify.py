@@ -15,9 +15,11 @@ from armid.measurement.recording import Recording
 from armid.model.dynamics_model import DynamicsModel
 from armid.notebook_display import Displayed, Summary
 from armid.robot import Robot
-from armid.study import plausibility
 from armid.study.config import Study, build_estimator
 from armid.study.estimate_study import estimate_prepared
+from armid.study.plausibility.estimate_findings import plausibility_findings
+from armid.study.plausibility.one_sided_filter import one_sided_filter_finding
+from armid.study.plausibility.recording_errors import contradicted
 from armid.study.prepare import Prepared, prepare, separated_problem, stated_problem
 from armid.study.progress import Progress, no_progress
 from armid.study.recordings.left_out import with_left_out
@@ -103,10 +105,10 @@ def conclude(prepared: Prepared, *, progress: Progress | None = None) -> Result:
     tell("estimation", 0.0)
     estimate = estimate_prepared(prepared)
     chosen = prepared.friction_selection is not None
-    remarks = plausibility.plausibility_findings(
-        model, information, stated_problem(prepared), estimate.fit, chosen=chosen
-    )
-    findings = [*prepared.findings, *estimate.findings, *remarks]
+    remarks = plausibility_findings(model, information, stated_problem(prepared), estimate.fit, chosen=chosen)
+    one_sided = one_sided_filter_finding(information, prepared.problem, estimate.fit)
+    on_recordings = prepared.findings if one_sided is None else (*prepared.findings, one_sided)
+    findings = [*on_recordings, *estimate.findings, *remarks]
     tell("validation", 0.0)
     estimate, left_out = with_left_out(
         estimate, prepared.problem, partial(separated_problem, prepared), build_estimator(study.estimation)
@@ -115,9 +117,7 @@ def conclude(prepared: Prepared, *, progress: Progress | None = None) -> Result:
     predictions = {each: predict_recording(model, estimate, each.observations) for each in recordings}
     training, _ = score_recordings(model, estimate, train, predictions)
     scores, found = score_recordings(model, estimate, of_role(recordings, "validate"), predictions)
-    validation = plausibility.contradicted(
-        validate(robot.joint_names, scores, estimate, left_out, training), prepared.findings
-    )
+    validation = contradicted(validate(robot.joint_names, scores, estimate, left_out, training), on_recordings)
     tell("validation", 1.0)
     seconds = time.perf_counter() - prepared.began
     estimate = replace(estimate, findings=(*findings, *found), seconds=seconds)

@@ -19,7 +19,7 @@ from armid.measurement.observations import Observations
 from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics_model import DynamicsModel
 from armid.model.terms import Coulomb, Hysteresis, Offset, RigidBody, Viscous
-from armid.study.plausibility import drift_finding
+from armid.study.plausibility.estimate_findings import drift_finding
 from problems import lively_motion, one_run, raw
 from trees import random_inertial, robot_of, structured_tree
 

@@ -11,7 +11,7 @@ from armid.errors import Finding
 from armid.measurement.log_format import LogFormat
 from armid.study.config import ModelChoice, RecordingChoice, RobotChoice, Study
 from armid.study.identify import Result, identify
-from armid.study.plausibility import contradicted
+from armid.study.plausibility.recording_errors import contradicted
 from sick import sound
 
 ARM = "ur10e"

@@ -22,7 +22,7 @@ from armid.model.base_parameters import BaseParameters
 from armid.model.terms import Coulomb, RigidBody, Viscous
 from armid.study.config import ModelChoice, RecordingChoice, RobotChoice, Study
 from armid.study.identify import identify
-from armid.study.plausibility import contradicted
+from armid.study.plausibility.recording_errors import contradicted
 from armid.study.recordings.agreement import CODE, disagreement_findings
 from armid.validation.torque_validation import Validation
 from problems import one_run, raw

@@ -3,19 +3,25 @@
 from __future__ import annotations
 
 import sys
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from armid.cli.commands.identify import LogPreset
 from armid.cli.commands.report import NoReport, write_page
 from armid.cli.options import Json, Out, Threads, Verbose
 
 
+class ProcessingPreset(StrEnum):
+    """Named sets of options for processing and estimation."""
+
+    thesis = "thesis"
+
+
 def demo(
     preset: Annotated[
-        LogPreset | None, typer.Option(help="`thesis`: process and estimate as the thesis does.")
+        ProcessingPreset | None, typer.Option(help="`thesis`: process and estimate as the thesis does.")
     ] = None,
     edges: Annotated[
         str, typer.Option(help="Treatment of the ends of a recording: periodic, pad or drop.")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from armid.cli.log_format_options import Columns, Period, Rate, TimeUnit, TorqueSign, Units, given
+from armid.cli.log_format_options import Columns, Period, Preset, Rate, TimeUnit, TorqueSign, Units, given
 from armid.cli.options import (
     Gravity,
     Json,
@@ -42,6 +42,7 @@ def doctor(
     columns: Columns = None,
     time_unit: TimeUnit = None,
     period: Period = None,
+    preset: Preset = None,
     gravity: Gravity = None,
     lock: Lock = None,
     only: Only = None,
@@ -66,7 +67,7 @@ def doctor(
     from armid.study.diagnosis import diagnose, diagnosis_record, has_errors
     from armid.study.storage.records import to_json
 
-    reading_options = given(columns, rate, torque_sign, units, time_unit, period)
+    reading_options = given(columns, rate, torque_sign, units, time_unit, period, preset)
     if not recordings:
         if Path(subject).suffix != ".toml":
             raise ArmidError(

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import sys
 from dataclasses import fields, replace
-from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from armid.cli.commands.report import NoReport, write_page
-from armid.cli.log_format_options import Columns, Period, Rate, TimeUnit, TorqueSign, Units, given
+from armid.cli.log_format_options import PRESET_NAMES, Columns, Period, Rate, TimeUnit, TorqueSign, Units, given
 from armid.cli.options import (
     BASE_TERMS,
     Gravity,
@@ -34,6 +33,7 @@ from armid.estimation.catalogue import ESTIMATORS
 
 if TYPE_CHECKING:
     from armid.errors import Finding
+    from armid.measurement.log_format import LogFormat
     from armid.runs.run import Run
     from armid.study.compare_methods import MethodTable
     from armid.study.config import Study
@@ -41,10 +41,8 @@ if TYPE_CHECKING:
     from armid.study.prepare import Prepared
 
 
-class LogPreset(StrEnum):
-    """Named sets of options for processing and estimation, for the option --preset."""
-
-    thesis = "thesis"
+THESIS_PRESET = "thesis"
+"""Name of the set of options for processing and estimation in the thesis."""
 
 
 Inputs = Annotated[
@@ -95,7 +93,13 @@ def identify(
     inputs: Inputs,
     validate: HeldOut = None,
     preset: Annotated[
-        LogPreset | None, typer.Option(help="`thesis`: processing and terms of the thesis, ordinary least squares.")
+        list[str] | None,
+        typer.Option(
+            metavar="NAME",
+            help="`thesis`: processing and terms of the thesis, ordinary least squares; or a well-known log: "
+            f"{', '.join(PRESET_NAMES)}; repeatable.",
+            autocompletion=among((THESIS_PRESET, *PRESET_NAMES)),
+        ),
     ] = None,
     gravity: Gravity = None,
     lock: Lock = None,
@@ -138,10 +142,11 @@ def identify(
 
     if out is not None:
         refuse_folder(out)
-    reading = given(columns, rate, torque_sign, units, time_unit, period)
+    processing_preset, log_preset = _presets(preset or [])
+    reading = given(columns, rate, torque_sign, units, time_unit, period, log_preset)
     study = _study(inputs, validate or [], reading, (gravity, lock, only, tip, package), terms)
     processing = {"cutoff": _cutoff(cutoff), "edges": edges, "slow": slow, "standstill": standstill}
-    study = _overridden(study, preset, processing, method)
+    study = _overridden(study, processing_preset, processing, method)
     prepared, result, table = _identified(study, threads, compare=compare, quiet=json)
     print_findings(_shared_format_finding(study, validate or []))
     run, replaced = _save(result, table, out)
@@ -153,6 +158,28 @@ def identify(
         raise typer.Exit(1)
 
 
+def _presets(names: list[str]) -> tuple[str | None, str | None]:
+    """Preset of the processing and preset of the log format among the values of --preset.
+
+    Raises:
+        StudyError: A name is unknown, or there are two presets of a kind.
+    """
+    from armid.errors import StudyError, did_you_mean
+
+    known = (THESIS_PRESET, *PRESET_NAMES)
+    if unknown := [name for name in names if name not in known]:
+        raise StudyError(
+            f"Unknown preset {unknown[0]!r}.", possible=", ".join(known), remedy=did_you_mean(unknown[0], known)
+        )
+    of_logs = [name for name in dict.fromkeys(names) if name != THESIS_PRESET]
+    if len(of_logs) > 1:
+        raise StudyError(
+            f"--preset is given for two log formats: {', '.join(of_logs)}.",
+            remedy="give one of them; a study can state the log format of each recording.",
+        )
+    return (THESIS_PRESET if THESIS_PRESET in names else None), (of_logs[0] if of_logs else None)
+
+
 def _shared_format_finding(study: Study, validate: list[str]) -> list[Finding]:
     """Finding about validation recordings that are read with the log format of the training recordings."""
     from armid.errors import Finding
@@ -160,7 +187,7 @@ def _shared_format_finding(study: Study, validate: list[str]) -> list[Finding]:
     from armid.measurement.remedy_builders import lines
 
     shared, default = next(choice.reading for choice in study.recordings if choice.role == "train"), LogFormat()
-    keys = {field.name: getattr(shared, field.name) for field in fields(LogFormat) if field.name != "exclude"}
+    keys = {field.name: getattr(shared, field.name) for field in fields(LogFormat) if field.name not in OF_ONE}
     keys = {key: value for key, value in keys.items() if repr(value) != repr(getattr(default, key))}
     if not validate or not keys:
         return []
@@ -237,10 +264,20 @@ def _study(
         return _changed_study(inputs[0], validate, reading, arm, terms)
     log_format = LogFormat(**reading)
     recordings = tuple(RecordingChoice(path, reading=log_format) for path in inputs[1:])
-    recordings += tuple(RecordingChoice(path, "validate", log_format) for path in validate)
+    recordings += tuple(RecordingChoice(path, "validate", _shared(log_format)) for path in validate)
     model = model_choice(terms)
     robot = robot_choice(inputs[0], *arm)
     return Study(robot, model, recordings, estimation=default_estimation(model))
+
+
+OF_ONE = ("exclude", "period", "start")
+"""Keys of a log format that belong to one recording alone."""
+
+
+def _shared(log_format: LogFormat) -> LogFormat:
+    """Log format of the training recordings without what belongs to one of them: exclusions, and times of periods."""
+    period = "none" if log_format.period == "none" else None
+    return replace(log_format, exclude=(), start=None, period=period)
 
 
 ARM = ("gravity", "lock", "tip", "only")
@@ -274,7 +311,7 @@ def _changed_study(
     changes = {key: value for key in ARM if (value := getattr(overrides, key))}
     robot = replace(study.robot, **changes)
     first = next(choice.reading for choice in study.recordings if choice.role == "train")
-    same_format = replace(first, exclude=())
+    same_format = _shared(first)
     extra = tuple(RecordingChoice(str(Path(path).absolute()), "validate", same_format) for path in validate)
     model = study.model if terms is None else model_choice(terms)
     estimation = default_estimation(model) if model.automatic and not study.model.automatic else study.estimation
@@ -297,15 +334,13 @@ def _cutoff(text: str | None) -> float | str | None:
         ) from None
 
 
-def _overridden(
-    study: Study, preset: LogPreset | None, given_processing: dict[str, Any], method: str | None
-) -> Study:
+def _overridden(study: Study, preset: str | None, given_processing: dict[str, Any], method: str | None) -> Study:
     """Study with the processing and estimation that the command line gives; an option with `None` changes nothing."""
     from armid.measurement.processing.options import THESIS
     from armid.study.config import EstimationChoice
 
     processing, estimation, model = study.processing, study.estimation, study.model
-    if preset is LogPreset.thesis:
+    if preset == THESIS_PRESET:
         processing = THESIS
         estimation = EstimationChoice("ols")
         model = model if model.terms else model_choice(None, default=BASE_TERMS)

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from armid.cli.log_format_options import Columns, TorqueSign, changed_reading
+from armid.cli.log_format_options import Columns, Edges, Period, Preset, TorqueSign, changed_reading
 from armid.cli.options import Json
 from armid.errors import ArmidError
 
@@ -32,6 +32,9 @@ def predict(
     rate: Annotated[float | None, typer.Option(help="Sampling rate of a recording without a clock, Hz.")] = None,
     torque_sign: TorqueSign = None,
     columns: Columns = None,
+    period: Period = None,
+    preset: Preset = None,
+    edges: Edges = None,
     json: Json = False,
 ) -> None:
     """Predict joint torques along the motion of a recording or a plan, and write them to a file.
@@ -46,7 +49,7 @@ def predict(
     from armid.cli.console import print_findings
     from armid.notebook_display import plural
     from armid.runs import validation_and_prediction
-    from armid.runs.run import load_run
+    from armid.runs.run import load_run, with_edges
     from armid.study.extrapolation import speed_finding
     from armid.study.storage.records import to_json
 
@@ -55,8 +58,8 @@ def predict(
             f"The torque cannot be written to {out}, because this file is the motion.",
             remedy="write the torque to another file with --out.",
         )
-    loaded = load_run(run)
-    reading = changed_reading(loaded.log_format, rate, torque_sign, columns)
+    loaded = with_edges(load_run(run), edges)
+    reading = changed_reading(loaded.log_format, rate, torque_sign, columns, period=period, preset=preset)
     along = validation_and_prediction.motion_of(loaded, motion, rate=plan_rate, reading=reading)
     torque = validation_and_prediction.predict(loaded, along)
     width = validation_and_prediction.band(loaded, along) if band else None

@@ -8,7 +8,16 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from armid.cli.log_format_options import Columns, Rate, ReadingLines, TorqueSign, changed_reading
+from armid.cli.log_format_options import (
+    Columns,
+    Edges,
+    Period,
+    Preset,
+    Rate,
+    ReadingLines,
+    TorqueSign,
+    changed_reading,
+)
 from armid.cli.options import Json, Out, run_folder
 from armid.errors import OutputError, StudyError
 
@@ -33,6 +42,9 @@ def recalibrate(
     torque_sign: TorqueSign = None,
     columns: Columns = None,
     reading_lines: ReadingLines = None,
+    period: Period = None,
+    preset: Preset = None,
+    edges: Edges = None,
     out: Out = None,
     json: Json = False,
 ) -> None:
@@ -46,13 +58,13 @@ def recalibrate(
     from armid.cli.console import print_findings
     from armid.runs.recalibration import recalibrate as stage
     from armid.runs.recalibration_record import CHANGES, changes_record
-    from armid.runs.run import load_run, refuse_folder, save_run
+    from armid.runs.run import load_run, refuse_folder, save_run, with_edges
     from armid.study.storage.records import estimate_record, to_json, validation_record
 
     if tool and everything:
         raise StudyError("--tool and --all are both given.", remedy="give only one of them; --all includes the tool.")
     let_change: Changed = "tool" if tool else "all" if everything else "friction"
-    earlier = load_run(run)
+    earlier = with_edges(load_run(run), edges)
     folder = run_folder(out, f"{earlier.robot.name}-recalibrated")
     if folder.resolve() == Path(run).resolve():
         raise OutputError(
@@ -60,7 +72,9 @@ def recalibrate(
             remedy="choose another folder with --out.",
         )
     refuse_folder(folder)
-    reading = changed_reading(earlier.log_format, rate, torque_sign, columns, reading_lines)
+    reading = changed_reading(
+        earlier.log_format, rate, torque_sign, columns, reading_lines, period=period, preset=preset
+    )
     recalibration = stage(earlier, recordings, reading, changed=let_change, held_out=validate or [])
     changes = changes_record(recalibration)
     save_run(recalibration.result, folder, further_records={CHANGES: changes})

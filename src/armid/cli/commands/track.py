@@ -7,7 +7,16 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from armid.cli.log_format_options import Columns, Rate, ReadingLines, TorqueSign, changed_reading
+from armid.cli.log_format_options import (
+    Columns,
+    Edges,
+    Period,
+    Preset,
+    Rate,
+    ReadingLines,
+    TorqueSign,
+    changed_reading,
+)
 from armid.cli.options import Json, Out
 from armid.errors import StudyError
 
@@ -38,6 +47,9 @@ def track(
     torque_sign: TorqueSign = None,
     columns: Columns = None,
     reading_lines: ReadingLines = None,
+    period: Period = None,
+    preset: Preset = None,
+    edges: Edges = None,
     out: Out = None,
     json: Json = False,
 ) -> None:
@@ -50,10 +62,10 @@ def track(
     """
     from armid.atomic_file import replace_file
     from armid.cli.console import print_findings, progress
-    from armid.runs.run import load_run
+    from armid.runs.run import load_run, with_edges
     from armid.runs.tracking import track as stage
     from armid.runs.tracking import track_record, track_table
-    from armid.study.plausibility import contradictions
+    from armid.study.plausibility.recording_errors import contradictions
     from armid.study.storage.atomic_folder import refuse, whole_folder
     from armid.study.storage.records import to_json
 
@@ -62,10 +74,12 @@ def track(
             "--tool and --all are both given.", remedy="give only one of them; --all includes the payload."
         )
     changed: Changed = "tool" if tool else "all" if everything else "friction"
-    earlier = load_run(run)
+    earlier = with_edges(load_run(run), edges)
     if out is not None:
         refuse(out, "track.json", "track")
-    reading = changed_reading(earlier.log_format, rate, torque_sign, columns, reading_lines)
+    reading = changed_reading(
+        earlier.log_format, rate, torque_sign, columns, reading_lines, period=period, preset=preset
+    )
     with progress() as tell:
         tracked = stage(earlier, recordings, reading, memory=memory, block=block, changed=changed, progress=tell)
     print_findings(tracked.findings)
@@ -91,7 +105,7 @@ def _report(run: Run, tracked: TrackedRun, *, tool: bool) -> None:
     from rich.table import Table
 
     from armid.cli.console import output_console, print_contradictions
-    from armid.study.plausibility import contradictions
+    from armid.study.plausibility.recording_errors import contradictions
 
     console = output_console()
     print_contradictions(console, contradictions(tracked.findings))

@@ -8,7 +8,16 @@ from typing import Annotated
 
 import typer
 
-from armid.cli.log_format_options import Columns, Rate, ReadingLines, TorqueSign, changed_reading
+from armid.cli.log_format_options import (
+    Columns,
+    Edges,
+    Period,
+    Preset,
+    Rate,
+    ReadingLines,
+    TorqueSign,
+    changed_reading,
+)
 from armid.cli.options import Json
 
 Controller = Annotated[
@@ -27,6 +36,9 @@ def validate(
     torque_sign: TorqueSign = None,
     columns: Columns = None,
     reading_lines: ReadingLines = None,
+    period: Period = None,
+    preset: Preset = None,
+    edges: Edges = None,
     simulate: Annotated[
         bool,
         typer.Option(
@@ -50,12 +62,14 @@ def validate(
     from armid.cli.commands.validate_rollout import motion_table, roll_out
     from armid.cli.console import output_console, print_findings, print_verdict, validation_table
     from armid.runs.rollout import judged_by_motion, motion_record
-    from armid.runs.run import load_run
+    from armid.runs.run import load_run, with_edges
     from armid.runs.validation_and_prediction import validate_run
     from armid.study.storage.records import to_json, validation_record
 
-    loaded = load_run(run)
-    reading = changed_reading(loaded.log_format, rate, torque_sign, columns, reading_lines)
+    loaded = with_edges(load_run(run), edges)
+    reading = changed_reading(
+        loaded.log_format, rate, torque_sign, columns, reading_lines, period=period, preset=preset
+    )
     closed = controller is not None
     validation, findings = validate_run(loaded, recordings, reading)
     simulate |= closed

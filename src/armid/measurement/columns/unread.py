@@ -119,7 +119,7 @@ def positions_missing(
         remedy = Remedy(
             f"log the position of each joint; if the file has these columns, name them{order}: ",
             setting("columns", named),
-            f"; or give a preset ({', '.join(PRESETS)}) in a study.",
+            f"; or give a preset: --preset {', '.join(PRESETS)}, or the key `preset` in a study.",
         )
     taken = [f"{name} is {shortened(columns)}" for name, columns in chosen.items() if columns]
     guessed = f" From the names, {'; '.join(taken)}." if taken else ""

@@ -13,6 +13,7 @@ from armid.report.data.number_format import share, short
 from armid.report.data.page_data import PageData, velocity_unit
 from armid.report.data.residual_dependence import LARGE_SHARE, residual_shares
 from armid.report.section import effort_unit
+from armid.study.plausibility.one_sided_filter import CODE as ONE_SIDED
 
 GOOD_SHARE = 0.1
 """Largest relative RMS of a well predicted joint, as in Figure 4.3 of the thesis."""
@@ -310,6 +311,8 @@ def _motion(page_data: PageData) -> Sentences:
 
 def _laws(page_data: PageData) -> Sentences:
     """Request for friction laws that could explain a dependence of the residual on position or reversals."""
+    if any(finding.code == ONE_SIDED for finding in page_data.run.estimate.findings):
+        return [], [], []  # the filter makes residuals that depend on reversals, which friction would only hide
     dependent: dict[str, list[int]] = {"position": [], "reversals": []}
     for j in range(len(page_data.joints)):
         shares = residual_shares(page_data.drawn, page_data.run.processing, j)

@@ -8,7 +8,7 @@ from itertools import count
 
 import numpy as np
 
-from armid.errors import Finding
+from armid.errors import Finding, RecordingError
 from armid.information.hysteresis_states import with_sliding_states
 from armid.measurement.observations import Observations
 from armid.measurement.processing.options import ProcessingOptions
@@ -37,9 +37,23 @@ class ProcessedRecording:
 
 
 def process_each(
-    recordings: Sequence[tuple[RecordingChoice, Recording]], processing: ProcessingOptions, robot: Robot
+    recordings: Sequence[tuple[RecordingChoice, Recording]],
+    processing: ProcessingOptions,
+    robot: Robot,
+    *,
+    edges_required: bool = True,
 ) -> tuple[ProcessedRecording, ...]:
     """Processes recordings one by one; the recordings are numbered, training recordings first.
+
+    Periodic edges are for a motion that closes. A validation recording without a stated period may have any motion:
+    if its motion does not close, the rows at its ends are dropped, and a finding says so.
+
+    Args:
+        recordings: Recordings with their roles and log formats.
+        processing: Processing options.
+        robot: The arm.
+        edges_required: True if training recordings must have the edges of the options; new recordings for a finished
+            run may have other edges, but then all of them have.
 
     Raises:
         RecordingError: A recording cannot be processed with these options.
@@ -47,22 +61,56 @@ def process_each(
     if not recordings:
         return ()
     processing = resolve_options(processing, [recording for _, recording in recordings])
-    limits = np.array([joint.effort_limit for joint in robot.joints])
     training = sum(choice.role == "train" for choice, _ in recordings)
     number = {"train": count(), "validate": count(training)}
-    processed: list[ProcessedRecording] = []
-    for choice, recording in recordings:
-        runs, findings = process_recording(
-            recording,
-            processing,
-            period=choice.reading.repeats,
-            start=choice.reading.start,
-            effort_limits=limits,
-            index=next(number[choice.role]),
-        )
-        observations = Observations(runs, processing.band, differenced_noise(recording, processing))
-        processed.append(ProcessedRecording(choice, recording, observations, findings))
-    return tuple(processed)
+    numbered = [(choice, recording, next(number[choice.role])) for choice, recording in recordings]
+    processed: dict[int, ProcessedRecording] = {}
+    for choice, recording, index in numbered:
+        open_ends = choice.reading.stated_period is None and not (edges_required and choice.role == "train")
+        try:
+            processed[index] = _processed(choice, recording, processing, robot, index)
+        except RecordingError:
+            if processing.edges != "periodic" or not open_ends:
+                raise
+            processed[index] = _with_dropped_edges(choice, recording, processing, robot, index)
+    train = [index for choice, _, index in numbered if choice.role == "train"]
+    if len({processed[index].observations.band for index in train}) > 1:  # one estimate has one band
+        for choice, recording, index in numbered:
+            if index in train and processed[index].observations.band.edges == "periodic":
+                processed[index] = _with_dropped_edges(choice, recording, processing, robot, index)
+    return tuple(processed[index] for _, _, index in numbered)
+
+
+def _processed(
+    choice: RecordingChoice, recording: Recording, processing: ProcessingOptions, robot: Robot, index: int
+) -> ProcessedRecording:
+    runs, findings = process_recording(
+        recording,
+        processing,
+        period=choice.reading.repeats,
+        start=choice.reading.start,
+        effort_limits=np.array([joint.effort_limit for joint in robot.joints]),
+        index=index,
+    )
+    observations = Observations(runs, processing.band, differenced_noise(recording, processing))
+    return ProcessedRecording(choice, recording, observations, findings)
+
+
+def _with_dropped_edges(
+    choice: RecordingChoice, recording: Recording, processing: ProcessingOptions, robot: Robot, index: int
+) -> ProcessedRecording:
+    """Processes a recording whose motion does not close, without derivatives by Fourier series, which need that."""
+    derivatives = "central" if processing.derivatives == "periodic" else processing.derivatives
+    dropped = replace(processing, edges="drop", average=False, derivatives=derivatives)
+    processed = _processed(choice, recording, dropped, robot, index)
+    finding = Finding(
+        "edges-dropped",
+        "info",
+        "",
+        f"The motion of {choice.path} does not close with a whole number of periods, so the rows that its ends "
+        "influence are dropped, instead of the periodic edges of the other recordings.",
+    )
+    return replace(processed, findings=(*processed.findings, finding))
 
 
 def judged_without_memory(

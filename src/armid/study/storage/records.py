@@ -21,7 +21,7 @@ from armid.estimation.standard_parameter_resolution import StandardFit
 from armid.measurement.log_format import LogFormat
 from armid.model.base_formulas import base_formulas, groupings
 from armid.study.config import Study
-from armid.study.plausibility import contradictions
+from armid.study.plausibility.recording_errors import contradictions
 from armid.validation.left_out_error import LeftOutError
 from armid.validation.torque_validation import Validation
 

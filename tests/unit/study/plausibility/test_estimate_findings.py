@@ -25,7 +25,7 @@ from armid.maths.rotations import homogeneous, rotation_x
 from armid.model.motion import Motion
 from armid.model.terms import Coulomb, RigidBody, Viscous
 from armid.robot import Robot
-from armid.study.plausibility import excitation_finding, far_findings, gravity_finding, weak_finding
+from armid.study.plausibility.estimate_findings import excitation_finding, far_findings, gravity_finding, weak_finding
 from problems import one_run, raw
 
 

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from armid.checked_array import Array
-from armid.doctor import effects
 from armid.doctor.checks.dynamics.excitation_weak import (
     WEAK_CONDITION,
     excitation_severity,
@@ -32,16 +30,11 @@ from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics_model import DynamicsModel
 from armid.remedy import Remedy, setting
 from armid.validation.gravity_sign import gravity_finding
-from armid.validation.torque_validation import Check, Validation
 
 FAR = 20.0
 """Factor between the estimated mass of a link and its mass in the description above which a finding is reported."""
 
 NAMED = 4
-
-RECORDING_ERRORS = "errors in the recordings"
-"""Beginning of the names of checks that fail because of errors in the recordings. The code of the finding follows in
-parentheses."""
 
 TELLING = 0.5
 """A value counts as determined by the prior if less than this share of its information comes from the data."""
@@ -296,42 +289,3 @@ def negative_finding(model: DynamicsModel, fit: Fit) -> Finding | None:
         "separate these parameters from others.",
         Remedy("use ", setting("method", "physical"), ", and check the residuals in the report."),
     )
-
-
-def contradictions(findings: Sequence[Finding]) -> tuple[Check, ...]:
-    """Failed checks of the validation, one for each code of findings of severity `error` on the recordings.
-
-    Args:
-        findings: Findings on the recordings.
-    """
-    codes = {*effects(), "recordings-disagree"}
-    errors = [each.code for each in findings if each.severity == "error" and each.code in codes]
-    return tuple(
-        Check(recording_error_check(code), float(errors.count(code)), 0.0, False) for code in dict.fromkeys(errors)
-    )
-
-
-def recording_error_check(code: str) -> str:
-    """Name of the check that fails if the recordings have findings of severity `error` with a given code.
-
-    Args:
-        code: Code of the findings.
-    """
-    return f"{RECORDING_ERRORS} ({code})"
-
-
-def contradicted(validation: Validation, findings: Sequence[Finding]) -> Validation:
-    """Validation that fails if there is a finding of severity `error` about the recordings.
-
-    Such an error makes most of an estimate wrong. Training and validation recordings with the same fault, such as a
-    wrong unit or order of channels, agree with each other, so that the error on held-out motion does not show the
-    fault.
-
-    Args:
-        validation: Scores, checks and verdict.
-        findings: Findings on the recordings.
-    """
-    checks = contradictions(findings)
-    if not checks:
-        return validation
-    return replace(validation, verdict="fail", checks=(*validation.checks, *checks))

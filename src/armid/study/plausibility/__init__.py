@@ -1,0 +1,1 @@
+"""Plausibility of an estimate: findings about it, and checks that fail because of errors in the recordings."""
