@@ -116,7 +116,6 @@ def changed_reading(
     torque_sign: int | None,
     columns: list[str] | None,
     lines: list[str] | None = None,
-    *,
     period: str | None = None,
     preset: str | None = None,
 ) -> dict[str, Any]:

@@ -217,21 +217,17 @@ def _own_bodies(run: Run, standard: StandardFit) -> Finding:
 def _meaning(run: Run, verdict: Verdict) -> Finding:
     """Finding with the reason why the parameters of a run are inconsistent, and with a remedy."""
     fit = run.estimate.fit
-    half: dict[str, float] = dict(zip(fit.names, 0.5 * np.ptp(fit.intervals, axis=1), strict=True))
+    half = dict(zip(fit.names, 0.5 * np.ptp(fit.intervals, axis=1).tolist(), strict=True))
     beyond = [each.name for each in verdict.certificate.blame if abs(each.change) > half.get(each.name, np.inf)]
     why = "the nearest consistent parameters lie within the 95 % intervals, so noise can be the cause"
     remedy = "use the model only for torques along motions similar to the recorded ones"
     if beyond:
-        outside = ", ".join(beyond[:4])
-        why = (
-            f"the nearest consistent parameters have {outside} outside the 95 % intervals, so noise is not the "
-            "only cause"
-        )
+        outside = f"{', '.join(beyond[:4])} outside the 95 % intervals"
+        why = f"the nearest consistent parameters have {outside}, so noise is not the only cause"
         remedy = "check the recordings with armid doctor, and the residuals in the report; " + remedy
-    biased = [each for each in run.estimate.findings if each.code == ONE_SIDED]
-    if biased:
+    for biased in (each for each in run.estimate.findings if each.code == ONE_SIDED):
         why = "the torque was filtered and the model's columns were not, which biases the parameters: no noise"
-        remedy = biased[0].remedy.rstrip(".")
+        remedy = biased.remedy.rstrip(".")
     if fit.standard is None:
         remedy += "; identify with --method physical, which keeps links physically consistent"
     evidence = f"the method {run.estimate.method} fits the torque without physical constraints on the links"

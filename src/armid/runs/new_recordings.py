@@ -68,6 +68,12 @@ class NewRecordings:
         """Mask of the base parameters that may change over time, which are friction and offsets; shape (b,)."""
         return changing_parameters(self.run.model)[self.base.kept]
 
+    @property
+    def faults(self) -> tuple[str, ...]:
+        """Codes of the findings that make an estimate from the new recordings wrong."""
+        codes = (f.code for f in self.findings if f.severity == "error" or f.code == ROTOR_INERTIA_MISSING)
+        return tuple(dict.fromkeys(codes))
+
 
 def load_new_recordings(
     run: Run,

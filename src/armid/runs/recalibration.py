@@ -12,7 +12,6 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from armid.doctor.checks.dynamics.rotor_inertia_missing import CODE as ROTOR_INERTIA_MISSING
 from armid.doctor.rows_away_from_reversals import rows_near_reversals
 from armid.errors import ArmidError, EstimationError, Finding, StudyError
 from armid.estimation.estimate_record import EARLIER_RUN, Estimate, InputDigest
@@ -181,8 +180,7 @@ def _assumption_findings(new_recordings: NewRecordings, result: Result, changed:
     before = float(np.linalg.norm(new_recordings.run.estimate.fit.residual_rms[seen]))
     error = float(np.linalg.norm(new[seen]))
     larger = changed != "all" and error > SAME_ERROR * before
-    told = new_recordings.findings
-    faults = dict.fromkeys(f.code for f in told if f.severity == "error" or f.code == ROTOR_INERTIA_MISSING)
+    faults = new_recordings.faults
     least = _least_error(new_recordings.new, seen) if larger and not faults else 0.0
     if larger and error <= SAME_ERROR * least:
         found.append(_unexplained(new_recordings, seen, before, error, least))

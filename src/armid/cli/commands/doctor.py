@@ -69,14 +69,7 @@ def doctor(
 
     reading_options = given(columns, rate, torque_sign, units, time_unit, period, preset)
     if not recordings:
-        if Path(subject).suffix != ".toml":
-            raise ArmidError(
-                f"{subject} is an arm and not a study, but no recording is given.",
-                remedy="give at least one recording of this arm, or a study.toml.",
-            )
-        if reading_options or any((gravity, lock, only, tip, package, terms)):
-            problem = f"{subject} is a study, but options are only possible with an arm and recordings."
-            raise StudyError(problem, remedy="write these options into the study.")
+        _require_study(subject, options=bool(reading_options) or any((gravity, lock, only, tip, package, terms)))
         study = load_study(subject)
     else:
         reading = LogFormat(**reading_options)
@@ -89,6 +82,18 @@ def doctor(
         _report(_without_study(diagnoses, study, reading_options) if recordings else diagnoses)
     if has_errors(diagnoses):
         raise typer.Exit(1)
+
+
+def _require_study(subject: str, *, options: bool) -> None:
+    """Raises an error if the subject of a command without recordings is no study, or if options are given, too."""
+    if Path(subject).suffix != ".toml":
+        raise ArmidError(
+            f"{subject} is an arm and not a study, but no recording is given.",
+            remedy="give at least one recording of this arm, or a study.toml.",
+        )
+    if options:
+        problem = f"{subject} is a study, but options are only possible with an arm and recordings."
+        raise StudyError(problem, remedy="write these options into the study.")
 
 
 def _without_study(

@@ -89,18 +89,21 @@ Method = Annotated[
 ]
 
 
+Presets = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="NAME",
+        help="`thesis`: processing and terms of the thesis, ordinary least squares; or a well-known log: "
+        f"{', '.join(PRESET_NAMES)}; repeatable.",
+        autocompletion=among((THESIS_PRESET, *PRESET_NAMES)),
+    ),
+]
+
+
 def identify(
     inputs: Inputs,
     validate: HeldOut = None,
-    preset: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="NAME",
-            help="`thesis`: processing and terms of the thesis, ordinary least squares; or a well-known log: "
-            f"{', '.join(PRESET_NAMES)}; repeatable.",
-            autocompletion=among((THESIS_PRESET, *PRESET_NAMES)),
-        ),
-    ] = None,
+    preset: Presets = None,
     gravity: Gravity = None,
     lock: Lock = None,
     only: Only = None,

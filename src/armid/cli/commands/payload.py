@@ -7,16 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from armid.cli.log_format_options import (
-    Columns,
-    Edges,
-    Period,
-    Preset,
-    Rate,
-    ReadingLines,
-    TorqueSign,
-    changed_reading,
-)
+from armid.cli.log_format_options import Columns, Rate, ReadingLines, TorqueSign, changed_reading
 from armid.cli.options import Json, Out
 from armid.cli.value_completion import moving_links
 
@@ -67,9 +58,6 @@ def payload(
     torque_sign: TorqueSign = None,
     columns: Columns = None,
     reading_lines: ReadingLines = None,
-    period: Period = None,
-    preset: Preset = None,
-    edges: Edges = None,
     out: Out = None,
     json: Json = False,
 ) -> None:
@@ -85,14 +73,14 @@ def payload(
     from armid.atomic_file import replace_file
     from armid.cli.console import print_findings
     from armid.runs.payload import find_payload, payload_record
-    from armid.runs.run import load_run, with_edges
+    from armid.runs.run import load_run
     from armid.study.storage.records import to_json
 
-    loaded = with_edges(load_run(run), edges)
+    loaded = load_run(run)
     found = find_payload(
         loaded,
         recordings,
-        changed_reading(loaded.log_format, rate, torque_sign, columns, reading_lines, period=period, preset=preset),
+        changed_reading(loaded.log_format, rate, torque_sign, columns, reading_lines),
         mass=mass,
         com=com,
         gain_deviation=gain_deviation,

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from armid.cli.log_format_options import Columns, Edges, Period, Preset, TorqueSign, changed_reading
 from armid.cli.options import Json
 from armid.errors import ArmidError
+
+if TYPE_CHECKING:
+    from armid.checked_array import Array
+    from armid.runs.run import Run
 
 
 def predict(
@@ -47,11 +51,9 @@ def predict(
     import numpy as np
 
     from armid.cli.console import print_findings
-    from armid.notebook_display import plural
     from armid.runs import validation_and_prediction
     from armid.runs.run import load_run, with_edges
     from armid.study.extrapolation import speed_finding
-    from armid.study.storage.records import to_json
 
     if out.resolve() == Path(motion).resolve():
         raise ArmidError(
@@ -59,20 +61,27 @@ def predict(
             remedy="write the torque to another file with --out.",
         )
     loaded = with_edges(load_run(run), edges)
-    reading = changed_reading(loaded.log_format, rate, torque_sign, columns, period=period, preset=preset)
+    reading = changed_reading(loaded.log_format, rate, torque_sign, columns, None, period, preset)
     along = validation_and_prediction.motion_of(loaded, motion, rate=plan_rate, reading=reading)
     torque = validation_and_prediction.predict(loaded, along)
     width = validation_and_prediction.band(loaded, along) if band else None
     path = validation_and_prediction.write_torque(out, along, torque, loaded.robot.joint_names, band=width)
-    if json:
-        record = {"path": str(path), "samples": along.samples, "rms": np.sqrt(np.mean(torque**2, axis=0))}
-        if width is not None:
-            record["band95"] = np.median(width, axis=0)
-        sys.stdout.write(to_json(record) + "\n")
-    else:
-        sys.stdout.write(
-            f"{plural(along.samples, 'sample')} of {plural(loaded.robot.n, 'joint')} written to {path}\n"
-        )
+    sys.stdout.write(_summary(loaded, path, torque, width, json=json) + "\n")
     top_speed = np.max(np.abs(along.dq), axis=0, initial=0.0)
     beyond = speed_finding(loaded.robot, loaded.estimate.speeds, top_speed, Path(motion).name)
     print_findings([] if beyond is None else [beyond])
+
+
+def _summary(run: Run, path: Path, torque: Array, width: Array | None, *, json: bool) -> str:
+    """Text or JSON object about a written torque (N, n) and half widths of its intervals, if any."""
+    import numpy as np
+
+    from armid.notebook_display import plural
+    from armid.study.storage.records import to_json
+
+    if not json:
+        return f"{plural(len(torque), 'sample')} of {plural(run.robot.n, 'joint')} written to {path}"
+    record = {"path": str(path), "samples": len(torque), "rms": np.sqrt(np.mean(torque**2, axis=0))}
+    if width is not None:
+        record["band95"] = np.median(width, axis=0)
+    return to_json(record)

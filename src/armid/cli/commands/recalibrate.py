@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -23,6 +23,7 @@ from armid.errors import OutputError, StudyError
 
 if TYPE_CHECKING:
     from armid.runs.recalibration import Changed, Recalibration
+    from armid.study.identify import Result
 
 
 def recalibrate(
@@ -59,7 +60,6 @@ def recalibrate(
     from armid.runs.recalibration import recalibrate as stage
     from armid.runs.recalibration_record import CHANGES, changes_record
     from armid.runs.run import load_run, refuse_folder, save_run, with_edges
-    from armid.study.storage.records import estimate_record, to_json, validation_record
 
     if tool and everything:
         raise StudyError("--tool and --all are both given.", remedy="give only one of them; --all includes the tool.")
@@ -72,23 +72,28 @@ def recalibrate(
             remedy="choose another folder with --out.",
         )
     refuse_folder(folder)
-    reading = changed_reading(
-        earlier.log_format, rate, torque_sign, columns, reading_lines, period=period, preset=preset
-    )
+    reading = changed_reading(earlier.log_format, rate, torque_sign, columns, reading_lines, period, preset)
     recalibration = stage(earlier, recordings, reading, changed=let_change, held_out=validate or [])
     changes = changes_record(recalibration)
     save_run(recalibration.result, folder, further_records={CHANGES: changes})
     if json:
-        record = estimate_record(recalibration.result.estimate)
-        record["run"] = str(folder)
-        record["validation"] = validation_record(recalibration.result.validation)
-        sys.stdout.write(to_json({**record, **changes}) + "\n")
+        sys.stdout.write(_record(recalibration.result, folder, changes) + "\n")
     else:
         _report(recalibration, len(recordings))
         sys.stdout.write(f"\nrun written to {folder}\n")
     print_findings(recalibration.result.estimate.findings)
     if recalibration.result.validation.verdict == "fail":
         raise typer.Exit(1)
+
+
+def _record(result: Result, folder: Path, changes: dict[str, Any]) -> str:
+    """JSON object that `armid recalibrate --json` prints."""
+    from armid.study.storage.records import estimate_record, to_json, validation_record
+
+    record = estimate_record(result.estimate)
+    record["run"] = str(folder)
+    record["validation"] = validation_record(result.validation)
+    return to_json({**record, **changes})
 
 
 def _report(recalibration: Recalibration, recordings: int) -> None:

@@ -7,16 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from armid.cli.log_format_options import (
-    Columns,
-    Edges,
-    Period,
-    Preset,
-    Rate,
-    ReadingLines,
-    TorqueSign,
-    changed_reading,
-)
+from armid.cli.log_format_options import Columns, Rate, ReadingLines, TorqueSign, changed_reading
 from armid.cli.options import Json, Out
 from armid.errors import StudyError
 
@@ -47,9 +38,6 @@ def track(
     torque_sign: TorqueSign = None,
     columns: Columns = None,
     reading_lines: ReadingLines = None,
-    period: Period = None,
-    preset: Preset = None,
-    edges: Edges = None,
     out: Out = None,
     json: Json = False,
 ) -> None:
@@ -62,7 +50,7 @@ def track(
     """
     from armid.atomic_file import replace_file
     from armid.cli.console import print_findings, progress
-    from armid.runs.run import load_run, with_edges
+    from armid.runs.run import load_run
     from armid.runs.tracking import track as stage
     from armid.runs.tracking import track_record, track_table
     from armid.study.plausibility.recording_errors import contradictions
@@ -74,12 +62,10 @@ def track(
             "--tool and --all are both given.", remedy="give only one of them; --all includes the payload."
         )
     changed: Changed = "tool" if tool else "all" if everything else "friction"
-    earlier = with_edges(load_run(run), edges)
+    earlier = load_run(run)
     if out is not None:
         refuse(out, "track.json", "track")
-    reading = changed_reading(
-        earlier.log_format, rate, torque_sign, columns, reading_lines, period=period, preset=preset
-    )
+    reading = changed_reading(earlier.log_format, rate, torque_sign, columns, reading_lines)
     with progress() as tell:
         tracked = stage(earlier, recordings, reading, memory=memory, block=block, changed=changed, progress=tell)
     print_findings(tracked.findings)

@@ -67,9 +67,7 @@ def validate(
     from armid.study.storage.records import to_json, validation_record
 
     loaded = with_edges(load_run(run), edges)
-    reading = changed_reading(
-        loaded.log_format, rate, torque_sign, columns, reading_lines, period=period, preset=preset
-    )
+    reading = changed_reading(loaded.log_format, rate, torque_sign, columns, reading_lines, period, preset)
     closed = controller is not None
     validation, findings = validate_run(loaded, recordings, reading)
     simulate |= closed
