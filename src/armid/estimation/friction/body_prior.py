@@ -28,6 +28,7 @@ from armid.estimation.crossvalidation import (
 from armid.estimation.estimate_record import torque_parameters
 from armid.estimation.estimators.physical import PhysicallyConsistent
 from armid.estimation.estimators.ridge import Ridge
+from armid.estimation.friction.forward_selection import SHRINKAGE
 from armid.estimation.friction.heldout_gains import GainPrior, HeldOutFolds, make_folds
 from armid.estimation.friction_per_recording import separate_by_recording
 from armid.estimation.prior import make_prior
@@ -78,9 +79,7 @@ class BodyPrior:
         """The prior with a weight of the bodies in independent samples; weight 0 is no prior."""
         return GainPrior(self.mean, self.rows * self.covariance.precision(weight))
 
-    def errors(
-        self, short_folds: HeldOutFolds, own: NDArray[np.intp], kept: NDArray[np.intp], ridge: Array
-    ) -> Array:
+    def errors(self, short_folds: HeldOutFolds, own: NDArray[np.intp], kept: NDArray[np.intp], ridge: Array) -> Array:
         """Weighted squared held-out error of each of `STRENGTHS` on each of F folds, shape (weights, F).
 
         Args:
@@ -113,7 +112,7 @@ def make_body_prior(problem: EstimationProblem, weighted: WhitenedSystem) -> Bod
     return BodyPrior(standard.regrouping @ unit_prior.mean, covariance, weighted.correlation)
 
 
-def choose_prior(bodies: BodyPrior, data: Information, weights: Array) -> tuple[float, GainPrior]:
+def choose_prior(bodies: BodyPrior, data: Information, weights: Array) -> GainPrior:
     """Finds the weight of the prior for the selection by cross-validation, under the model without candidates.
 
     The selection uses the largest weight whose error is within one standard error of the smallest. With a smaller
@@ -124,15 +123,11 @@ def choose_prior(bodies: BodyPrior, data: Information, weights: Array) -> tuple[
         bodies: The prior for any weight.
         data: Information about the model without candidates, with offsets that differ between recordings.
         weights: Weight of each joint's rows, shape (n,).
-
-    Returns:
-        The weight with the smallest error, and the prior for the selection.
     """
     kept, ridge = np.arange(data.count), np.zeros(data.count)
     prior = bodies.weighted(0.0).embedded(data.count, kept)
     errors = bodies.errors(make_folds(data, folds(data, FOLDS), weights, prior), kept, kept, ridge)
-    best = int(np.argmin(errors.sum(axis=1)))
-    return float(STRENGTHS[best]), bodies.weighted(float(STRENGTHS[one_standard_error(errors)]))
+    return bodies.weighted(float(STRENGTHS[one_standard_error(errors)]))
 
 
 def weight_for_estimate(errors: Array, *, contradicted: bool) -> float:
@@ -147,20 +142,25 @@ def weight_for_estimate(errors: Array, *, contradicted: bool) -> float:
         errors: Held-out error of each of `STRENGTHS` on each fold, shape (weights, F).
         contradicted: Whether the data contradict the bodies of the description.
     """
-    best = len(STRENGTHS) - 1 - one_standard_error(errors[::-1]) if contradicted else int(np.argmin(errors.sum(axis=1)))
-    return float(STRENGTHS[best])
+    if contradicted:
+        return float(STRENGTHS[::-1][one_standard_error(errors[::-1])])
+    return float(STRENGTHS[np.argmin(errors.sum(axis=1))])
 
 
 def suitable_method(
-    problem: EstimationProblem, weighted: WhitenedSystem, drifting: tuple[str, ...], ridge_weight: float
+    problem: EstimationProblem, weighted: WhitenedSystem, drifting: tuple[str, ...], ridge_weight: float | None
 ) -> tuple[str, bool]:
-    """Estimator that is suitable for the bodies, judged without further friction.
+    """Estimator that is suitable for the bodies, judged with the selected friction.
+
+    Without this friction its torque counts as noise, which hides that no consistent bodies explain the data: on the
+    UR10, they had then a smaller error than a Gaussian prior, and with friction the larger one.
 
     Args:
-        problem: Problem of the model without candidates.
-        weighted: The whitened data.
+        problem: Problem of the model with the selected friction.
+        weighted: The whitened data of the model without this friction; its noise is that of the estimate.
         drifting: Names of offsets that each recording has of its own.
-        ridge_weight: Weight of the Gaussian prior with the smallest held-out error.
+        ridge_weight: Weight of the Gaussian prior with the smallest held-out error under the selected friction
+            [independent samples]; `None` if it is not known.
 
     Returns:
         The estimator, and whether the data contradict the bodies of the description.
@@ -168,14 +168,14 @@ def suitable_method(
     if not problem.require_standard("friction selection").described:
         return Ridge.name, False
     samples = float(weighted.whole.rows.max()) / weighted.correlation
-    if samples < ENOUGH * weighted.whole.count:
+    if ridge_weight is None or samples < ENOUGH * weighted.whole.count:
         return PhysicallyConsistent.name, False
     noise = tuple(float(each) for each in 1.0 / weighted.weights)
     separate = separate_by_recording(problem.information, np.isin(problem.information.names, drifting))
     consistent = predicts_as_well(
         replace(problem, information=separate),
-        PhysicallyConsistent(noise=noise, weight=CONSISTENT_WEIGHT),
-        Ridge(noise=noise, weight=ridge_weight),
+        PhysicallyConsistent(noise=noise, weight=CONSISTENT_WEIGHT, shrinkage=SHRINKAGE),
+        Ridge(noise=noise, weight=ridge_weight, shrinkage=SHRINKAGE),
     )
     return (PhysicallyConsistent.name, False) if consistent else (Ridge.name, True)
 
