@@ -28,7 +28,6 @@ from armid.estimation.crossvalidation import (
 from armid.estimation.estimate_record import torque_parameters
 from armid.estimation.estimators.physical import PhysicallyConsistent
 from armid.estimation.estimators.ridge import Ridge
-from armid.estimation.friction.forward_selection import SHRINKAGE
 from armid.estimation.friction.heldout_gains import GainPrior, HeldOutFolds, make_folds
 from armid.estimation.friction_per_recording import separate_by_recording
 from armid.estimation.prior import make_prior
@@ -112,7 +111,7 @@ def make_body_prior(problem: EstimationProblem, weighted: WhitenedSystem) -> Bod
     return BodyPrior(standard.regrouping @ unit_prior.mean, covariance, weighted.correlation)
 
 
-def choose_prior(bodies: BodyPrior, data: Information, weights: Array) -> GainPrior:
+def choose_prior(bodies: BodyPrior, data: Information, weights: Array) -> tuple[float, GainPrior]:
     """Finds the weight of the prior for the selection by cross-validation, under the model without candidates.
 
     The selection uses the largest weight whose error is within one standard error of the smallest. With a smaller
@@ -123,11 +122,15 @@ def choose_prior(bodies: BodyPrior, data: Information, weights: Array) -> GainPr
         bodies: The prior for any weight.
         data: Information about the model without candidates, with offsets that differ between recordings.
         weights: Weight of each joint's rows, shape (n,).
+
+    Returns:
+        The weight with the smallest error, and the prior for the selection.
     """
     kept, ridge = np.arange(data.count), np.zeros(data.count)
     prior = bodies.weighted(0.0).embedded(data.count, kept)
     errors = bodies.errors(make_folds(data, folds(data, FOLDS), weights, prior), kept, kept, ridge)
-    return bodies.weighted(float(STRENGTHS[one_standard_error(errors)]))
+    best = float(STRENGTHS[np.argmin(errors.sum(axis=1))])
+    return best, bodies.weighted(float(STRENGTHS[one_standard_error(errors)]))
 
 
 def weight_for_estimate(errors: Array, *, contradicted: bool) -> float:
@@ -148,19 +151,15 @@ def weight_for_estimate(errors: Array, *, contradicted: bool) -> float:
 
 
 def suitable_method(
-    problem: EstimationProblem, weighted: WhitenedSystem, drifting: tuple[str, ...], ridge_weight: float | None
+    problem: EstimationProblem, weighted: WhitenedSystem, drifting: tuple[str, ...], ridge_weight: float
 ) -> tuple[str, bool]:
-    """Estimator that is suitable for the bodies, judged with the selected friction.
-
-    Without this friction its torque counts as noise, which hides that no consistent bodies explain the data: on the
-    UR10, they had then a smaller error than a Gaussian prior, and with friction the larger one.
+    """Estimator that is suitable for the bodies, judged without further friction.
 
     Args:
-        problem: Problem of the model with the selected friction.
-        weighted: The whitened data of the model without this friction; its noise is that of the estimate.
+        problem: Problem of the model without candidates.
+        weighted: The whitened data.
         drifting: Names of offsets that each recording has of its own.
-        ridge_weight: Weight of the Gaussian prior with the smallest held-out error under the selected friction
-            [independent samples]; `None` if it is not known.
+        ridge_weight: Weight of the Gaussian prior with the smallest held-out error.
 
     Returns:
         The estimator, and whether the data contradict the bodies of the description.
@@ -168,14 +167,14 @@ def suitable_method(
     if not problem.require_standard("friction selection").described:
         return Ridge.name, False
     samples = float(weighted.whole.rows.max()) / weighted.correlation
-    if ridge_weight is None or samples < ENOUGH * weighted.whole.count:
+    if samples < ENOUGH * weighted.whole.count:
         return PhysicallyConsistent.name, False
     noise = tuple(float(each) for each in 1.0 / weighted.weights)
     separate = separate_by_recording(problem.information, np.isin(problem.information.names, drifting))
     consistent = predicts_as_well(
         replace(problem, information=separate),
-        PhysicallyConsistent(noise=noise, weight=CONSISTENT_WEIGHT, shrinkage=SHRINKAGE),
-        Ridge(noise=noise, weight=ridge_weight, shrinkage=SHRINKAGE),
+        PhysicallyConsistent(noise=noise, weight=CONSISTENT_WEIGHT),
+        Ridge(noise=noise, weight=ridge_weight),
     )
     return (PhysicallyConsistent.name, False) if consistent else (Ridge.name, True)
 

@@ -166,7 +166,7 @@ def choose_friction(model: DynamicsModel, observations: Observations, *, threads
     data = restrict(at_first[1], np.flatnonzero(at_first[0].in_model))
     weighted = whiten(data)
     bodies = make_body_prior(problem, weighted)
-    prior = choose_prior(bodies, data, weighted.weights)
+    first_weight, prior = choose_prior(bodies, data, weighted.weights)
 
     def select_from(start: SelectionPath | None) -> tuple[CandidateModel, Information, HeldOutFolds, SelectionPath]:
         started = [frozenset[Candidate]()] * model.n if start is None else start.chosen(model.n)
@@ -187,15 +187,10 @@ def choose_friction(model: DynamicsModel, observations: Observations, *, threads
     chosen = replace(loaded if needs_load else model, terms=(*model.terms, *added))
     noise = tuple(float(each) for each in 1.0 / weighted.weights)
     selected = restrict(information, path.columns)
+    method, contradicted = suitable_method(problem, weighted, drifting, first_weight)
     errors = bodies.errors(short_folds, np.flatnonzero(extended.in_model), path.columns, path.ridge)
-
-    def weight(*, contradicted: bool) -> tuple[float | None, str]:
-        rows = weight_for_estimate(errors, contradicted=contradicted) * weighted.correlation
-        return _weight_in_samples(rows, selected, noise)
-
-    judged = build_problem(chosen, observations, threads=threads)
-    method, contradicted = suitable_method(judged, weighted, drifting, weight(contradicted=False)[0])
-    prior_weight, why = weight(contradicted=contradicted)
+    best_weight = weight_for_estimate(errors, contradicted=contradicted)
+    prior_weight, why = _weight_in_samples(best_weight * weighted.correlation, selected, noise)
     outcome = _error_ratio(short_folds, extended, path)
     evidence = _evidence(model, path.trials)
     return FrictionSelection(chosen, added, evidence, *outcome, prior_weight, bool(drifting), why, noise, method)
