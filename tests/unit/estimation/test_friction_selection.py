@@ -13,7 +13,7 @@ from armid.errors import EstimationError
 from armid.estimation.crossvalidation import folds, held_out_squares
 from armid.estimation.estimators import Ridge
 from armid.estimation.friction import selection as module
-from armid.estimation.friction.body_prior import predicts_as_well
+from armid.estimation.friction.body_prior import STRENGTHS, predicts_as_well, weight_for_estimate
 from armid.estimation.friction.candidates import (
     Candidate,
     CandidateModel,
@@ -182,6 +182,35 @@ def test_weights_and_method_are_those_of_the_model_without_the_choice():
     assert any(isinstance(term, Stribeck | Sigmoid) for term in ladder.added)
     np.testing.assert_allclose(ladder.noise, expected, rtol=0.05)  # rows with unknown memory do not count
     assert ladder.noise[1] > 0.12  # the noise after the choice is 0.1
+
+
+def test_the_weight_of_the_bodies_is_chosen_with_the_selected_friction(monkeypatch: pytest.MonkeyPatch):
+    """Without this friction its torque counts as noise, and a wrong description seems accurate beside it."""
+    model = arm()
+    law = Stribeck(0.14, 2.0, 0.02, (model.robot.joint_names[1],))
+    observations = recorded(DynamicsModel(model.robot, (*model.terms, law)))
+    judged: list[Array] = []
+
+    def weight(errors: Array, *, contradicted: bool) -> float:
+        judged.append(errors)
+        return weight_for_estimate(errors, contradicted=contradicted)
+
+    monkeypatch.setattr(module, "weight_for_estimate", weight)
+    ladder = choose_friction(model, observations)
+    assert ladder.added
+    plain = whiten(build_problem(model, observations).information, noise=ladder.noise)
+    residual = float(plain.squares @ plain.weights**2)
+    assert judged[0].sum(axis=1).min() < residual  # no model without the friction is better than its own residual
+
+
+def test_a_contradicted_description_gets_the_smallest_weight_within_a_standard_error():
+    folds_, count = 8, len(STRENGTHS)
+    excess = 0.05 * np.abs(np.arange(count) - 8.0)[:, None] * np.linspace(-2.0, 3.0, folds_)
+    errors = 1.0 + excess
+    errors[-3:] += 1.0  # far outside one standard error
+    best = int(np.argmin(errors.sum(axis=1)))
+    assert weight_for_estimate(errors, contradicted=False) == STRENGTHS[best]
+    assert weight_for_estimate(errors, contradicted=True) == STRENGTHS[-4] < STRENGTHS[best]
 
 
 def test_the_better_estimator_of_bodies_is_found():

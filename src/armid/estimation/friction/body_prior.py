@@ -8,13 +8,14 @@ blocks decides for the Gaussian prior.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from armid.checked_array import Array
 from armid.errors import EstimationError
-from armid.estimation.base_covariance import base_covariance
+from armid.estimation.base_covariance import BaseCovariance, base_covariance
 from armid.estimation.catalogue import Estimator
 from armid.estimation.crossvalidation import (
     Fold,
@@ -27,7 +28,7 @@ from armid.estimation.crossvalidation import (
 from armid.estimation.estimate_record import torque_parameters
 from armid.estimation.estimators.physical import PhysicallyConsistent
 from armid.estimation.estimators.ridge import Ridge
-from armid.estimation.friction.heldout_gains import GainPrior, make_folds
+from armid.estimation.friction.heldout_gains import GainPrior, HeldOutFolds, make_folds
 from armid.estimation.friction_per_recording import separate_by_recording
 from armid.estimation.prior import make_prior
 from armid.estimation.problem import EstimationProblem
@@ -59,54 +60,99 @@ MARGIN = 0.05
 counts as equal: 2.5 % of the error."""
 
 
-def choose_prior(problem: EstimationProblem, data: Information, weighted: WhitenedSystem) -> tuple[float, GainPrior]:
-    """Finds the weights of the prior on the base parameters by cross-validation, for selection and estimate.
+@dataclass(frozen=True, eq=False, slots=True)
+class BodyPrior:
+    """Gaussian prior on the base parameters for any weight of the bodies.
 
-    The selection uses the largest weight whose error is within one standard error of the smallest. With a smaller
-    weight, errors of the bodies can imitate friction; the fit of the same recording is then as good, but the
-    prediction of other recordings is wrong. The estimate uses the weight with the smallest error.
+    Attributes:
+        mean: Mean of the base parameters, shape (b,).
+        covariance: Covariance of the base parameters for weight 1.
+        rows: Rows that count as one independent sample, the unit of a weight.
+    """
+
+    mean: Array
+    covariance: BaseCovariance
+    rows: float
+
+    def weighted(self, weight: float) -> GainPrior:
+        """The prior with a weight of the bodies in independent samples; weight 0 is no prior."""
+        return GainPrior(self.mean, self.rows * self.covariance.precision(weight))
+
+    def errors(self, short_folds: HeldOutFolds, own: NDArray[np.intp], kept: NDArray[np.intp], ridge: Array) -> Array:
+        """Weighted squared held-out error of each of `STRENGTHS` on each of F folds, shape (weights, F).
+
+        Args:
+            short_folds: Data in folds, with any prior.
+            own: Positions of the base parameters among the parameters of the data.
+            kept: Positions of the parameters of the model.
+            ridge: Shrinkage of each parameter, in shares of the squared length of its column.
+        """
+        count = len(ridge)
+        return np.stack(
+            [
+                replace(short_folds, prior=self.weighted(strength).embedded(count, own)).errors(kept, ridge)
+                @ short_folds.weights**2
+                for strength in STRENGTHS
+            ]
+        )
+
+
+def make_body_prior(problem: EstimationProblem, weighted: WhitenedSystem) -> BodyPrior:
+    """Makes the prior of the bodies towards the description, or towards small bodies if it has no masses.
 
     Args:
         problem: Problem of the model without candidates.
-        data: Information about this model, with offsets that differ between recordings.
-        weighted: The whitened data of this information.
-
-    Returns:
-        The weight for the estimate, and the prior for the selection.
+        weighted: The whitened data of this model, with offsets that differ between recordings.
     """
     standard = problem.require_standard("friction selection")
     whole = total(problem.information)
     unit_prior = make_prior("log-det" if standard.described else "mass", standard, replace(weighted, whole=whole))
-    mean = standard.regrouping @ unit_prior.mean
     covariance = base_covariance(unit_prior, standard)
+    return BodyPrior(standard.regrouping @ unit_prior.mean, covariance, weighted.correlation)
+
+
+def choose_prior(bodies: BodyPrior, data: Information, weights: Array) -> tuple[float, GainPrior]:
+    """Finds the weight of the prior for the selection by cross-validation, under the model without candidates.
+
+    The selection uses the largest weight whose error is within one standard error of the smallest. With a smaller
+    weight, errors of the bodies can imitate friction; the fit of the same recording is then as good, but the
+    prediction of other recordings is wrong.
+
+    Args:
+        bodies: The prior for any weight.
+        data: Information about the model without candidates, with offsets that differ between recordings.
+        weights: Weight of each joint's rows, shape (n,).
+
+    Returns:
+        The weight with the smallest error, and the prior for the selection.
+    """
     kept, ridge = np.arange(data.count), np.zeros(data.count)
-    short_folds = make_folds(
-        data,
-        folds(data, FOLDS),
-        weighted.weights,
-        GainPrior(mean, 0.0 * covariance.bodies).embedded(data.count, kept),
-    )
-    errors = np.stack(
-        [
-            replace(
-                short_folds,
-                prior=GainPrior(mean, weighted.correlation * covariance.precision(strength)).embedded(
-                    data.count, kept
-                ),
-            ).errors(kept, ridge)
-            @ weighted.weights**2
-            for strength in STRENGTHS
-        ]
-    )
-    strong_weight, best_weight = (
-        float(STRENGTHS[k]) for k in (one_standard_error(errors), int(np.argmin(errors.sum(axis=1))))
-    )
-    return best_weight, GainPrior(mean, weighted.correlation * covariance.precision(strong_weight))
+    prior = bodies.weighted(0.0).embedded(data.count, kept)
+    errors = bodies.errors(make_folds(data, folds(data, FOLDS), weights, prior), kept, kept, ridge)
+    best = float(STRENGTHS[np.argmin(errors.sum(axis=1))])
+    return best, bodies.weighted(float(STRENGTHS[one_standard_error(errors)]))
+
+
+def weight_for_estimate(errors: Array, *, contradicted: bool) -> float:
+    """Weight of the prior for the estimate, from held-out errors under the selected friction [independent samples].
+
+    While friction is missing in the model, its torque counts as noise, and the weight that suits this noise is too
+    large afterwards. Usually the weight is the one with the smallest error. If the data contradict the description,
+    it is the smallest weight whose error is within one standard error of the smallest: a prior that is wrong hardly
+    shows on held-out parts of the same recording.
+
+    Args:
+        errors: Held-out error of each of `STRENGTHS` on each fold, shape (weights, F).
+        contradicted: Whether the data contradict the bodies of the description.
+    """
+    if contradicted:
+        return float(STRENGTHS[::-1][one_standard_error(errors[::-1])])
+    return float(STRENGTHS[np.argmin(errors.sum(axis=1))])
 
 
 def suitable_method(
     problem: EstimationProblem, weighted: WhitenedSystem, drifting: tuple[str, ...], ridge_weight: float
-) -> str:
+) -> tuple[str, bool]:
     """Estimator that is suitable for the bodies, judged without further friction.
 
     Args:
@@ -114,12 +160,15 @@ def suitable_method(
         weighted: The whitened data.
         drifting: Names of offsets that each recording has of its own.
         ridge_weight: Weight of the Gaussian prior with the smallest held-out error.
+
+    Returns:
+        The estimator, and whether the data contradict the bodies of the description.
     """
     if not problem.require_standard("friction selection").described:
-        return Ridge.name
+        return Ridge.name, False
     samples = float(weighted.whole.rows.max()) / weighted.correlation
     if samples < ENOUGH * weighted.whole.count:
-        return PhysicallyConsistent.name
+        return PhysicallyConsistent.name, False
     noise = tuple(float(each) for each in 1.0 / weighted.weights)
     separate = separate_by_recording(problem.information, np.isin(problem.information.names, drifting))
     consistent = predicts_as_well(
@@ -127,7 +176,7 @@ def suitable_method(
         PhysicallyConsistent(noise=noise, weight=CONSISTENT_WEIGHT),
         Ridge(noise=noise, weight=ridge_weight),
     )
-    return PhysicallyConsistent.name if consistent else Ridge.name
+    return (PhysicallyConsistent.name, False) if consistent else (Ridge.name, True)
 
 
 def predicts_as_well(problem: EstimationProblem, first: Estimator, second: Estimator) -> bool:

@@ -24,7 +24,9 @@ from armid.estimation.friction.body_prior import (
     CONSISTENT,
     CONSISTENT_WEIGHT,
     choose_prior,
+    make_body_prior,
     suitable_method,
+    weight_for_estimate,
     with_load_parameters,
 )
 from armid.estimation.friction.candidates import (
@@ -163,7 +165,8 @@ def choose_friction(model: DynamicsModel, observations: Observations, *, threads
     at_first = extend(allowed)
     data = restrict(at_first[1], np.flatnonzero(at_first[0].in_model))
     weighted = whiten(data)
-    best_weight, prior = choose_prior(problem, data, weighted)
+    bodies = make_body_prior(problem, weighted)
+    first_weight, prior = choose_prior(bodies, data, weighted.weights)
 
     def select_from(start: SelectionPath | None) -> tuple[CandidateModel, Information, HeldOutFolds, SelectionPath]:
         started = [frozenset[Candidate]()] * model.n if start is None else start.chosen(model.n)
@@ -184,10 +187,12 @@ def choose_friction(model: DynamicsModel, observations: Observations, *, threads
     chosen = replace(loaded if needs_load else model, terms=(*model.terms, *added))
     noise = tuple(float(each) for each in 1.0 / weighted.weights)
     selected = restrict(information, path.columns)
+    method, contradicted = suitable_method(problem, weighted, drifting, first_weight)
+    errors = bodies.errors(short_folds, np.flatnonzero(extended.in_model), path.columns, path.ridge)
+    best_weight = weight_for_estimate(errors, contradicted=contradicted)
     prior_weight, why = _weight_in_samples(best_weight * weighted.correlation, selected, noise)
     outcome = _error_ratio(short_folds, extended, path)
     evidence = _evidence(model, path.trials)
-    method = suitable_method(problem, weighted, drifting, best_weight)
     return FrictionSelection(chosen, added, evidence, *outcome, prior_weight, bool(drifting), why, noise, method)
 
 
