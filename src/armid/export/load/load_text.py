@@ -10,6 +10,7 @@ import numpy as np
 from armid.checked_array import Array
 from armid.errors import Finding
 from armid.export.load.flange_load import FlangeLoad
+from armid.export.types import plain_number
 
 MARK = "Load data written by armid payload"
 """First words of each file, by which armid recognises its own files."""
@@ -60,7 +61,7 @@ def number_text(value: float, digits: int | None = None) -> str:
         digits: Number of significant digits; `None` for as many as double precision needs.
     """
     rounded = value if digits is None else float(f"{value:.{digits}g}")
-    return np.format_float_positional(rounded + 0.0, trim="0")
+    return plain_number(rounded)
 
 
 def single(value: float) -> str:
