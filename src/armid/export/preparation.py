@@ -23,7 +23,7 @@ from armid.runs.run import Run
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Prepared:
+class PreparedExport:
     """Content of an export, before an exporter makes a file of it.
 
     Attributes:
@@ -54,7 +54,7 @@ def prepare(
     lumped: bool = False,
     allow_unphysical: bool = False,
     allow_unidentified: bool = False,
-) -> Prepared:
+) -> PreparedExport:
     """Chooses the parameters that are written, and distributes them among the bodies of the description.
 
     Args:
@@ -87,7 +87,7 @@ def prepare(
     known = _limits_given(run.robot, robot) if bodies is None else source.findings
     far = far_bodies(run, content, None if lumped or bodies is None else carriers(bodies), kind, shared)
     findings = (*known, *findings, *guessed, *shared, *refused)
-    return Prepared(content, theta, kind, findings, tuple(far), bool(unphysical))
+    return PreparedExport(content, theta, kind, findings, tuple(far), bool(unphysical))
 
 
 @contextmanager

@@ -9,10 +9,10 @@ from armid.atomic_file import replace_file
 from armid.errors import OutputError
 from armid.export.catalogue import EXPORTERS
 from armid.export.input_digest_check import find_source, unseen_recordings
-from armid.export.preparation import Prepared, prepare
-from armid.export.ros.catalogue import ROS_FILES
+from armid.export.preparation import PreparedExport, prepare
+from armid.export.ros.catalogue import ROS_FILES, RosFiles
 from armid.export.sidecar import refuse_overwriting, side_record
-from armid.export.types import WrittenDescription
+from armid.export.types import DescriptionSource, WrittenDescription
 from armid.export.verification import verify
 from armid.export.write import SIDE, Exported, findings_on_sidecar
 from armid.hashes import digest
@@ -56,12 +56,7 @@ def export_for_ros(
     kind, exporter, source = ROS_FILES[to], EXPORTERS["urdf"], find_source(run, description)
     edits = source.format == "urdf"
     if kind.NEEDS_DESCRIPTION and not edits:
-        raise OutputError(
-            f"The files {to} are for arms that were identified with a URDF or xacro of this package, but the "
-            f"description of the run is {source.path}.",
-            possible="the formats urdf and xacro",
-            remedy="identify with the URDF of the package, or choose another format with --to.",
-        )
+        raise _foreign(to, source.path)
     prepared = prepare(
         run,
         exporter,
@@ -73,27 +68,37 @@ def export_for_ros(
         allow_unphysical=allow_unphysical,
         allow_unidentified=allow_unidentified,
     )
-    content = prepared.content
-    written = exporter.write(content)
+    written = exporter.write(prepared.content)
+    files, again = _made(kind, run, source, written)
+    unseen, unphysical = unseen_recordings(run, data), prepared.is_unphysical
+    verified = verify(exporter, again, prepared.content, run, prepared.theta, unseen, unphysical=unphysical)
+    paths = _written(files, Path(run.folder) / to if out is None else Path(out), run)
+    side = _side(run, prepared, files, paths[0])
+    findings = (*prepared.findings, *prepared.far, *written.findings)
+    findings = (*findings, *findings_on_sidecar(run, exporter, side.name), *verified.findings)
+    edited = source.path if edits else ""
+    return Exported(paths[0], side, to, edited, prepared.kind, verified.checks, verified.predictions, findings, paths)
+
+
+def _foreign(to: str, description: str) -> OutputError:
+    """Error that the description of a run is not that of a package."""
+    return OutputError(
+        f"The files {to} are for arms that were identified with a URDF or xacro of this package, but the "
+        f"description of the run is {description}.",
+        possible="the formats urdf and xacro",
+        remedy="identify with the URDF of the package, or choose another format with --to.",
+    )
+
+
+def _made(
+    kind: RosFiles, run: Run, source: DescriptionSource, written: WrittenDescription
+) -> tuple[Mapping[str, str], WrittenDescription]:
+    """Files made from a written URDF, and the URDF to which the package expands them."""
     about = f"{run.robot.name}, identified by armid ({run.estimate.method}). {_origin(run)}"
     files = kind.write(written.data, about)
     # Files of a package hold the arm only; all else is as in the description.
     rest = source.data if kind.NEEDS_DESCRIPTION else written.data
-    again = WrittenDescription(kind.expanded(files, rest), written.findings)
-    unseen = unseen_recordings(run, data)
-    verified = verify(exporter, again, content, run, prepared.theta, unseen, unphysical=prepared.is_unphysical)
-    folder = Path(run.folder) / to if out is None else Path(out)
-    paths = _written(files, folder, run)
-    side = _side(run, prepared, files, paths[0])
-    findings = (
-        *prepared.findings,
-        *prepared.far,
-        *written.findings,
-        *findings_on_sidecar(run, exporter, side.name),
-        *verified.findings,
-    )
-    edited = source.path if edits else ""
-    return Exported(paths[0], side, to, edited, prepared.kind, verified.checks, verified.predictions, findings, paths)
+    return files, WrittenDescription(kind.expanded(files, rest), written.findings)
 
 
 def _origin(run: Run) -> str:
@@ -109,7 +114,7 @@ def _written(files: Mapping[str, str], folder: Path, run: Run) -> tuple[Path, ..
     return tuple(replace_file(path, text) for path, text in paths.items())
 
 
-def _side(run: Run, prepared: Prepared, files: Mapping[str, str], path: Path) -> Path:
+def _side(run: Run, prepared: PreparedExport, files: Mapping[str, str], path: Path) -> Path:
     """Writes the sidecar file next to the first of the files, and returns its path."""
     data = next(iter(files.values())).encode()
     record = side_record(run, prepared.content, prepared.theta, data, path.name, prepared.kind)
