@@ -20,6 +20,10 @@ from armid.estimation.catalogue import ESTIMATORS
 from armid.excitation import formats
 from armid.export import formats as descriptions
 from armid.export.catalogue import EXPORTERS
+from armid.export.load import controllers
+from armid.export.load.catalogue import CONTROLLERS
+from armid.export.ros import files as ros_files
+from armid.export.ros.catalogue import ROS_FILES
 from armid.lazy_catalogue import Catalogue
 from armid.measurement import readers as recording_readers
 from armid.measurement.catalogue import READERS, RecordingFormat
@@ -35,6 +39,8 @@ CATALOGUES = {
     "report sections": (sections, sections.SECTIONS, set()),
     "formats of controllers": (formats, formats.FORMATS, {"sampled_motion"}),
     "exporters": (descriptions, EXPORTERS, set()),
+    "files for ROS": (ros_files, ROS_FILES, set()),
+    "controllers": (controllers, CONTROLLERS, set()),
     "languages": (languages, LANGUAGES, set()),
     "doctor's checks": (
         checks,

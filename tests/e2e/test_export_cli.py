@@ -74,6 +74,19 @@ def test_recordings_that_are_gone_are_told(small: Path, tmp_path: Path, capsys: 
         moved.rename(small / "run2.csv")
 
 
+def test_a_macro_for_ros(small: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    capsys.readouterr()
+    assert armid("export", small / "physical", "--to", "xacro", "--out", tmp_path, "--json") == 0
+    record = json.loads(capsys.readouterr().out)
+    assert record["files"] == [str(tmp_path / "small.urdf.xacro")] and record["format"] == "xacro"
+    assert {"rigid-body torque in pinocchio"} <= {check["name"] for check in record["checks"]}
+    assert len(record["unseen"]) == 1
+    assert armid("export", small / "physical", "--to", "xacro") == 0
+    assert "small.urdf.xacro written" in capsys.readouterr().out
+    assert armid("export", small / "physical", "--to", "ur-description") == 2
+    assert "shoulder_link" in " ".join(capsys.readouterr().err.split())
+
+
 def test_bad_input(small: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     assert armid("export", tmp_path, "--to", "urdf") == 2
     assert "is not a run of armid" in capsys.readouterr().err

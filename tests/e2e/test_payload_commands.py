@@ -13,8 +13,10 @@ import numpy as np
 import pytest
 
 from armid.estimation.update.payload import LOAD_NAMES
+from armid.export.types import rpy_of
 from armid.lab.inverse_dynamics_recording import record
-from armid.maths.inertia import about_com, com_inertia_to_vector
+from armid.maths.inertia import about_com, com_inertia_to_vector, transform
+from armid.maths.rotations import rpy_rotation
 from armid.measurement.recording import Recording
 from armid.runs.payload import NOTHING
 from armid.runs.run import load_run, only_drive_gains_failed, save_run
@@ -24,6 +26,7 @@ from armid.study.recordings.processed import process_each
 from armid.study.recordings.reading import read_choice
 from armid.study.score_recordings import score_recordings
 from command_line import Armid, command_line
+from controller_files import read_kuka, read_ur
 from labs import (
     FRICTION,
     KNOWN_FRICTION,
@@ -132,6 +135,98 @@ def test_a_load_as_json(armid: Armid, tmp_path: Path):
     assert all(ends[pair][0] <= inertia["xyz".index(pair[0]), "xyz".index(pair[1])] <= ends[pair][1] for pair in ends)
     assert sorted(ends) == ["xx", "xy", "xz", "yy", "yz", "zz"]
     assert [each["path"] for each in record["recordings"]] == [str((Path("loaded.npz")).absolute())]
+
+
+def test_a_load_is_written_for_controllers(armid: Armid, tmp_path: Path):
+    out = tmp_path / "load"
+    code, text, err = armid(
+        "payload", "run", "loaded.npz", "--to", "ur,kuka", "--to", "fanuc", "--out", out, "--json"
+    )
+    assert code == 0 and "was not tried" not in err
+    record = json.loads(text)
+    assert record == json.loads((out / "payload.json").read_text())
+    assert list(record["controllers"]) == ["ur", "kuka", "fanuc"]
+    found = parameters(record)
+    values = np.array([found[name]["value"] for name in LOAD_NAMES])
+    files = {path.name: path.read_text() for path in out.iterdir()}
+    np.testing.assert_allclose(read_ur(files), values, atol=1e-12)  # the tip frame is the flange
+    np.testing.assert_allclose(read_kuka(files), values, atol=1e-7)  # angles with nine digits
+    numbers = {each["name"]: each for each in record["controllers"]["ur"]["numbers"]}
+    assert numbers["m"]["interval95"] == record["mass"]["interval95"]
+    for axis, ends in zip("xyz", record["com"]["interval95"], strict=True):
+        assert numbers[f"CoG{axis}"]["interval95"] == pytest.approx(ends)
+    for pair, ends in record["inertia_about_com_interval95"].items():
+        assert numbers[f"I{pair}"]["interval95"] == pytest.approx(ends)
+    held = [low <= x <= high for x, (low, high) in ((n["value"], n["interval95"]) for n in numbers.values())]
+    assert all(held)
+
+
+def test_a_stored_load_is_converted(armid: Armid, tmp_path: Path):
+    at_once, later = tmp_path / "at_once", tmp_path / "later"
+    armid("payload", "run", "loaded.npz", "--to", "abb,franka", "--out", at_once)
+    code, out, _ = armid("payload", at_once / "payload.json", "--to", "abb,franka", "--out", later)
+    assert code == 0 and "none of these forms was tried on a robot" in out
+    for name in ("load_abb.mod", "franka/armid_set_load.hpp", "franka/endeffector-config.json"):
+        assert (later / name).read_text() == (at_once / name).read_text()
+    code, out, _ = armid("payload", at_once, "--to", "xarm", "--json")
+    assert code == 0 and (at_once / "load_xarm.py").is_file()
+    assert json.loads(out)["controllers"]["xarm"]["findings"][0]["code"] == "inertia-not-written"
+
+
+FRAMES = """
+  <link name="flange"/>
+  <joint name="to_flange" type="fixed"><parent link="link_3"/><child link="flange"/>
+    <origin xyz="0.01 0 0.05" rpy="0 0.5 0"/></joint>
+  <link name="tool0"/>
+  <joint name="to_tool0" type="fixed"><parent link="flange"/><child link="tool0"/>
+    <origin xyz="0 0.02 0.1" rpy="0.3 0 1"/></joint>
+</robot>"""
+
+
+def test_another_frame_of_the_description_is_the_flange(armid: Armid, folder: Path, tmp_path: Path):
+    """By name and by numbers; the tip frame is another one."""
+    arm = write_arm(tmp_path)
+    arm.write_text(arm.read_text().replace("</robot>", FRAMES))
+    study = KNOWN_FRICTION.format(log=folder / "free.npz")
+    write_study(tmp_path, study.replace('description = "small.urdf"', 'description = "small.urdf"\ntip = "tool0"'))
+    save_run(identify(load_study(tmp_path / "study.toml")), tmp_path / "run")
+    code, out, _ = armid("payload", tmp_path / "run", folder / "loaded.npz", "--to", "ur", "--out", tmp_path)
+    assert code == 0 and "frame tool0 of the description (the tip frame)" in out
+    record = json.loads((tmp_path / "payload.json").read_text())
+    assert (record["link"], record["frame"], record["tip"]["name"]) == ("link_3", "tool0", "tool0")
+
+    def written() -> Any:
+        return read_ur({"load_ur.script": (tmp_path / "load_ur.script").read_text()})
+
+    found = parameters(record)
+    np.testing.assert_allclose(written(), [found[name]["value"] for name in LOAD_NAMES], atol=1e-12)
+    turn, place = rpy_rotation([0.0, 0.5, 0.0]), np.array([0.01, 0.0, 0.05])
+    in_link = np.array([found[name]["in_link"] for name in LOAD_NAMES])
+    at_flange = transform(in_link, turn.T, -turn.T @ place)
+    code, out, _ = armid("payload", tmp_path, "--to", "ur", "--flange", "flange")
+    assert code == 0 and "frame flange of the description" in out
+    np.testing.assert_allclose(written(), at_flange, atol=1e-12)
+    step = rpy_rotation([0.3, 0.0, 1.0]).T  # from tool0 back to the flange
+    pose = ",".join(str(float(x)) for x in (*(step @ [0.0, -0.02, -0.1]), *rpy_of(step)))
+    assert armid("payload", tmp_path, "--to", "ur", f"--flange={pose}").code == 0
+    np.testing.assert_allclose(written(), at_flange, atol=1e-9)
+    for name in ("gripper", "link_1"):
+        code, _, err = armid("payload", tmp_path, "--to", "ur", "--flange", name)
+        assert code == 2 and repr(name) in err
+
+
+def test_controllers_that_cannot_be_written(armid: Armid, tmp_path: Path):
+    code, _, err = armid("payload", "run", "loaded.npz", "--to", "kukka")
+    assert code == 2 and "did you mean 'kuka'" in err
+    code, _, err = armid("payload", "run", "loaded.npz", "--flange", "tool0")
+    assert code == 2 and "no effect without --to" in err
+    code, _, err = armid("payload", "run")
+    assert code == 2 and "give recordings with the payload" in " ".join(err.split())
+    code, _, err = armid("payload", "run", "--to", "ur")
+    assert code == 2 and "is not a payload" in err
+    code, _, err = armid("payload", "run", "elsewhere.npz", "--link", "link_2", "--to", "ur", "--out", tmp_path)
+    assert code == 2 and "a load on the flange" in " ".join(err.split())
+    assert not list(tmp_path.iterdir())
 
 
 def test_a_load_on_the_screen_is_what_controllers_ask_for(armid: Armid):

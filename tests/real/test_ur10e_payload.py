@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from armid.export.load.flange_load import load_at_flange
+from armid.export.load.write import write_load
 from armid.maths.inertia import pseudo_inertia
 from armid.runs.payload import Payload, find_payload
 from armid.runs.recalibration import recalibrate
 from armid.runs.run import Run, load_run, save_run
 from armid.study.config import load_study
 from armid.study.identify import identify
+from controller_files import read_ur
 
 STUDY = Path(__file__).parent / "studies" / "ur10e_innopolis.toml"
 OPEN, LOADED, LATER = "ur-20_02_19_14harm50sec", "ur-20_02_19_14harm50secLoad", "ur-20_02_12-50sec_12harm"
@@ -64,6 +68,15 @@ def test_the_load_is_a_real_body(payload: Payload):
     assert payload.load.distance <= 3.0
     assert set(payload.load.status[:4]) == {"identified"}
     assert np.linalg.norm(payload.load.com) <= 0.25  # m from the flange
+
+
+def test_the_file_for_the_controller_holds_the_true_mass(payload: Payload, tmp_path: Path):
+    (written,) = write_load(load_at_flange(payload), "ur", tmp_path)
+    text = written.files[0].read_text()
+    (ends,) = re.findall(r"# +m = [\d.]+ kg, interval ([\d.]+) to ([\d.]+) kg", text)
+    low, high = map(float, ends)
+    assert low <= MASS <= high
+    np.testing.assert_allclose(read_ur({"load_ur.script": text}), payload.load.values, atol=1e-12)
 
 
 def test_the_known_load_gives_the_gains(run: Run, loaded: str):

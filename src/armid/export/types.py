@@ -135,6 +135,11 @@ def text_of(*numbers: float) -> str:
     return " ".join(repr(float(x) + 0.0) for x in numbers)
 
 
+def plain_number(number: float) -> str:
+    """Writes a number without exponent, with as many digits as are needed to read exactly the same number."""
+    return np.format_float_positional(number + 0.0, trim="0")
+
+
 def com_form(body: InertialParameters, name: str) -> tuple[float, Array, Array]:
     """Converts inertial parameters to mass, centre of mass (3,) and inertia about the centre of mass (3, 3).
 

@@ -3,29 +3,22 @@
 from __future__ import annotations
 
 import json
-import math
 import re
-from collections.abc import Generator, Mapping, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from armid.atomic_file import replace_file
-from armid.checked_array import Array
 from armid.codegen.catalogue import LANGUAGES
 from armid.errors import Finding, OutputError, did_you_mean
-from armid.excitation.limits.joint_limits import with_limits
-from armid.export.body_split import carried_by, carriers, share_out
 from armid.export.catalogue import EXPORTERS, Exporter
 from armid.export.input_digest_check import find_source, unseen_recordings
-from armid.export.plausibility import far_bodies, refuse_unidentified, refuse_unphysical, unphysical_names
+from armid.export.preparation import prepare
+from armid.export.ros.catalogue import ROS_FILES
 from armid.export.sidecar import refuse_overwriting, side_record
-from armid.export.standard_values import values_to_write
-from armid.export.types import Body, Content, DescriptionSource
-from armid.export.verification import Prediction, places_of, verify, without_place
-from armid.remedy import Remedy
-from armid.robot.robot import InertialParameters, Link, Robot
+from armid.export.types import DescriptionSource
+from armid.export.verification import Prediction, verify, without_place
 from armid.runs.run import Run
 from armid.study.storage.records import finding_record, to_json
 from armid.validation.torque_validation import Check
@@ -46,6 +39,7 @@ class Exported:
         checks: Checks of the file after it was read back.
         predictions: Torque errors of the estimate and of the file on validation motion.
         findings: Findings about changes, and about values that the format cannot store.
+        files: Paths of all written files, if there are several.
     """
 
     path: Path
@@ -56,6 +50,7 @@ class Exported:
     checks: tuple[Check, ...]
     predictions: tuple[Prediction, ...]
     findings: tuple[Finding, ...]
+    files: tuple[Path, ...] = ()
 
 
 def export_run(
@@ -95,44 +90,26 @@ def export_run(
     exporter, source = _exporter(to), find_source(run, description)
     path = Path(out) if out is not None else _default(run, source, exporter)
     _refuse_target(path, source, None if out is None else run)
-    bodies = _bodies(exporter, source, run.robot) if source.format == to else None
-    _refuse_options(source, limits, bodies, lumped=lumped)
-    placeless = set[int]() if bodies is None else set(range(run.robot.n)) - {body.link for body in bodies}
-    carried = carried_by([] if lumped else bodies or [], run.robot.n)
-    robot = with_limits(run.robot, limits or {})
-    with _beside(exporter.missing_limits(robot) if bodies is None else None):
-        theta, kind, findings = values_to_write(
-            run, placeless, carried, nearest=nearest, allow_unphysical=allow_unphysical
-        )
-        guessed = refuse_unidentified(run, theta, placeless, allowed=allow_unidentified)
-        content, shared = _content(run, exporter, theta, source, bodies, robot, lumped=lumped)
-        unphysical = unphysical_names(content, placeless, bodies or ())
-        refused = refuse_unphysical(run, unphysical, allowed=allow_unphysical)
-    known = _limits_given(run.robot, robot) if bodies is None else source.findings
-    findings = (*known, *findings, *guessed, *shared, *refused)
+    prepared = prepare(
+        run,
+        exporter,
+        source,
+        edits=source.format == to,
+        limits=limits,
+        nearest=nearest,
+        lumped=lumped,
+        allow_unphysical=allow_unphysical,
+        allow_unidentified=allow_unidentified,
+    )
+    content, theta, kind, findings = prepared.content, prepared.theta, prepared.kind, prepared.findings
     written = exporter.write(content)
     unseen = unseen_recordings(run, data)
-    verified = verify(exporter, written, content, run, theta, unseen, unphysical=bool(unphysical))
+    verified = verify(exporter, written, content, run, theta, unseen, unphysical=prepared.is_unphysical)
     side = _write_both(path, written.data, side_record(run, content, theta, written.data, path.name, kind))
-    far = far_bodies(run, content, None if lumped or bodies is None else carriers(bodies), kind, shared)
-    findings = (*findings, *far, *written.findings, *_sidecar_only(run, exporter, side.name), *verified.findings)
-    edited = "" if bodies is None else source.path
+    sidecar_only = findings_on_sidecar(run, exporter, side.name)
+    findings = (*findings, *prepared.far, *written.findings, *sidecar_only, *verified.findings)
+    edited = "" if content.source is None else source.path
     return Exported(path, side, to, edited, kind, verified.checks, verified.predictions, findings)
-
-
-@contextmanager
-def _beside(missing: OutputError | None) -> Generator[None]:
-    """Context that adds missing limits to an error raised inside it, so that one message names all missing data."""
-    try:
-        yield
-    except OutputError as error:
-        if missing is None:
-            raise
-        raise OutputError(
-            f"{error.problem} {missing.problem}",
-            possible="; ".join(part for part in (error.possible, missing.possible) if part),
-            remedy=Remedy(*Remedy.read(error.remedy).parts, f" In addition, {missing.remedy}"),
-        ) from error
 
 
 def _exporter(to: str) -> Exporter:
@@ -140,40 +117,17 @@ def _exporter(to: str) -> Exporter:
     if to not in EXPORTERS:
         raise OutputError(
             f"Unknown format {to!r}.",
-            possible=", ".join((*EXPORTERS, *LANGUAGES)),
-            remedy=did_you_mean(to, (*EXPORTERS, *LANGUAGES)),
+            possible=", ".join((*EXPORTERS, *ROS_FILES, *LANGUAGES)),
+            remedy=did_you_mean(to, (*EXPORTERS, *ROS_FILES, *LANGUAGES)),
         )
     return EXPORTERS[to]
-
-
-def _content(
-    run: Run,
-    exporter: Exporter,
-    theta: Array,
-    source: DescriptionSource,
-    bodies: Sequence[Body] | None,
-    robot: Robot,
-    *,
-    lumped: bool,
-) -> tuple[Content, tuple[Finding, ...]]:
-    """Content for the exporter, and findings about the distribution of inertia among bodies of the description."""
-    robot = _identified(run, robot, theta)
-    joints = {
-        name: {term: value for term, value in values.items() if term in exporter.PLACES}
-        for name, values in places_of(run.model, theta).items()
-    }
-    content = Content(robot, joints)
-    if bodies is None:
-        return content, ()
-    links = [link.inertial or InertialParameters.zero() for link in robot.links]
-    changed, findings = share_out(links, bodies, lumped=lumped)
-    return replace(content, source=source, bodies=changed), findings
 
 
 def export_record(exported: Exported) -> dict[str, Any]:
     """Data that `armid export --json` prints for an export as a robot description."""
     return {
         "file": str(exported.path),
+        "files": [str(path) for path in exported.files or (exported.path,)],
         "side": str(exported.side),
         "format": exported.format,
         "edited": exported.edited or None,
@@ -213,57 +167,7 @@ def _is_free(path: Path, run: Run) -> bool:
         return False
 
 
-def _refuse_options(
-    source: DescriptionSource, limits: Mapping[tuple[str, str], Any] | None, bodies: object, *, lumped: bool
-) -> None:
-    """Refuses options that have no effect: limits for an edited description, and `lumped` for a new file."""
-    if limits and bodies is not None:
-        raise OutputError(
-            "Limits can be given only for a new file, but here the description "
-            f"{source.path} is edited, and its limits are kept.",
-            remedy="change the limits in the description.",
-        )
-    if lumped and bodies is None:
-        raise OutputError(
-            "The option --lumped has no effect on a new file, which has one body for each link.",
-            remedy="leave out --lumped.",
-        )
-
-
-def _limits_given(described: Robot, written: Robot) -> list[Finding]:
-    """Finding that names the limits that were given with an option, because the description lacks them."""
-    given = [
-        f"{old.name}.{kind} = {after:g}"
-        for old, new in zip(described.joints, written.joints, strict=True)
-        for kind, before, after in (
-            ("lower", old.position_limits[0], new.position_limits[0]),
-            ("upper", old.position_limits[1], new.position_limits[1]),
-            ("velocity", old.velocity_limit, new.velocity_limit),
-            ("effort", old.effort_limit, new.effort_limit),
-        )
-        if math.isfinite(after) and not math.isfinite(before)
-    ]
-    if not given:
-        return []
-    what = f"these limits were given with --limit and are not in the description: {', '.join(given)}"
-    return [Finding("limits-given", "info", "", what, "check these limits against the data sheet of the arm.")]
-
-
-def _bodies(exporter: Exporter, source: DescriptionSource, robot: Robot) -> list[Body]:
-    return exporter.bodies(source, exporter.read(source.data, source.locked), robot)
-
-
-def _identified(run: Run, robot: Robot, theta: Array) -> Robot:
-    """Arm whose links have the inertias of the standard parameters `theta`."""
-    vectors = theta[run.model.inertial_columns].reshape(-1, 10)
-    links = [
-        Link(link.name, InertialParameters.from_vector(vector))
-        for link, vector in zip(robot.links, vectors, strict=True)
-    ]
-    return replace(robot, links=tuple(links))
-
-
-def _sidecar_only(run: Run, exporter: Exporter, side: str) -> list[Finding]:
+def findings_on_sidecar(run: Run, exporter: Exporter, side: str) -> list[Finding]:
     """Findings about values that the sidecar file contains and the description does not."""
     findings: list[Finding] = []
     for term, names in without_place(run.model, exporter.PLACES).items():

@@ -279,6 +279,11 @@ def payload_record(payload: Payload) -> dict[str, Any]:
         "robot": run.robot.name,
         "link": payload.place.link,
         "frame": payload.place.frame,
+        "tip": {
+            "name": run.robot.tip.name,
+            "link": run.robot.links[run.robot.tip.parent].name if run.robot.tip.parent >= 0 else None,
+            "placement": run.robot.tip.placement,
+        },
         "parameters": parameters,
         "mass": {"value": load.values[0], "interval95": load.intervals[0], "statistical95": load.statistical[0]},
         "com": {"value": load.com, "interval95": load.com_intervals},
@@ -291,7 +296,12 @@ def payload_record(payload: Payload) -> dict[str, Any]:
             "new": payload.misfit.residual,
             "new_alone": payload.misfit.alone,
         },
-        "covariance": {"kind": load.solution.fit.covariance_kind, "why": load.solution.fit.report.why},
+        "covariance": {
+            "kind": load.solution.fit.covariance_kind,
+            "why": load.solution.fit.report.why,
+            "matrix": load.covariance[np.ix_(PRINTED, PRINTED)],
+            "quantile": load.quantile,
+        },
         "recordings": [
             {"path": each.choice.path, "sha256": each.recording.sha256} for each in payload.new_recordings.recordings
         ],

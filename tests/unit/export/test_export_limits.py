@@ -98,7 +98,7 @@ def test_limits_are_asked_for_beside_what_else_hinders(tmp_path, monkeypatch):
     def refuse(*_, **__):
         raise OutputError("Unknown mass.", possible="--allow-unidentified", remedy="give masses.")
 
-    monkeypatch.setattr("armid.export.write.refuse_unidentified", refuse)
+    monkeypatch.setattr("armid.export.preparation.refuse_unidentified", refuse)
     with pytest.raises(OutputError, match=r"Unknown mass\. A URDF needs limits") as caught:
         export_run(run(tmp_path, lift=""), "urdf", tmp_path / "out.urdf")
     assert caught.value.remedy.startswith("give masses. In addition, ") and "lift.effort=100" in caught.value.remedy

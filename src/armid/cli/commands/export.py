@@ -13,6 +13,7 @@ from armid.cli.options import Json
 from armid.cli.value_completion import among
 from armid.codegen.catalogue import LANGUAGES
 from armid.export.catalogue import EXPORTERS
+from armid.export.ros.catalogue import ROS_FILES
 
 if TYPE_CHECKING:
     from armid.export.write import Exported
@@ -56,8 +57,8 @@ To = Annotated[
     typer.Option(
         "--to",
         metavar="FORMAT",
-        help=f"{', '.join(EXPORTERS)}; {', '.join(LANGUAGES)}.",
-        autocompletion=among((*EXPORTERS, *LANGUAGES)),
+        help=f"{', '.join(EXPORTERS)}; {', '.join(ROS_FILES)}; {', '.join(LANGUAGES)}.",
+        autocompletion=among((*EXPORTERS, *ROS_FILES, *LANGUAGES)),
     ),
 ]
 
@@ -70,7 +71,7 @@ def export(
         typer.Option(
             "--out",
             metavar="FILE",
-            help="File to write, or folder for source code; by default in the folder of the run.",
+            help="File to write, or folder for source code and ROS packages; by default in the folder of the run.",
         ),
     ] = None,
     description: Moved = None,
@@ -86,23 +87,27 @@ def export(
 
     In a description of the same format, only the numbers that change are edited. For another format, a new file
     without shapes is written. FILE.armid.json next to the file contains the whole model, also what the format cannot
-    store.
+    store. For ROS, --to xacro writes a macro of the arm, --to ur-description and --to franka-description the YAML
+    files of these packages.
 
     Examples:
         armid export runs/today --to urdf --out arm_identified.urdf
 
         armid export runs/today --to mjcf
 
+        armid export runs/today --to ur-description --out config/ur5e
+
         armid export runs/today --to c --out code
     """
     from armid.cli.motion.number_options import parse_limits
+    from armid.export.ros.write import export_for_ros
     from armid.export.write import export_record, export_run
     from armid.runs.run import load_run
     from armid.study.storage.records import to_json
 
     if to in LANGUAGES:
         return _code(run, to, out, json=json)
-    exported = export_run(
+    exported = (export_for_ros if to in ROS_FILES else export_run)(
         load_run(run),
         to,
         out,
@@ -136,8 +141,9 @@ def _report(exported: Exported) -> None:
     from armid.cli.console import print_findings
     from armid.validation.torque_validation import JointCheck
 
-    origin = f"{exported.edited}, edited" if exported.edited else "a new file"
-    lines = [f"{exported.path} written ({origin}); {exported.side} contains the whole model"]
+    origin = f"{exported.edited}, edited" if exported.edited and not exported.files else "a new file"
+    lines = [f"{path} written" for path in exported.files[1:]]
+    lines.append(f"{exported.path} written ({origin}); {exported.side} contains the whole model")
     lines += [
         f"  ok {check.value:8.1e}  {check.name}"
         for check in exported.checks

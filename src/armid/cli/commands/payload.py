@@ -3,18 +3,23 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from armid.cli.log_format_options import Columns, Rate, ReadingLines, TorqueSign, changed_reading
 from armid.cli.options import Json, Out
-from armid.cli.value_completion import moving_links
+from armid.cli.value_completion import among, moving_links
+from armid.export.load.catalogue import CONTROLLERS
 
 if TYPE_CHECKING:
     from rich.table import Table
 
     from armid.checked_array import Array
+    from armid.errors import Finding
+    from armid.export.load.write import WrittenLoad
     from armid.runs.payload import Payload
 
 
@@ -39,29 +44,65 @@ CentreOfMass = Annotated[
 ]
 
 
+To = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--to",
+        metavar="CONTROLLER",
+        help=f"Also write the payload for controllers: {', '.join(CONTROLLERS)}; repeatable, or a list with commas.",
+        autocompletion=among(tuple(CONTROLLERS)),
+    ),
+]
+
+
+Flange = Annotated[
+    str | None,
+    typer.Option(
+        "--flange",
+        metavar="FRAME",
+        help="Frame of the flange for --to: a frame of the description, or x,y,z,roll,pitch,yaw of the flange in the "
+        "tip frame, m and rad; by default the tip frame.",
+    ),
+]
+
+
+Run = Annotated[
+    str, typer.Argument(help="Run of the arm without the payload; or a stored payload.json, to convert by --to.")
+]
+Recordings = Annotated[list[str] | None, typer.Argument(metavar="RECORDING…", help="Recordings with the payload.")]
+Mass = Annotated[
+    float | None,
+    typer.Option(metavar="KG", help="Known mass of the payload, kg; the drive gains are then estimated."),
+]
+GainDeviation = Annotated[
+    float | None, typer.Option(min=0.0, help="Relative standard deviation of the drive gains, for instance 0.1.")
+]
+SameFriction = Annotated[
+    bool, typer.Option("--same-friction", help="Keep the friction of the run; by default it is estimated again.")
+]
+
+
 def payload(
-    run: Annotated[str, typer.Argument(help="Run of the arm without the payload.")],
-    recordings: Annotated[list[str], typer.Argument(metavar="RECORDING…", help="Recordings with the payload.")],
-    mass: Annotated[
-        float | None,
-        typer.Option(metavar="KG", help="Known mass of the payload, kg; the drive gains are then estimated."),
-    ] = None,
+    run: Run,
+    recordings: Recordings = None,
+    mass: Mass = None,
     com: CentreOfMass = None,
     link: PayloadLinkName = None,
-    gain_deviation: Annotated[
-        float | None, typer.Option(min=0.0, help="Relative standard deviation of the drive gains, for instance 0.1.")
-    ] = None,
-    same_friction: Annotated[
-        bool, typer.Option("--same-friction", help="Keep the friction of the run; by default it is estimated again.")
-    ] = False,
+    gain_deviation: GainDeviation = None,
+    same_friction: SameFriction = False,
     rate: Rate = None,
     torque_sign: TorqueSign = None,
     columns: Columns = None,
     reading_lines: ReadingLines = None,
+    to: To = None,
+    flange: Flange = None,
     out: Out = None,
     json: Json = False,
 ) -> None:
     """Estimate the ten inertial parameters of a payload; recordings are processed like those of the run.
+
+    With --to, mass, centre of mass and inertia are also written in the form in which robot controllers take them.
+    None of these forms was tried on a robot.
 
     Examples:
         armid payload runs/arm with_load.csv
@@ -69,13 +110,17 @@ def payload(
         armid payload runs/arm with_load.csv --mass 2.805
 
         armid payload runs/arm with_load.csv --link forearm_link
-    """
-    from armid.atomic_file import replace_file
-    from armid.cli.console import print_findings
-    from armid.runs.payload import find_payload, payload_record
-    from armid.runs.run import load_run
-    from armid.study.storage.records import to_json
 
+        armid payload runs/arm with_load.csv --to ur --out load
+
+        armid payload load/payload.json --to kuka,abb
+    """
+    from armid.runs.payload import find_payload
+    from armid.runs.run import load_run
+
+    _refuse_options(recordings, to, flange)
+    if not recordings:
+        return _converted(run, to or (), flange, out, json=json)
     loaded = load_run(run)
     found = find_payload(
         loaded,
@@ -87,7 +132,22 @@ def payload(
         same_friction=same_friction,
         link=link,
     )
-    text = to_json(payload_record(found)) + "\n"
+    _estimated(found, to or (), flange, out, json=json)
+
+
+def _estimated(found: Payload, to: Sequence[str], flange: str | None, out: Path | None, *, json: bool) -> None:
+    """Write and print an estimated payload, and write it for controllers."""
+    from armid.atomic_file import replace_file
+    from armid.cli.console import print_findings
+    from armid.export.load.flange_load import load_at_flange
+    from armid.export.load.write import write_load, written_record
+    from armid.runs.payload import payload_record
+    from armid.study.storage.records import to_json
+
+    refused = [_not_written()] if to and found.contradictions else []
+    folder = Path(found.new_recordings.run.folder) / "load" if out is None else out
+    written = write_load(load_at_flange(found, flange), to, folder) if to and not refused else ()
+    text = to_json(payload_record(found) | ({"controllers": written_record(written)} if to else {})) + "\n"
     path = None if out is None else replace_file(out / "payload.json", text)
     if json:
         sys.stdout.write(text)
@@ -95,9 +155,55 @@ def payload(
         _report(found)
     if path is not None and not json:
         sys.stdout.write(f"\nwritten to {path}\n")
-    print_findings(found.findings)
+    _report_written(written, json=json)
+    print_findings([*found.findings, *refused, *(finding for each in written for finding in each.findings)])
     if found.contradictions:
         raise typer.Exit(1)
+
+
+def _refuse_options(recordings: Sequence[str] | None, to: Sequence[str] | None, flange: str | None) -> None:
+    """Refuse a command without recordings that converts nothing, unknown controllers, and --flange without --to."""
+    from armid.errors import OutputError
+    from armid.export.load.write import controller_names
+
+    if not recordings and not to:
+        raise typer.BadParameter("give recordings with the payload, or --to to convert a stored payload.json")
+    if flange is not None and not to:
+        raise OutputError("--flange has no effect without --to.", remedy="name a controller with --to.")
+    if to:
+        controller_names(to)
+
+
+def _not_written() -> Finding:
+    """Finding that a load from recordings with errors is not written for a controller."""
+    from armid.errors import Finding
+
+    evidence = "The recordings have errors, which make the load wrong, so it is not written for a controller."
+    return Finding("load-not-written", "warning", "", evidence, "correct the errors and estimate the load again.")
+
+
+def _converted(stored: str, to: Sequence[str], flange: str | None, out: Path | None, *, json: bool) -> None:
+    """Write a stored payload for controllers."""
+    from armid.cli.console import print_findings
+    from armid.export.load.flange_load import read_load
+    from armid.export.load.write import write_load, written_record
+    from armid.study.storage.records import to_json
+
+    beside = Path(stored) if Path(stored).is_dir() else Path(stored).parent
+    written = write_load(read_load(stored, flange), to, beside if out is None else out)
+    if json:
+        sys.stdout.write(to_json({"payload": stored, "controllers": written_record(written)}) + "\n")
+    _report_written(written, json=json)
+    print_findings([finding for each in written for finding in each.findings])
+
+
+def _report_written(written: Sequence[WrittenLoad], *, json: bool) -> None:
+    """Print the names of the files for controllers."""
+    if json or not written:
+        return
+    lines = [f"{path} written" for each in written for path in each.files]
+    lines.append(f"flange: {written[0].flange}; none of these forms was tried on a robot")
+    sys.stdout.write("\n".join(lines) + "\n")
 
 
 def _report(payload: Payload) -> None:

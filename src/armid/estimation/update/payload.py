@@ -96,6 +96,17 @@ class PayloadEstimate:
         """Inertia about the centre of mass, in the axes of the link frame, shape (3, 3) [kg·m²]."""
         return vector_to_com_inertia(self.values)[2]
 
+    @property
+    def covariance(self) -> Array:
+        """Covariance of `unconstrained`, with the uncertainty of the torque scales, shape (10, 10)."""
+        return self.solution.whole_covariance[-10:, -10:]
+
+    @property
+    def quantile(self) -> float:
+        """Quantile of Student's t distribution by which the intervals are wider than one standard deviation."""
+        columns = len(self.solution.values)
+        return float(student_quantile(float(self.solution.freedom[columns - 10 : columns].min())))
+
 
 @dataclass(frozen=True, eq=False, slots=True)
 class DriveGains:
@@ -179,16 +190,14 @@ def _payload(stacked: StackedProblem, solution: JointSolution, known: Array) -> 
     )
     covariance = np.zeros((10, 10))
     covariance[np.ix_(free, free)] = region_with_scales.covariance
-    com, com_half = _com(values, covariance, t)
-    com_half[(ENTERING[MOMENTS] & undetermined).any(axis=1)] = np.nan
     return PayloadEstimate(
         values,
         statistical,
         intervals,
         _status(values, t * np.sqrt(np.diag(solution.covariance)[ten]), undetermined),
-        com,
-        np.stack([com - com_half, com + com_half], axis=1),
-        _inertia_about_com(values, estimate, covariance, t, undetermined),
+        values[MOMENTS] / values[MASS],
+        com_intervals(values, covariance, t, undetermined),
+        inertia_intervals(values, estimate, covariance, t, undetermined),
         distance,
         estimate,
         solution,
@@ -339,28 +348,43 @@ def _status(values: Array, half: Array, undetermined: NDArray[np.bool_]) -> tupl
     return tuple(result)
 
 
-def _com(values: Array, covariance: Array, t: float) -> tuple[Array, Array]:
-    """Centre of mass (3,) of the payload and half widths (3,) of its intervals [m].
+def com_intervals(values: Array, covariance: Array, t: float, undetermined: NDArray[np.bool_]) -> Array:
+    """95 % intervals of the centre of mass of a payload, shape (3, 2) [m].
 
     Args:
         values: Parameters of the payload, shape (10,).
         covariance: Covariance of the parameters, shape (10, 10).
         t: Quantile of Student's t distribution for 95 % intervals.
+        undetermined: Mask of the parameters that the data do not determine, shape (10,). Intervals of values that
+            depend on these are NaN.
     """
     mass = values[MASS]
     com = values[MOMENTS] / mass
     slope = np.zeros((3, 10))
     slope[:, MASS], slope[:, MOMENTS] = -com / mass, np.eye(3) / mass
-    return com, t * np.sqrt(np.einsum("ik,kl,il->i", slope, covariance, slope))
+    half = t * np.sqrt(np.maximum(np.einsum("ik,kl,il->i", slope, covariance, slope), 0.0))
+    half[(ENTERING[MOMENTS] & undetermined).any(axis=1)] = np.nan
+    return np.stack([com - half, com + half], axis=1)
 
 
-def _inertia_about_com(
+def inertia_intervals(
     values: Array, estimate: Array, covariance: Array, t: float, undetermined: NDArray[np.bool_]
 ) -> Array:
-    """Intervals (6, 2) of the inertia of the payload about its centre of mass, from derivatives by the parameters.
+    """95 % intervals of the inertia of a payload about its centre of mass, from derivatives by the parameters.
 
     The intervals are centred at the unconstrained estimate and extended to the nearest consistent body. Intervals of
     moments of inertia contain no negative values.
+
+    Args:
+        values: Parameters of the nearest consistent body, shape (10,).
+        estimate: Parameters without the constraint of consistency, shape (10,).
+        covariance: Covariance of the parameters, shape (10, 10).
+        t: Quantile of Student's t distribution for 95 % intervals.
+        undetermined: Mask of the parameters that the data do not determine, shape (10,). Intervals of values that
+            depend on these are NaN.
+
+    Returns:
+        Intervals in the order of `LOAD_NAMES`, shape (6, 2) [kg·m²].
     """
     ends = np.full((6, 2), np.nan)
     if estimate[MASS] > 0.0:

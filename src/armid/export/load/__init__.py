@@ -1,0 +1,1 @@
+"""Files with an identified payload for robot controllers, in the form in which each controller takes load data."""

@@ -1,0 +1,1 @@
+"""Modules of the controllers of `armid.export.load.catalogue.CONTROLLERS`, one for each vendor."""

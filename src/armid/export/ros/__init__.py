@@ -1,0 +1,1 @@
+"""Files for ROS description packages, made from the URDF with the identified values."""

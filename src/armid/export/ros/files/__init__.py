@@ -1,0 +1,1 @@
+"""Modules of `armid.export.ros.catalogue.ROS_FILES`, one for each kind of file."""

@@ -1,0 +1,143 @@
+"""Inertias and joint friction of a URDF, for YAML files of description packages."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from armid.checked_array import Array
+from armid.errors import OutputError
+from armid.export.types import plain_number
+from armid.maths.rotations import rpy_rotation
+
+TENSOR = {"xx": (0, 0), "xy": (0, 1), "xz": (0, 2), "yy": (1, 1), "yz": (1, 2), "zz": (2, 2)}
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class LinkNumbers:
+    """Inertia of a link as a URDF has it.
+
+    Attributes:
+        mass: Mass [kg].
+        com: Centre of mass in the frame of the link, shape (3,) [m].
+        inertia: Inertia about the centre of mass in the axes of the link, shape (3, 3) [kg·m²].
+    """
+
+    mass: float
+    com: Array
+    inertia: Array
+
+
+def find_prefix(root: ET.Element, names: Sequence[str], package: str) -> str:
+    """Prefix before the names of the links of a package in a URDF.
+
+    Args:
+        root: Root of the URDF.
+        names: Names of the links without prefix.
+        package: Name of the package.
+
+    Raises:
+        OutputError: The URDF has no such links, or several arms.
+    """
+    links = [link.get("name", "") for link in root.findall("link")]
+    prefixes = [link.removesuffix(names[0]) for link in links if link.endswith(names[0])]
+    found = [prefix for prefix in prefixes if all(prefix + name in links for name in names)]
+    if len(found) == 1:
+        return found[0]
+    raise OutputError(
+        f"The description has {'several arms' if found else 'no arm'} with the links of the package {package}: "
+        f"{', '.join(names)}.",
+        possible="the formats urdf and xacro",
+        remedy=f"identify with the URDF or xacro of one arm of {package}, or choose another format with --to.",
+    )
+
+
+def link_numbers(root: ET.Element, name: str) -> LinkNumbers | None:
+    """Inertia of a link; `None` if the URDF contains none."""
+    inertial = next((link.find("inertial") for link in root.findall("link") if link.get("name") == name), None)
+    if inertial is None:
+        return None
+    origin, mass, tensor = (inertial.find(tag) for tag in ("origin", "mass", "inertia"))
+    R = rpy_rotation(_three(origin, "rpy"))
+    about = np.zeros((3, 3))
+    for pair, (i, j) in TENSOR.items():
+        about[i, j] = about[j, i] = 0.0 if tensor is None else float(tensor.get(f"i{pair}", "0"))
+    about = R @ about @ R.T
+    value = 0.0 if mass is None else float(mass.get("value", "0"))
+    return LinkNumbers(value, _three(origin, "xyz"), (about + about.T) / 2.0)
+
+
+def _three(origin: ET.Element | None, key: str) -> Array:
+    text = "" if origin is None else origin.get(key, "")
+    return np.array([float(word) for word in text.split()] or [0.0, 0.0, 0.0])
+
+
+def friction_of(root: ET.Element, joint: str) -> dict[str, float]:
+    """Damping and friction of a joint, zero if the URDF contains none."""
+    dynamics = next((each.find("dynamics") for each in root.findall("joint") if each.get("name") == joint), None)
+    return {key: float(dynamics.get(key, "0")) if dynamics is not None else 0.0 for key in ("damping", "friction")}
+
+
+def with_values(
+    urdf: bytes, links: Mapping[str, tuple[str, str, str, Mapping[str, str]]], joints: Mapping[str, Mapping[str, str]]
+) -> bytes:
+    """URDF in which inertias and friction are replaced, as the macros of a package write them.
+
+    Args:
+        urdf: The URDF.
+        links: For each link, the texts of mass, `xyz` and `rpy`, and of the elements of the tensor by `xx`, `xy` ….
+        joints: For each joint, the texts of `damping` and `friction`.
+    """
+    root = ET.fromstring(urdf)
+    for link in root.findall("link"):
+        if (name := link.get("name", "")) not in links:
+            continue
+        mass, xyz, rpy, tensor = links[name]
+        for old in link.findall("inertial"):
+            link.remove(old)
+        inertial = ET.SubElement(link, "inertial")
+        ET.SubElement(inertial, "origin", {"xyz": xyz, "rpy": rpy})
+        ET.SubElement(inertial, "mass", {"value": mass})
+        ET.SubElement(inertial, "inertia", {f"i{pair}": text for pair, text in tensor.items()})
+    for joint in root.findall("joint"):
+        if (name := joint.get("name", "")) in joints:
+            for old in joint.findall("dynamics"):
+                joint.remove(old)
+            ET.SubElement(joint, "dynamics", dict(joints[name]))
+    return ET.tostring(root)
+
+
+def yaml_lines(values: Mapping[str, object], indent: int = 0) -> list[str]:
+    """Lines of YAML for nested mappings of numbers and texts.
+
+    Numbers have no exponent, because YAML 1.1 reads `1e-05` as a text.
+    """
+    lines: list[str] = []
+    for key, value in values.items():
+        head = f"{'  ' * indent}{key}:"
+        if isinstance(value, Mapping):
+            lines += [head, *yaml_lines(value, indent + 1)]
+        else:
+            lines.append(f"{head} {plain_number(value) if isinstance(value, float) else value}")
+    return lines
+
+
+def read_yaml(text: str) -> dict[str, object]:
+    """Nested mappings with the texts of the values of a file that `yaml_lines` has made."""
+    result: dict[str, object] = {}
+    levels = [result]
+    for line in text.splitlines():
+        key, _, value = line.strip().partition(":")
+        if not key or key.startswith("#"):
+            continue
+        level = (len(line) - len(line.lstrip())) // 2
+        if value.strip():
+            levels[level][key] = value.strip()
+        else:
+            inner: dict[str, object] = {}
+            levels[level][key] = inner
+            levels[level + 1 :] = [inner]
+    return result

@@ -1,0 +1,121 @@
+"""Export of the model of a run as files for ROS description packages; they are verified before they are written."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from armid.atomic_file import replace_file
+from armid.errors import OutputError
+from armid.export.catalogue import EXPORTERS
+from armid.export.input_digest_check import find_source, unseen_recordings
+from armid.export.preparation import PreparedExport, prepare
+from armid.export.ros.catalogue import ROS_FILES, RosFiles
+from armid.export.sidecar import refuse_overwriting, side_record
+from armid.export.types import DescriptionSource, WrittenDescription
+from armid.export.verification import verify
+from armid.export.write import SIDE, Exported, findings_on_sidecar
+from armid.hashes import digest
+from armid.runs.run import Run
+from armid.study.storage.records import to_json
+
+
+def export_for_ros(
+    run: Run,
+    to: str,
+    out: Path | str | None = None,
+    *,
+    description: Path | str | None = None,
+    data: Path | str | None = None,
+    limits: Mapping[tuple[str, str], float | tuple[float, float]] | None = None,
+    nearest: bool = False,
+    lumped: bool = False,
+    allow_unphysical: bool = False,
+    allow_unidentified: bool = False,
+) -> Exported:
+    """Writes the model of a run as files of a ROS description package, and a sidecar file with the whole model.
+
+    The files have the numbers that `export_run` would write into a URDF.
+
+    Args:
+        run: The run.
+        to: Kind of files, one of `armid.export.ros.catalogue.ROS_FILES`.
+        out: Folder for the files; `None` for a folder of this name in the folder of the run.
+        description: Path of the description of the run, if it was moved after the identification.
+        data: Folder of the recordings of the run, if they were moved after the identification.
+        limits: Limits for a new file, as for `export_run`.
+        nearest: True to write, of all links with the estimated base parameters, those nearest to the description.
+        lumped: True to give the whole inertia of a link to its main body, and none to the attached bodies.
+        allow_unphysical: True if physically inconsistent links may be written.
+        allow_unidentified: True if links may be written whose mass neither the torque nor the description determines.
+
+    Raises:
+        OutputError: The description is not that of the package, files of another origin exist, or the model in the
+            files would be wrong.
+    """
+    kind, exporter, source = ROS_FILES[to], EXPORTERS["urdf"], find_source(run, description)
+    edits = source.format == "urdf"
+    if kind.NEEDS_DESCRIPTION and not edits:
+        raise _foreign(to, source.path)
+    prepared = prepare(
+        run,
+        exporter,
+        source,
+        edits=edits,
+        limits=limits,
+        nearest=nearest,
+        lumped=lumped,
+        allow_unphysical=allow_unphysical,
+        allow_unidentified=allow_unidentified,
+    )
+    written = exporter.write(prepared.content)
+    files, again = _made(kind, run, source, written)
+    unseen, unphysical = unseen_recordings(run, data), prepared.is_unphysical
+    verified = verify(exporter, again, prepared.content, run, prepared.theta, unseen, unphysical=unphysical)
+    paths = _written(files, Path(run.folder) / to if out is None else Path(out), run)
+    side = _side(run, prepared, files, paths[0])
+    findings = (*prepared.findings, *prepared.far, *written.findings)
+    findings = (*findings, *findings_on_sidecar(run, exporter, side.name), *verified.findings)
+    edited = source.path if edits else ""
+    return Exported(paths[0], side, to, edited, prepared.kind, verified.checks, verified.predictions, findings, paths)
+
+
+def _foreign(to: str, description: str) -> OutputError:
+    """Error that the description of a run is not that of a package."""
+    return OutputError(
+        f"The files {to} are for arms that were identified with a URDF or xacro of this package, but the "
+        f"description of the run is {description}.",
+        possible="the formats urdf and xacro",
+        remedy="identify with the URDF of the package, or choose another format with --to.",
+    )
+
+
+def _made(
+    kind: RosFiles, run: Run, source: DescriptionSource, written: WrittenDescription
+) -> tuple[Mapping[str, str], WrittenDescription]:
+    """Files made from a written URDF, and the URDF to which the package expands them."""
+    about = f"{run.robot.name}, identified by armid ({run.estimate.method}). {_origin(run)}"
+    files = kind.write(written.data, about)
+    # Files of a package hold the arm only; all else is as in the description.
+    rest = source.data if kind.NEEDS_DESCRIPTION else written.data
+    return files, WrittenDescription(kind.expanded(files, rest), written.findings)
+
+
+def _origin(run: Run) -> str:
+    """Words by which armid recognises files that were exported from this run."""
+    return f"Inputs and options: sha256 {digest(*map(str, run.estimate.made_from))}."
+
+
+def _written(files: Mapping[str, str], folder: Path, run: Run) -> tuple[Path, ...]:
+    """Writes the files, unless files exist that are not an export of this run."""
+    paths = {folder / name: text for name, text in files.items()}
+    present = {path: path.read_text(encoding="utf-8", errors="replace") for path in paths if path.is_file()}
+    refuse_overwriting([path for path, text in present.items() if _origin(run) not in text], run)
+    return tuple(replace_file(path, text) for path, text in paths.items())
+
+
+def _side(run: Run, prepared: PreparedExport, files: Mapping[str, str], path: Path) -> Path:
+    """Writes the sidecar file next to the first of the files, and returns its path."""
+    data = next(iter(files.values())).encode()
+    record = side_record(run, prepared.content, prepared.theta, data, path.name, prepared.kind)
+    return replace_file(path.with_name(f"{path.name}{SIDE}"), to_json(record) + "\n")
