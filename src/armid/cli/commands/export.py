@@ -86,14 +86,14 @@ def export(
 
     In a description of the same format, only the numbers that change are edited. For another format, a new file
     without shapes is written. FILE.armid.json next to the file contains the whole model, also what the format cannot
-    store.
+    store. ros2 gives a package with a plugin of inverse_dynamics_solver.
 
     Examples:
         armid export runs/today --to urdf --out arm_identified.urdf
 
-        armid export runs/today --to mjcf
-
         armid export runs/today --to c --out code
+
+        armid export runs/today --to ros2 --out src/my_arm
     """
     from armid.cli.motion.number_options import parse_limits
     from armid.export.write import export_record, export_run
