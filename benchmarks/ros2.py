@@ -35,7 +35,8 @@ def main() -> int:
     if MISSING:
         print("gcc, g++ or the headers of Eigen are missing.", file=sys.stderr)
         return 1
-    model = DynamicsModel(load_robot(options.robot), (RigidBody(), Viscous(), Coulomb(0.02), Offset(), RotorInertia()))
+    terms = (RigidBody(), Viscous(), Coulomb(0.02), Offset(), RotorInertia())
+    model = DynamicsModel(load_robot(options.robot), terms)
     base, rng = find_base_parameters(model), np.random.default_rng(0)
     with tempfile.TemporaryDirectory() as folder:
         write_files(generate(model, base, rng.normal(size=base.count), "ros2"), Path(folder))

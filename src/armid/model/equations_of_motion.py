@@ -113,7 +113,7 @@ def slotine_li_regressor(model: DynamicsModel, motion: Motion, dq_r: ArrayLike, 
 def _factors(M: Array) -> Array:
     """Cholesky factors L with M = L Lᵀ of the mass matrices of all samples, shape (N, n, n)."""
     try:
-        return np.linalg.cholesky(M)
+        return np.asarray(np.linalg.cholesky(M), dtype=np.float64)
     except np.linalg.LinAlgError:
         smallest = np.linalg.eigvalsh(M)[:, 0]
         raise ModelError(
@@ -126,4 +126,4 @@ def _factors(M: Array) -> Array:
 def _solved(factors: Array, right: Array) -> Array:
     """Solutions x of L Lᵀ x = b for factors (N, n, n) and right sides (N, n)."""
     half = np.linalg.solve(factors, right[:, :, None])
-    return np.linalg.solve(np.swapaxes(factors, 1, 2), half)[:, :, 0]
+    return np.asarray(np.linalg.solve(np.swapaxes(factors, 1, 2), half)[:, :, 0], dtype=np.float64)
