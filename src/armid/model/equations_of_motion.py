@@ -30,9 +30,6 @@ MOST_ITERATIONS = 100
 """Largest number of iterations for load-dependent friction. Each reduces the error by the ratio of friction to load,
 which is about 0.1 in gears, so that 12 iterations are usual."""
 
-NOT_CONVERGED = "The acceleration was not found, because the load-dependent friction is larger than the load."
-"""Text of the error for an iteration that does not converge."""
-
 
 def bias_torque(model: DynamicsModel, q: ArrayLike, dq: ArrayLike, parameters: ArrayLike) -> Array:
     """Bias torque C(q, q̇) q̇ + g(q) of the rigid links, shape (N, n) [N·m or N].
@@ -82,7 +79,10 @@ def forward_dynamics(model: DynamicsModel, motion: Motion, torque: ArrayLike, pa
         first = first if iteration else change
         if change > DIVERGED * first:
             break
-    raise ModelError(NOT_CONVERGED, remedy="identify without load-dependent friction.")
+    raise ModelError(
+        "The acceleration was not found, because the load-dependent friction is larger than the load.",
+        remedy="identify without load-dependent friction.",
+    )
 
 
 def slotine_li_regressor(model: DynamicsModel, motion: Motion, dq_r: ArrayLike, ddq_r: ArrayLike) -> Array:

@@ -24,7 +24,7 @@ from armid.kernel import in_use
 from armid.kernel.dispatch import TWIN
 from armid.model.base_parameters import BaseParameters
 from armid.model.dynamics_model import DynamicsModel
-from armid.model.equations_of_motion import CONVERGED, DIVERGED, MOST_ITERATIONS, NOT_CONVERGED
+from armid.model.equations_of_motion import CONVERGED, DIVERGED, MOST_ITERATIONS
 from armid.runs.run import Run
 
 
@@ -121,7 +121,10 @@ class CallableModel:
             first = first if iteration else change
             if change > DIVERGED * first:
                 break
-        raise ArmidError(NOT_CONVERGED, remedy="identify without load-dependent friction.")
+        raise ArmidError(
+            "The acceleration was not found, because the load-dependent friction is larger than the load.",
+            remedy="identify without load-dependent friction.",
+        )
 
     def _checked(self, result: Array) -> Array:
         """Acceleration from a result that contains the pivots of the mass matrix, which must be positive."""
