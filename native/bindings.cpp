@@ -455,7 +455,9 @@ NB_MODULE(_native, m) {
       .def("run", &run_tape<Vector, Vector, Vector>, nb::arg().noconvert(), nb::arg().noconvert(),
            nb::arg().noconvert(), nb::arg().noconvert())
       .def("run", &run_tape<Vector, Vector, Vector, Vector>, nb::arg().noconvert(), nb::arg().noconvert(),
-           nb::arg().noconvert(), nb::arg().noconvert(), nb::arg().noconvert());
+           nb::arg().noconvert(), nb::arg().noconvert(), nb::arg().noconvert())
+      .def("run", &run_tape<Vector, Vector, Vector, Vector, Vector>, nb::arg().noconvert(), nb::arg().noconvert(),
+           nb::arg().noconvert(), nb::arg().noconvert(), nb::arg().noconvert(), nb::arg().noconvert());
   nb::class_<ArmData>(m, "Arm").def(
       nb::init<In<std::int32_t>, In<std::uint8_t>, In<double>, In<double>, In<double>, In<double>>(), "parent"_a,
       "prismatic"_a, "axis"_a, "rotation"_a, "translation"_a, "gravity"_a);

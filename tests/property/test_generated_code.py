@@ -44,7 +44,7 @@ def generated(name: str, language: str) -> tuple[Case, dict[str, str], str]:
 def test_programs(name: str):
     """The list of operations itself, before any language."""
     each = case(name)
-    inputs = {"parameters": each.values, "q": each.motion.q, "dq": each.motion.dq, "ddq": each.motion.ddq}
+    inputs = {"parameters": each.values, **each.inputs}
     if each.motion.memory is not None:
         inputs["state"] = each.motion.memory
     programs = make_programs(each.model, each.base, list(each.expected))
@@ -75,8 +75,8 @@ int main() {{
   const {p}::Model model;
   {start}
   for (int k = 0; k < {samples}; ++k) {{
-    {p}::Joints q, dq, ddq;
-    for ({p}::Joints* x : {{&q, &dq, &ddq}})
+    {p}::Joints {vectors};
+    for ({p}::Joints* x : {{{pointers}}})
       if (std::fread(x->data(), sizeof(double), x->size(), stdin) != x->size()) return 1;
     {update}
     {calls}
@@ -90,18 +90,21 @@ int main() {{
 def test_cpp(name: str, tmp_path: Path):
     each, files, prefix = generated(name, "cpp")
     memory = bool(each.model.nodes)
-    load = any("load" in str(law.expression) for _, law in each.model.laws)
-    state = ", memory" if memory else ""
-    inputs = {"gravity_torque": "q", "mass_matrix": "q", "friction": f"q, dq{', ddq' if load else ''}{state}"}
-    calls = [f"put(model.{f}({inputs.get(f, f'q, dq, ddq{state}')}));" for f in each.expected]
+    given = {
+        name: [x.replace("state", "memory") for x in each.arguments[name] if x != "parameters"]
+        for name in each.expected
+    }
+    calls = [f"put(model.{name}({', '.join(arguments)}));" for name, arguments in given.items()]
     start = f"{prefix}::Memory memory({prefix}::Joints{{}});" if memory else ""
     update = f"if (k == 0) memory = {prefix}::Memory(q); else memory.update(q);" if memory else ""
-    main = MAIN.format(p=prefix, samples=SAMPLES, start=start, update=update, calls="\n    ".join(calls))
+    vectors, pointers = ", ".join(each.inputs), ", ".join(f"&{name}" for name in each.inputs)
+    texts = {"vectors": vectors, "pointers": pointers, "start": start, "update": update}
+    main = MAIN.format(p=prefix, samples=SAMPLES, calls="\n    ".join(calls), **texts)
     write_files({**files, "main.cpp": main}, tmp_path)
     subprocess.run([str(CC), "-std=c99", "-c", f"{prefix}.c"], cwd=tmp_path, check=True)
     command = [str(CXX), "-std=c++17", *STRICT, "main.cpp", f"{prefix}.o", "-o", "main"]
     subprocess.run(command, cwd=tmp_path, check=True)
-    motion = np.stack([each.motion.q, each.motion.dq, each.motion.ddq], 1)
+    motion = np.stack(list(each.inputs.values()), 1)
     done = subprocess.run([str(tmp_path / "main")], input=motion.tobytes(), capture_output=True, check=True)
     out = np.frombuffer(done.stdout).reshape(SAMPLES, -1)
     ends = np.cumsum([0, *(x[0].size for x in each.expected.values())])

@@ -17,8 +17,10 @@ import tree_sitter
 import tree_sitter_julia
 
 from armid.checked_array import Array
+from armid.codegen.functions import make_programs
 from armid.model.base_parameters import BaseParameters, find_base_parameters
 from armid.model.dynamics_model import DynamicsModel
+from armid.model.equations_of_motion import slotine_li_regressor
 from armid.model.motion import Motion
 from armid.model.terms import TERMS, Coulomb, Hysteresis, LoadCoulomb, Offset, RigidBody, RotorInertia, Viscous
 from armid.robot import builtin_arms, load_robot
@@ -27,16 +29,16 @@ from trees import random_inertial, random_states, random_tree, robot_of, structu
 SAMPLES = 12
 
 CC, CXX = shutil.which("gcc"), shutil.which("g++")
-OCTAVE = shutil.which("octave-cli")
+OCTAVE, CMAKE = shutil.which("octave-cli"), shutil.which("cmake")
 STRICT = ("-Wall", "-Wextra", "-Werror", "-pedantic")
-MATRICES = ("regressor", "base_regressor", "mass_matrix")
 
 
 @dataclass(frozen=True, eq=False)
 class Case:
     """A model with values of its base parameters, and what its functions give along a contiguous motion.
 
-    Jumps of the motion are wider than any memory, which is known from sample `known` on.
+    Jumps of the motion are wider than any memory, which is known from sample `known` on. `inputs` are the vectors of
+    each sample by the names that the functions give them, but for parameters and state; `arguments` are these names.
     """
 
     model: DynamicsModel
@@ -45,6 +47,8 @@ class Case:
     motion: Motion
     known: int
     expected: Mapping[str, Array]
+    inputs: Mapping[str, Array]
+    arguments: Mapping[str, tuple[str, ...]]
 
     @property
     def n(self) -> int:
@@ -57,6 +61,8 @@ class Case:
         for name, expected in self.expected.items():
             error = np.abs(found[name] - expected)[self.known :].max()
             bound = max(scale, np.abs(expected).max()) if name == "friction" else np.abs(expected).max()
+            if name == "forward_dynamics":  # a linear system, as exact as its matrix is conditioned
+                bound *= np.linalg.cond(self.expected["mass_matrix"]).max()
             assert error <= tolerance * bound, (name, error / bound)
 
 
@@ -102,6 +108,7 @@ def case(name: str) -> Case:
     theta = rng.normal(size=len(model.parameters))
     if model.has_rigid_bodies:
         theta[model.inertial_columns] = random_inertial(rng, model.n).ravel()
+    theta[[k for k, p in enumerate(model.parameters) if p.nonnegative]] **= 2
     motion, known = Motion.of_states(*random_states(rng, SAMPLES, model.n)), 0
     if model.nodes:
         motion, since = model.remembered(motion)
@@ -116,15 +123,30 @@ def case(name: str) -> Case:
     rest = placed.copy()
     inertia = [k for k, p in enumerate(model.parameters) if p.symbol in ("IA", "IAM")]
     rest[[*model.inertial_columns, *inertia]] = 0.0
+    reference = random_states(rng, SAMPLES, model.n)
+    C = model.coriolis_matrix(motion.q, motion.dq, theta)
+    coriolis = np.einsum("nij,nj->ni", C, motion.dq)
+    Y_r = slotine_li_regressor(model, motion, reference[1], reference[2])
     expected = {
         "regressor": Y,
         "base_regressor": Y[:, :, base.kept],
+        "slotine_li_regressor": Y_r[:, :, base.kept],
         "inverse_dynamics": torque,
+        "forward_dynamics": motion.ddq,
         "gravity_torque": gravity,
+        "coriolis_torque": coriolis,
+        "bias_torque": coriolis + gravity,
+        "coriolis_matrix": C,
         "mass_matrix": M,
         "friction": Y @ rest,
     }
-    return Case(model, base, values, motion, known, expected)
+    if not model.has_rigid_bodies:
+        del expected["forward_dynamics"]
+    inputs = {"q": motion.q, "dq": motion.dq, "ddq": motion.ddq, "tau": torque}
+    inputs |= {"dq_r": reference[1], "ddq_r": reference[2]}
+    programs = make_programs(model, base, [*expected, "state_start", "state_update"])
+    arguments = {program.name: tuple(a.name for a in program.arguments) for program in programs}
+    return Case(model, base, values, motion, known, expected, inputs, arguments)
 
 
 def write_files(files: Mapping[str, str], folder: Path) -> Path:
@@ -135,40 +157,32 @@ def write_files(files: Mapping[str, str], folder: Path) -> Path:
     return folder
 
 
-def along(each: Case, call: Callable[[str, tuple[Array, ...]], Array]) -> dict[str, Array]:
-    """Return what a function `call(name, inputs)` gives along the motion; inputs in the order of q, dq, ddq."""
-    motion = each.motion
-    reads = {"gravity_torque": 1, "mass_matrix": 1}
-    if not any("load" in str(law.expression) for _, law in each.model.laws):
-        reads["friction"] = 2
+def along(each: Case, call: Callable[[str, Mapping[str, Array]], Array]) -> dict[str, Array]:
+    """Return what a function `call(name, inputs)` gives along the motion, for the vectors that it reads."""
     found: dict[str, list[Array]] = {name: [] for name in each.expected}
-    for k in range(motion.samples):
-        sample = motion.q[k], motion.dq[k], motion.ddq[k]
-        call("state_start" if k == 0 else "state_update", sample[:1])
+    for k in range(each.motion.samples):
+        sample = {name: values[k] for name, values in each.inputs.items()}
+        if each.model.nodes:
+            call("state_start" if k == 0 else "state_update", {"q": sample["q"]})
         for name, results in found.items():
-            results.append(np.asarray(call(name, sample[: reads.get(name, 3)])))
+            results.append(np.asarray(call(name, {x: sample[x] for x in each.arguments[name] if x in sample})))
     return {name: np.array(results).reshape(each.expected[name].shape) for name, results in found.items()}
 
 
 def run_c(each: Case, library: Path, prefix: str) -> dict[str, Array]:
     """Functions of a shared library along the motion."""
     loaded = ctypes.CDLL(str(library))
-    parameters, state = np.array(each.values), np.empty(len(each.model.nodes))
+    more = {"parameters": np.array(each.values), "state": np.empty(len(each.model.nodes))}
     sizes = {name: int(np.prod(x.shape[1:])) for name, x in each.expected.items()}
 
     def pointer(x: Array) -> Any:
         return x.ctypes.data_as(ctypes.POINTER(ctypes.c_double))
 
-    def call(name: str, inputs: tuple[Array, ...]) -> Array:
-        if name.startswith("state_"):
-            if len(state):
-                getattr(loaded, f"{prefix}_{name}")(pointer(inputs[0]), pointer(state))
-            return state
-        out = np.full(sizes[name], np.nan)
-        leading = () if "regressor" in name else (parameters,)
-        memory = (state,) if len(state) and name not in ("gravity_torque", "mass_matrix") else ()
-        given = [np.ascontiguousarray(x) for x in (*leading, *inputs, *memory)]
-        getattr(loaded, f"{prefix}_{name}")(*map(pointer, given), pointer(out))
+    def call(name: str, inputs: Mapping[str, Array]) -> Array:
+        given = [np.ascontiguousarray({**more, **inputs}[x]) for x in each.arguments[name]]
+        out = more["state"] if name.startswith("state_") else np.full(sizes[name], np.nan)
+        written = [] if name == "state_update" else [out]
+        getattr(loaded, f"{prefix}_{name}")(*map(pointer, [*given, *written]))
         return out
 
     return along(each, call)
@@ -176,20 +190,15 @@ def run_c(each: Case, library: Path, prefix: str) -> dict[str, Array]:
 
 def run_module(each: Case, module: Mapping[str, Any], *, parameters_first: bool) -> dict[str, Array]:
     """Functions of a Python module along the motion."""
-    state: list[Any] = [None]
+    more: dict[str, Any] = {"parameters": each.values.tolist()}
 
-    def call(name: str, inputs: tuple[Array, ...]) -> Array:
-        vectors: list[Any] = [x.tolist() for x in inputs]
+    def call(name: str, inputs: Mapping[str, Array]) -> Array:
+        given = {**more, **{x: vector.tolist() for x, vector in inputs.items()}}
+        names = [x for x in each.arguments[name] if parameters_first or x != "parameters"]
+        result = module[name](*(given[x] for x in names))
         if name.startswith("state_"):
-            if each.model.nodes:
-                more = [state[0]] if name == "state_update" else []
-                state[0] = module[name](*vectors, *more)
-            return np.zeros(0)
-        if each.model.nodes and name not in ("gravity_torque", "mass_matrix"):
-            vectors.append(state[0])
-        if parameters_first and "regressor" not in name:
-            vectors.insert(0, each.values.tolist())
-        return np.array(module[name](*vectors))
+            more["state"] = result
+        return np.array(result)
 
     return along(each, call)
 
@@ -227,26 +236,18 @@ def julia_as_python(text: str) -> dict[str, Any]:
 def run_octave(each: Case, folder: Path, prefix: str) -> dict[str, Array]:
     """Functions of a package folder along the motion, in GNU Octave."""
     assert OCTAVE is not None
-    motion = each.motion
-    np.concatenate([motion.q.ravel(), motion.dq.ravel(), motion.ddq.ravel()]).tofile(folder / "in.bin")
+    np.concatenate([x.ravel() for x in each.inputs.values()]).tofile(folder / "in.bin")
     memory = bool(each.model.nodes)
-    state = ", z" if memory else ""
-    load = ", ddq" if any("load" in str(law.expression) for _, law in each.model.laws) else ""
-    calls = {
-        "regressor": f"(q, dq, ddq{state})",
-        "base_regressor": f"(q, dq, ddq{state})",
-        "inverse_dynamics": f"(p, q, dq, ddq{state})",
-        "gravity_torque": "(p, q)",
-        "mass_matrix": "(p, q)",
-        "friction": f"(p, q, dq{load}{state})",
-    }
+    texts = {"parameters": "p", "state": "z"}
+    calls = {name: ", ".join(texts.get(x, x) for x in each.arguments[name]) for name in each.expected}
     script = [
         "f = fopen('in.bin'); x = fread(f, Inf, 'double'); fclose(f);",
-        f"x = reshape(x, {each.n}, {SAMPLES}, 3); p = {prefix}.parameters(); f = fopen('out.bin', 'w');",
+        f"x = reshape(x, {each.n}, {SAMPLES}, {len(each.inputs)});",
+        f"p = {prefix}.parameters(); f = fopen('out.bin', 'w');",
         f"for k = 1:{SAMPLES}",
-        "  q = x(:, k, 1); dq = x(:, k, 2); ddq = x(:, k, 3);",
+        *(f"  {name} = x(:, k, {i});" for i, name in enumerate(each.inputs, 1)),
         f"  if k == 1, z = {prefix}.state_start(q); else z = {prefix}.state_update(q, z); end" if memory else "",
-        *(f"  fwrite(f, {prefix}.{name}{calls[name]}.', 'double');" for name in each.expected),
+        *(f"  fwrite(f, {prefix}.{name}({calls[name]}).', 'double');" for name in each.expected),
         "end",
         "fclose(f);",
     ]

@@ -8,7 +8,13 @@ import pytest
 
 from armid import kernel
 from armid.kernel import reference
-from trees import pinocchio_model, random_inertial, random_states, random_tree, structured_tree
+from armid.model.base_parameters import find_base_parameters
+from armid.model.dynamics_model import DynamicsModel
+from armid.model.equations_of_motion import forward_dynamics
+from armid.model.motion import Motion
+from armid.model.terms import RigidBody
+from armid.runs.callable_model import CallableModel
+from trees import pinocchio_model, random_inertial, random_states, random_tree, robot_of, structured_tree
 
 TOLERANCE = 1e-12
 """Relative to the largest entry: two orders of recursion over at most 30 joints differ by rounding."""
@@ -60,3 +66,28 @@ def test_gravity_and_energies(seed):
     weight = np.linalg.norm(tree.gravity) * inertial[:, 0].sum()
     potential = pin.computePotentialEnergy(model, data, q[0, order])
     assert abs(reference.potential_energy(tree, inertial, q)[0] - potential) <= TOLERANCE * weight * n
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_coriolis_matrix_and_forward_dynamics(seed):
+    """The whole chain of armid against computeCoriolisMatrix and the articulated-body algorithm."""
+    rng = np.random.default_rng(2000 + seed)
+    n = 1 + seed % 8
+    tree, inertial = (structured_tree if seed % 3 == 0 else random_tree)(rng, n), random_inertial(rng, n)
+    q, dq, tau = random_states(rng, SAMPLES, n)
+    model, order = pinocchio_model(tree, inertial)
+    data = model.createData()
+    mine = DynamicsModel(robot_of(tree), (RigidBody(),))
+    theta = inertial.ravel()
+    base = find_base_parameters(mine)
+    called = CallableModel(mine, base, base.values_of(theta))
+    C, M = mine.coriolis_matrix(q, dq, theta), mine.mass_matrix(q, theta)
+    accelerations = forward_dynamics(mine, Motion.of_states(q, dq, np.zeros_like(q)), tau, theta)
+    for k in range(SAMPLES):
+        theirs = np.reshape(pin.computeCoriolisMatrix(model, data, q[k, order], dq[k, order]), (n, n)).copy()
+        scale = max(np.abs(theirs).max(), np.abs(M[k]).max() * np.abs(dq[k]).max())  # a single joint has C = 0
+        for found in (C[k], called.coriolis_matrix(q[k], dq[k])):
+            assert np.abs(found[order][:, order] - theirs).max() <= TOLERANCE * scale
+        free = np.reshape(pin.aba(model, data, q[k, order], dq[k, order], tau[k, order]), n).copy()
+        for found in (accelerations[k], called.acceleration(q[k], dq[k], tau[k])):
+            assert np.abs(found[order] - free).max() <= TOLERANCE * np.linalg.cond(M[k]) * np.abs(free).max()

@@ -1,4 +1,4 @@
-"""Catalogue `LANGUAGES` of programming languages: a new language needs a module and one line here."""
+"""Catalogue `LANGUAGES` of forms of generated code: a new language needs a module and one line here."""
 
 from __future__ import annotations
 
@@ -26,6 +26,7 @@ LANGUAGES: Catalogue[Language] = Catalogue(
         "matlab": "armid.codegen.languages.matlab",
         "python": "armid.codegen.languages.python",
         "julia": "armid.codegen.languages.julia",
+        "ros2": "armid.codegen.languages.ros2",
     }
 )
 """Modules of the languages; the keys are the names that `armid export --to` accepts."""

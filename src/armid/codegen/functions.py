@@ -1,4 +1,4 @@
-"""Functions of a model for which code is generated: regressors, torques, mass matrix, friction, hysteresis state.
+"""Functions of a model for which code is generated: regressors, torques, matrices, accelerations, hysteresis state.
 
 The functions take base parameters, and no standard parameters. Each base parameter is used in the place of the
 standard parameter whose regressor column is kept; all other standard parameters are zero. The torque is the same as
@@ -11,25 +11,35 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from armid.codegen.graph import Graph, Scalar
+from armid.codegen.linear_system import is_regular, solve_symmetric
 from armid.codegen.program import STATE_FUNCTIONS, Argument, Program
-from armid.codegen.rigid_bodies import Geometry, inverse_dynamics, mass_matrix, numbers, regressor
+from armid.codegen.rigid_bodies import Geometry, inverse_dynamics, mass_matrix, numbers, regressor, without_gravity
 from armid.codegen.term_laws import combined, is_inertia, law_value, rotor_matrix, updated, uses
 from armid.errors import ModelError, did_you_mean
 from armid.model.base_parameters import BaseParameters
 from armid.model.dynamics_model import DynamicsModel
+from armid.model.torque_law_expression import symbols
 
 PROGRAMS = (
     "regressor",
     "base_regressor",
+    "slotine_li_regressor",
     "inverse_dynamics",
+    "forward_dynamics",
     "gravity_torque",
+    "coriolis_torque",
+    "bias_torque",
+    "coriolis_matrix",
     "mass_matrix",
     "friction",
     "state_start",
     "state_update",
 )
-"""Names of the functions, in the order in which they are written; the last two exist only for models with
-hysteresis."""
+"""Names of the functions, in the order in which they are written. The last two exist only for models with hysteresis,
+and `forward_dynamics` only for models in which every joint moves a mass."""
+
+FURTHER_PROGRAMS = ("velocity_friction", "checked_forward_dynamics")
+"""Names of functions that are used only where an interface needs them."""
 
 
 def make_programs(
@@ -40,22 +50,20 @@ def make_programs(
     Args:
         model: Arm and torque terms. If a term depends on the load torque, the model needs `load_parameters`.
         base: Base parameters of the model.
-        wanted: Names of the functions. For models without hysteresis, the functions of the hysteresis state are
-            omitted.
+        wanted: Names of the functions. Functions that do not exist for the model are omitted.
 
     Raises:
         ModelError: A function does not exist, or a term depends on the load and no load parameters are given.
     """
     maker = Maker(model, base)
-    unknown = sorted(set(wanted) - set(PROGRAMS))
+    unknown = sorted(set(wanted) - {*PROGRAMS, *FURTHER_PROGRAMS})
     if unknown:
         raise ModelError(
             f"There is no function {unknown[0]!r} for which code can be generated.",
             possible=", ".join(PROGRAMS),
             remedy=did_you_mean(unknown[0], PROGRAMS),
         )
-    names = [name for name in wanted if model.nodes or name not in STATE_FUNCTIONS]
-    return tuple(maker.make(name) for name in names)
+    return tuple(maker.make(name) for name in wanted if maker.exists(name))
 
 
 @dataclass(eq=False, slots=True)
@@ -75,38 +83,67 @@ class Maker:
     graph: Graph = field(default_factory=Graph)
     geometry: Geometry | None = None
 
+    def exists(self, name: str) -> bool:
+        """True if the model has a function: hysteresis states, or masses that a torque can accelerate."""
+        if name in STATE_FUNCTIONS:
+            return bool(self.model.nodes)
+        if name in ("forward_dynamics", "checked_forward_dynamics"):
+            arguments = map(self._argument, ("parameters", "q"))
+            return is_regular(self._mass_matrix({a.name: self.graph.symbols(a.name, a.length) for a in arguments}))
+        return True
+
     def make(self, name: str) -> Program:
-        """Makes the program of one of the functions in `PROGRAMS`."""
+        """Makes the program of one of the functions in `PROGRAMS` or `FURTHER_PROGRAMS`."""
         arguments = tuple(self._argument(a) for a in self._arguments(name))
         inputs = {a.name: self.graph.symbols(a.name, a.length) for a in arguments}
         n = self.model.n
         if name == "regressor":
             columns = range(len(self.model.parameters))
             return self._regressor(name, ("Y", "standard"), arguments, inputs, columns)
-        if name == "base_regressor":
+        if name in ("base_regressor", "slotine_li_regressor"):
             columns = self.base.kept.tolist()
-            return self._regressor(name, ("Y_b", "base"), arguments, inputs, columns)
+            symbol = "Y_b" if name == "base_regressor" else "Y_r"
+            return self._regressor(name, (symbol, "base"), arguments, inputs, columns)
         if name in STATE_FUNCTIONS:
             entries = self._started(inputs) if name == "state_start" else self._updated(inputs)
             return Program(name, SUMMARIES[name], arguments, (len(self.model.nodes),), entries, "next")
-        if name == "mass_matrix":
-            M = self._mass_matrix(inputs)
-            entries = {n * i + j: M[i][j] for i in range(n) for j in range(n)}
-            return Program(name, SUMMARIES[name], arguments, (n, n), entries, "M")
-        torque = {"inverse_dynamics": self._torque, "gravity_torque": self._gravity, "friction": self._friction}
-        return Program(name, SUMMARIES[name], arguments, (n,), dict(enumerate(torque[name](inputs))), "tau")
+        if name in ("mass_matrix", "coriolis_matrix"):
+            matrix = self._mass_matrix(inputs) if name == "mass_matrix" else self._coriolis_matrix(inputs)
+            entries = {n * i + j: matrix[i][j] for i in range(n) for j in range(n)}
+            return Program(name, SUMMARIES[name], arguments, (n, n), entries, name[0].upper())
+        vectors = {
+            "inverse_dynamics": self._torque,
+            "forward_dynamics": self._acceleration,
+            "gravity_torque": self._gravity,
+            "coriolis_torque": self._coriolis,
+            "bias_torque": self._bias,
+            "friction": self._friction,
+            "velocity_friction": self._velocity_friction,
+        }
+        if name == "checked_forward_dynamics":
+            entries = dict(enumerate(self._acceleration(inputs) + self._pivots(inputs)))
+            return Program(name, SUMMARIES[name], arguments, (2 * n,), entries, "acceleration")
+        output = "acceleration" if name == "forward_dynamics" else "tau"
+        return Program(name, SUMMARIES[name], arguments, (n,), dict(enumerate(vectors[name](inputs))), output)
 
     def _arguments(self, name: str) -> list[str]:
         """Names of the inputs of a function."""
         state = ["state"] if self.model.nodes else []
-        if name == "friction":
-            return ["parameters", "q", "dq", *(["ddq"] if uses(self.model, "load") else []), *state]
+        load = ["ddq"] if uses(self.model, "load") else []
         return {
             "regressor": ["q", "dq", "ddq", *state],
             "base_regressor": ["q", "dq", "ddq", *state],
+            "slotine_li_regressor": ["q", "dq", "dq_r", "ddq_r", *state],
             "inverse_dynamics": ["parameters", "q", "dq", "ddq", *state],
+            "forward_dynamics": ["parameters", "q", "dq", "tau", *load, *state],
+            "checked_forward_dynamics": ["parameters", "q", "dq", "tau", *load, *state],
             "gravity_torque": ["parameters", "q"],
+            "coriolis_torque": ["parameters", "q", "dq"],
+            "bias_torque": ["parameters", "q", "dq"],
+            "coriolis_matrix": ["parameters", "q", "dq"],
             "mass_matrix": ["parameters", "q"],
+            "friction": ["parameters", "q", "dq", *load, *state],
+            "velocity_friction": ["parameters", "dq"],
             "state_start": ["q"],
             "state_update": ["q", "state"],
         }[name]
@@ -140,8 +177,46 @@ class Maker:
         still: list[Scalar] = [0.0] * self.model.n
         return inverse_dynamics(self._tree, self._bodies(self._theta(inputs)), inputs["q"], still, still)
 
+    def _coriolis(self, inputs: Mapping[str, Sequence[Scalar]]) -> list[Scalar]:
+        return self._product_of_velocities(inputs, inputs["dq"])
+
+    def _bias(self, inputs: Mapping[str, Sequence[Scalar]]) -> list[Scalar]:
+        still: list[Scalar] = [0.0] * self.model.n
+        bodies = self._bodies(self._theta(inputs))
+        return inverse_dynamics(self._tree, bodies, inputs["q"], inputs["dq"], still)
+
+    def _coriolis_matrix(self, inputs: Mapping[str, Sequence[Scalar]]) -> list[list[Scalar]]:
+        """Coriolis matrix, whose column j is the product of the velocity with the unit velocity of joint j."""
+        units = [[float(i == j) for i in range(self.model.n)] for j in range(self.model.n)]
+        columns = [self._product_of_velocities(inputs, list[Scalar](unit)) for unit in units]
+        return [list(row) for row in zip(*columns, strict=True)]
+
+    def _product_of_velocities(self, inputs: Mapping[str, Sequence[Scalar]], other: Sequence[Scalar]) -> list[Scalar]:
+        """The product C(q, q̇) q̇_other of the Coriolis matrix with a second velocity."""
+        still: list[Scalar] = [0.0] * self.model.n
+        tree, bodies = without_gravity(self._tree), self._bodies(self._theta(inputs))
+        return inverse_dynamics(
+            tree, bodies, inputs["q"], inputs["dq"], still, None if other is inputs["dq"] else other
+        )
+
+    def _acceleration(self, inputs: Mapping[str, Sequence[Scalar]]) -> list[Scalar]:
+        bias = self._laws(inputs, self._theta(inputs), self._bias(inputs), inertia=False)
+        free = [tau - other for tau, other in zip(inputs["tau"], bias, strict=True)]
+        return solve_symmetric(self._mass_matrix(inputs), free)[0]
+
+    def _pivots(self, inputs: Mapping[str, Sequence[Scalar]]) -> list[Scalar]:
+        """Pivots of the mass matrix, which are positive if and only if it is positive definite."""
+        return solve_symmetric(self._mass_matrix(inputs), [0.0] * self.model.n)[1]
+
     def _friction(self, inputs: Mapping[str, Sequence[Scalar]]) -> list[Scalar]:
         return self._laws(inputs, self._theta(inputs), [0.0] * self.model.n, inertia=False)
+
+    def _velocity_friction(self, inputs: Mapping[str, Sequence[Scalar]]) -> list[Scalar]:
+        theta, torque = self._theta(inputs), list[Scalar]([0.0] * self.model.n)
+        for j, column, law, weight in self.model.entries:
+            if column in theta and symbols(law.expression) <= {"dq"}:
+                torque[j] = torque[j] + theta[column] * (weight * law_value(self.model, law, inputs))
+        return torque
 
     def _laws(
         self,
@@ -191,11 +266,14 @@ class Maker:
         columns: Sequence[int],
     ) -> Program:
         place = {column: k for k, column in enumerate(columns)}
+        other = inputs.get("dq_r")
+        if other is not None:
+            inputs = {**inputs, "ddq": inputs["ddq_r"]}
         width, entries = len(columns), dict[int, Scalar]()
         inertial = self.model.inertial_columns.reshape(-1, 10).tolist()
         kept = [[k for k, column in enumerate(link) if column in place] for link in inertial]
         if kept:
-            nonzero = regressor(self._tree, kept, inputs["q"], inputs["dq"], inputs["ddq"])
+            nonzero = regressor(self._tree, kept, inputs["q"], inputs["dq"], inputs["ddq"], other)
             entries = {j * width + place[inertial[i][k]]: value for (j, i, k), value in nonzero.items()}
         inputs = self._with_load(inputs)
         for j, column, law, weight in self.model.entries:
@@ -204,6 +282,8 @@ class Maker:
                 entries[index] = entries.get(index, 0.0) + weight * law_value(self.model, law, inputs)
         symbol, kind = result
         summary = f"{symbol}: torque = {symbol} times {kind} parameters"
+        if other is not None:
+            summary = f"Y_r: M ddq_r + C dq_r + gravity torque + friction = Y_r times {kind} parameters"
         return Program(name, summary, arguments, (self.model.n, width), entries, symbol)
 
     def _started(self, inputs: Mapping[str, Sequence[Scalar]]) -> dict[int, Scalar]:
@@ -216,9 +296,15 @@ class Maker:
 
 SUMMARIES = {
     "inverse_dynamics": "Torque of the whole model",
+    "forward_dynamics": "Acceleration that a joint torque causes, with friction",
+    "checked_forward_dynamics": "Acceleration that a joint torque causes, then the pivots of the mass matrix",
+    "coriolis_torque": "Coriolis and centrifugal torque C dq of the rigid links",
+    "bias_torque": "Torque of the rigid links without acceleration: Coriolis, centrifugal and gravity torque",
+    "coriolis_matrix": "Coriolis matrix C with Christoffel symbols: dM/dt - 2 C is skew-symmetric",
     "gravity_torque": "Torque that holds the rigid links at rest, without friction",
     "mass_matrix": "Mass matrix of links and rotors",
     "friction": "Torque of all terms except the rigid links and rotor inertia",
+    "velocity_friction": "Torque of all terms that depend on the velocities alone, and of constant terms",
     "state_start": "Hysteresis state at the beginning of a motion",
     "state_update": "Hysteresis state at the next sample; call this function before the torque is computed",
 }
@@ -229,4 +315,7 @@ MEANINGS = {
     "dq": "joint velocities [rad/s or m/s]",
     "ddq": "joint accelerations [rad/s^2 or m/s^2]",
     "state": "hysteresis state",
+    "tau": "joint torques [N m or N]",
+    "dq_r": "reference velocities [rad/s or m/s]",
+    "ddq_r": "reference accelerations [rad/s^2 or m/s^2]",
 }

@@ -21,9 +21,10 @@ RESERVED = frozenset(
     float for friend function goto if inline int long mutable namespace new operator private protected public register
     restrict return short signed sizeof static struct switch template this throw try typedef union unsigned using
     virtual void volatile while begin end module baremodule local global let quote macro elseif otherwise parfor
-    persistent spmd math std armid""".split()
+    persistent spmd math std armid controller deviation estimate reference samples seconds state step torque wanted q
+    dq ddq tau""".split()
 )
-"""Reserved words of the languages; names in generated code must differ from them."""
+"""Reserved words of the languages, and variables of the examples; names in generated code must differ from them."""
 
 
 HELD_IN_A_LINE = 3

@@ -11,7 +11,7 @@ each parameter, from which both torque and regressor follow. Vectors are object 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -73,16 +73,26 @@ def numbers(tree: Tree) -> Geometry:
     )
 
 
+def without_gravity(geometry: Geometry) -> Geometry:
+    """The same geometry with gravity zero."""
+    return replace(geometry, gravity=_ZERO)
+
+
 def inverse_dynamics(
     geometry: Geometry,
     bodies: Sequence[Sequence[Scalar]],
     q: Sequence[Scalar],
     dq: Sequence[Scalar],
     ddq: Sequence[Scalar],
+    other: Sequence[Scalar] | None = None,
 ) -> list[Scalar]:
-    """Torque of each joint that a motion requires, for links with ten inertial parameters each (`bodies`)."""
+    """Torque of each joint that a motion requires, for links with ten inertial parameters each (`bodies`).
+
+    With a second velocity `other`, the torque is M(q) q̈ + C(q, q̇) q̇_other + g(q), where the Coriolis matrix C has
+    the Christoffel symbols.
+    """
     joints = _joints(geometry, q)
-    states = _states(geometry, joints, dq, ddq)
+    states = _states(geometry, joints, dq, ddq, other)
     forces = [_weighted(_columns(state), body) for state, body in zip(states, bodies, strict=True)]
     return _gathered(geometry, joints, forces)
 
@@ -112,8 +122,9 @@ def regressor(
     q: Sequence[Scalar],
     dq: Sequence[Scalar],
     ddq: Sequence[Scalar],
+    other: Sequence[Scalar] | None = None,
 ) -> dict[tuple[int, int, int], Scalar]:
-    """Nonzero elements of the regressor.
+    """Nonzero elements of the regressor of `inverse_dynamics`.
 
     A key contains the indices of joint, link and inertial parameter of the link.
 
@@ -123,11 +134,12 @@ def regressor(
         q: Joint positions.
         dq: Joint velocities.
         ddq: Joint accelerations.
+        other: Second velocity, with which the Coriolis matrix is multiplied; if not given, dq.
     """
     joints = _joints(geometry, q)
     entries: dict[tuple[int, int, int], Scalar] = {}
     jacobians: list[dict[int, tuple[Symbols, Symbols]]] = []
-    for i, state in enumerate(_states(geometry, joints, dq, ddq)):
+    for i, state in enumerate(_states(geometry, joints, dq, ddq, other)):
         parent, axis = geometry.parent[i], geometry.axis[i]
         carried = {} if parent < 0 else jacobians[parent]
         jacobian = {j: joints[i].motion_to_child(w, v) for j, (w, v) in carried.items()}
@@ -191,16 +203,22 @@ class _Joint:
 class _State:
     """Motion of the frame of a link.
 
+    Products of velocities are symmetric in two velocities, which are the same in the usual equations of motion.
+
     Attributes:
         omega: Angular velocity ω.
+        other: Second angular velocity; the same object as `omega` if there is only one velocity.
         alpha: Angular acceleration α.
         acceleration: Acceleration of the origin of the frame minus gravity.
+        products: Products xx, yy, zz, xy, xz, yz of the elements of the angular velocities.
         U: Matrix [α]× + [ω]×[ω]×.
     """
 
     omega: Symbols
+    other: Symbols
     alpha: Symbols
     acceleration: Symbols
+    products: tuple[Scalar, ...]
     U: Symbols
 
 
@@ -254,43 +272,63 @@ def _joint(geometry: Geometry, i: int, q: Scalar) -> _Joint:
 
 
 def _states(
-    geometry: Geometry, joints: Sequence[_Joint], dq: Sequence[Scalar], ddq: Sequence[Scalar]
+    geometry: Geometry,
+    joints: Sequence[_Joint],
+    dq: Sequence[Scalar],
+    ddq: Sequence[Scalar],
+    other: Sequence[Scalar] | None = None,
 ) -> list[_State]:
-    """Motion of the frame of every link, computed from the base to the tips."""
-    base = _state(_ZERO, _ZERO, -geometry.gravity)
+    """Motion of the frame of every link, computed from the base to the tips.
+
+    With a second velocity `other`, each product of velocities is the symmetric product of both velocities.
+    """
+    base = _state(_ZERO, _ZERO, _ZERO, -geometry.gravity)
     states: list[_State] = []
     for i, joint in enumerate(joints):
         before = states[geometry.parent[i]] if geometry.parent[i] >= 0 else base
         omega, alpha = joint.to_child(before.omega), joint.to_child(before.alpha)
+        omega_other = omega if other is None else joint.to_child(before.other)
         acceleration = joint.to_child(before.acceleration + before.U @ joint.translation)
         velocity = dq[i] * geometry.axis[i]
+        velocity_other = velocity if other is None else other[i] * geometry.axis[i]
         along = ddq[i] * geometry.axis[i]
+        turned = _cross(omega, velocity_other)
+        if other is not None:
+            turned = 0.5 * (turned + _cross(omega_other, velocity))
         if geometry.prismatic[i]:
-            acceleration = acceleration + along + 2.0 * _cross(omega, velocity)
+            acceleration = acceleration + along + 2.0 * turned
         else:
-            alpha = alpha + along + _cross(omega, velocity)
-            omega = omega + velocity
-        states.append(_state(omega, alpha, acceleration))
+            alpha = alpha + along + turned
+            omega, omega_other = omega + velocity, omega_other + velocity_other
+        states.append(_state(omega, omega if other is None else omega_other, alpha, acceleration))
     return states
 
 
-def _state(omega: Symbols, alpha: Symbols, acceleration: Symbols) -> _State:
-    x, y, z = omega
+def _state(omega: Symbols, other: Symbols, alpha: Symbols, acceleration: Symbols) -> _State:
     a, b, c = alpha
-    xx, yy, zz, xy, xz, yz = x * x, y * y, z * z, x * y, x * z, y * z
+    pairs = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+    products = tuple(_symmetric_product(omega, other, j, k) for j, k in pairs)
+    xx, yy, zz, xy, xz, yz = products
     U = [[-(yy + zz), xy - c, xz + b], [xy + c, -(xx + zz), yz - a], [xz - b, yz + a, -(xx + yy)]]
-    return _State(omega, alpha, acceleration, np.array(U, dtype=object))
+    return _State(omega, other, alpha, acceleration, products, np.array(U, dtype=object))
+
+
+def _symmetric_product(a: Symbols, b: Symbols, j: int, k: int) -> Scalar:
+    """The product ½ (a_j b_k + a_k b_j), which is a_j a_k if a and b are the same vector."""
+    if a is b or j == k:
+        return a[j] * b[k]
+    return 0.5 * (a[j] * b[k] + a[k] * b[j])
 
 
 def _columns(state: _State) -> list[tuple[Symbols, Symbols]]:
     """Force, and moment about the origin of the link frame, for a unit value of each inertial parameter."""
-    (x, y, z), (a, b, c), U = state.omega, state.alpha, state.U
+    (a, b, c), U = state.alpha, state.U
     u, v, w = state.acceleration
-    yz, zx, xy = y * z, x * z, x * y
+    xx, yy, zz, xy, zx, yz = state.products
     diagonal = [_vector(a, zx, -xy), _vector(-yz, b, xy), _vector(yz, -zx, c)]
-    xy_column = _vector(-U[2, 0], U[2, 1], x * x - y * y)
-    xz_column = _vector(U[1, 0], z * z - x * x, -U[1, 2])
-    yz_column = _vector(y * y - z * z, -U[0, 1], U[0, 2])
+    xy_column = _vector(-U[2, 0], U[2, 1], xx - yy)
+    xz_column = _vector(U[1, 0], zz - xx, -U[1, 2])
+    yz_column = _vector(yy - zz, -U[0, 1], U[0, 2])
     moments = [diagonal[0], xy_column, diagonal[1], xz_column, yz_column, diagonal[2]]
     first = [_vector(0.0, -w, v), _vector(w, 0.0, -u), _vector(-v, u, 0.0)]
     return [

@@ -23,6 +23,7 @@ from armid.export.sidecar import refuse_overwriting
 from armid.hashes import digest
 from armid.model.base_parameters import BaseParameters
 from armid.model.dynamics_model import DynamicsModel
+from armid.model.equations_of_motion import bias_torque, slotine_li_regressor
 from armid.model.motion import Motion
 from armid.runs.run import Run
 from armid.validation.torque_validation import Check
@@ -136,24 +137,37 @@ def _compared(model: DynamicsModel, base: BaseParameters, values: Array) -> list
     motion = model.remember(Motion.of_states(q, dq, ddq))
     theta = np.zeros(len(model.parameters))
     theta[base.kept] = values
-    Y, M, torque = model.regressor(motion), model.mass_matrix(q, theta), model.torque(motion, theta)
+    Y, torque = model.regressor(motion), model.torque(motion, theta)
+    M, C = model.mass_matrix(q, theta), model.coriolis_matrix(q, dq, theta)
+    dq_r, ddq_r = dq[::-1], ddq[::-1]
     rigid = np.zeros_like(theta)
     rigid[model.inertial_columns] = theta[model.inertial_columns]
     expected = {
         "regressor": Y,
         "base_regressor": Y[:, :, base.kept],
+        "slotine_li_regressor": slotine_li_regressor(model, motion, dq_r, ddq_r)[:, :, base.kept],
         "inverse_dynamics": torque,
         "gravity_torque": model.gravity_torque(q, theta),
+        "coriolis_torque": np.einsum("nij,nj->ni", C, dq),
+        "bias_torque": bias_torque(model, q, dq, theta),
+        "coriolis_matrix": C,
         "mass_matrix": M,
         "friction": torque - model.torque(motion, rigid) - _rotor_torque(model, theta, q, ddq),
     }
-    inputs = {"parameters": values, "q": q, "dq": dq, "ddq": ddq, "state": motion.memory}
+    inputs = {"parameters": values, "q": q, "dq": dq, "ddq": ddq, "dq_r": dq_r, "ddq_r": ddq_r, "tau": torque}
+    inputs = {**inputs, "state": motion.memory}
     scale = {name: float(np.abs(x).max(initial=0.0)) for name, x in expected.items()}
     scale["friction"] = scale["inverse_dynamics"]  # a difference of two torques, as exact as these
     checks: list[Check] = []
-    for program in make_programs(model, base, list(expected)):
+    for program in make_programs(model, base, [*expected, "forward_dynamics"]):
         value = program.evaluate({name: x for name, x in inputs.items() if x is not None})
-        error = float(np.abs(value - expected[program.name]).max(initial=0.0)) / (scale[program.name] or 1.0)
+        if program.name == "forward_dynamics":  # compared by its torque, where a torque has a physical acceleration
+            definite = np.linalg.eigvalsh(M)[:, 0] > 0.0
+            difference = np.einsum("nij,nj->ni", M[definite], (value - ddq)[definite])
+            size = scale["inverse_dynamics"]
+        else:
+            difference, size = value - expected[program.name], scale[program.name]
+        error = float(np.abs(difference).max(initial=0.0)) / (size or 1.0)
         checks.append(Check(f"{program.name} from the model", error, AGREEMENT, error <= AGREEMENT))
     return checks
 

@@ -1,4 +1,4 @@
-"""Callable model of a run: computes torque, gravity, friction and mass matrix of one sample in microseconds.
+"""Callable model of a run: computes torques, matrices, accelerations and regressors of one sample in microseconds.
 
     model = CallableModel.of(load_run("runs/iiwa")) tau = model.torque(q, dq, ddq)
 
@@ -24,6 +24,7 @@ from armid.kernel import in_use
 from armid.kernel.dispatch import TWIN
 from armid.model.base_parameters import BaseParameters
 from armid.model.dynamics_model import DynamicsModel
+from armid.model.equations_of_motion import CONVERGED, DIVERGED, MOST_ITERATIONS
 from armid.runs.run import Run
 
 
@@ -40,6 +41,8 @@ class CallableModel:
 
     __slots__ = ("_calls", "joints", "memories")
 
+    _calls: _Calls
+
     joints: tuple[str, ...]
     """Names of the joints."""
 
@@ -48,8 +51,7 @@ class CallableModel:
 
     def __init__(self, model: DynamicsModel, base: BaseParameters, values: ArrayLike) -> None:
         given = {"parameters": array(values, (base.count,), "base parameters")}
-        names = ["inverse_dynamics", "gravity_torque", "mass_matrix", "friction", "state_start", "state_update"]
-        self._calls = {program.name: _Call(program, given) for program in make_programs(model, base, names)}
+        self._calls = _Calls(model, base, given)
         self.joints = model.robot.joint_names
         self.memories = len(model.nodes)
 
@@ -77,6 +79,83 @@ class CallableModel:
     def gravity(self, q: ArrayLike) -> Array:
         """Gravity torque, shape (n,) [N·m or N]."""
         return self._calls["gravity_torque"].run(q)
+
+    def coriolis(self, q: ArrayLike, dq: ArrayLike) -> Array:
+        """Coriolis and centrifugal torque C(q, q̇) q̇, shape (n,) [N·m or N]."""
+        return self._calls["coriolis_torque"].run(q, dq)
+
+    def bias(self, q: ArrayLike, dq: ArrayLike) -> Array:
+        """Bias torque C(q, q̇) q̇ + g(q) of the links, shape (n,) [N·m or N]."""
+        return self._calls["bias_torque"].run(q, dq)
+
+    def coriolis_matrix(self, q: ArrayLike, dq: ArrayLike) -> Array:
+        """Coriolis matrix C(q, q̇) with Christoffel symbols, shape (n, n); dM/dt - 2 C is skew-symmetric."""
+        return self._calls["coriolis_matrix"].run(q, dq)
+
+    def acceleration(
+        self, q: ArrayLike, dq: ArrayLike, torque: ArrayLike, memory: CallableMemory | None = None
+    ) -> Array:
+        """Joint acceleration that a torque causes, with friction (forward dynamics), shape (n,) [rad/s² or m/s²].
+
+        Args:
+            q: Joint positions.
+            dq: Joint velocities.
+            torque: Joint torques [N·m or N].
+            memory: Hysteresis states, as for `torque`.
+
+        Raises:
+            ArmidError: The mass matrix is not positive definite, or the friction is larger than the load on which it
+                depends.
+        """
+        call, n = self._calls["checked_forward_dynamics"], len(self.joints)
+        state = [self._state(memory)] if self.memories else []
+        if "ddq" not in call.inputs:
+            return self._checked(call.run(q, dq, torque, *state))
+        ddq = np.zeros(n)
+        first = 0.0
+        for iteration in range(MOST_ITERATIONS):
+            before, ddq = ddq, self._checked(call.run(q, dq, torque, ddq, *state))
+            change = float(np.abs(ddq - before).max())
+            if change <= CONVERGED * np.abs(ddq).max():
+                return ddq
+            first = first if iteration else change
+            if change > DIVERGED * first:
+                break
+        raise ArmidError(
+            "The acceleration was not found, because the load-dependent friction is larger than the load.",
+            remedy="identify without load-dependent friction.",
+        )
+
+    def _checked(self, result: Array) -> Array:
+        """Acceleration from a result that contains the pivots of the mass matrix, which must be positive."""
+        n = len(self.joints)
+        if not (result[n:] > 0.0).all():
+            raise ArmidError(
+                f"The mass matrix is not positive definite: its smallest pivot is {result[n:].min():.2g}, so a "
+                "torque has no physical acceleration.",
+                remedy='identify with method = "physical", which gives links that can exist.',
+            )
+        return result[:n]
+
+    def slotine_li_regressor(
+        self,
+        q: ArrayLike,
+        dq: ArrayLike,
+        dq_r: ArrayLike,
+        ddq_r: ArrayLike,
+        memory: CallableMemory | None = None,
+    ) -> Array:
+        """Regressor Y_r with Y_r π_b = M q̈_r + C q̇_r + g + friction, shape (n, b) [Slotine1987].
+
+        Args:
+            q: Joint positions.
+            dq: Joint velocities.
+            dq_r: Reference velocities.
+            ddq_r: Reference accelerations.
+            memory: Hysteresis states, as for `torque`.
+        """
+        state = [self._state(memory)] if self.memories else []
+        return self._calls["slotine_li_regressor"].run(q, dq, dq_r, ddq_r, *state)
 
     def mass_matrix(self, q: ArrayLike) -> Array:
         """Mass matrix of links and rotors, shape (n, n) [kg·m² or kg]."""
@@ -131,6 +210,26 @@ class CallableMemory:
         """Updates the states with the positions q (n,) of the next sample; invalid positions change nothing."""
         if self._update is not None:
             self.state = self._update.run(q, self.state)
+
+
+class _Calls:
+    """Generated functions of a model, each of which is prepared when it is first used."""
+
+    def __init__(self, model: DynamicsModel, base: BaseParameters, given: dict[str, Array]) -> None:
+        self._source, self._given = (model, base), given
+        self._prepared: dict[str, _Call] = {}
+
+    def __getitem__(self, name: str) -> _Call:
+        call = self._prepared.get(name)
+        if call is None:
+            programs = make_programs(*self._source, [name])
+            if not programs:
+                raise ArmidError(
+                    "The model has no forward dynamics, because no torque term gives every joint a mass.",
+                    remedy="identify with the torque term rigid-body.",
+                )
+            call = self._prepared[name] = _Call(programs[0], self._given)
+        return call
 
 
 @dataclass(frozen=True, eq=False, slots=True, init=False)

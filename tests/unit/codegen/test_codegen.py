@@ -100,8 +100,8 @@ def test_unknown_names_are_refused():
     base = find_base_parameters(model)
     with pytest.raises(OutputError, match="'fortran'"):
         generate(model, base, np.ones(6), "fortran")
-    with pytest.raises(ModelError, match="'forward_dynamics'"):
-        make_programs(model, base, ["forward_dynamics"])
+    with pytest.raises(ModelError, match="'hessian'"):
+        make_programs(model, base, ["hessian"])
 
 
 def test_a_load_that_is_not_known_is_refused():

@@ -39,10 +39,19 @@ def test_every_function_along_a_motion(name: str):
     each = case(name)
     model, motion = CallableModel(each.model, each.base, each.values), each.motion
     assert model.joints == each.model.robot.joint_names
-    found: dict[str, list[np.ndarray]] = {x: [] for x in each.expected if "regressor" not in x}
+    found: dict[str, list[np.ndarray]] = {x: [] for x in each.expected if x not in ("regressor", "base_regressor")}
+    if "ddq" in each.arguments.get("forward_dynamics", ()):
+        del found["forward_dynamics"]  # friction here is larger than the load, so that iterations diverge
     memory = model.memory(motion.q[0])
-    for q, dq, ddq in zip(motion.q, motion.dq, motion.ddq, strict=True):
+    for k, (q, dq, ddq) in enumerate(zip(motion.q, motion.dq, motion.ddq, strict=True)):
         memory.update(q)
+        tau, dq_r, ddq_r = (each.inputs[name][k] for name in ("tau", "dq_r", "ddq_r"))
+        if "forward_dynamics" in found:
+            found["forward_dynamics"].append(model.acceleration(q, dq, tau, memory))
+        found["coriolis_torque"].append(model.coriolis(q, dq))
+        found["bias_torque"].append(model.bias(q, dq))
+        found["coriolis_matrix"].append(model.coriolis_matrix(q, dq))
+        found["slotine_li_regressor"].append(model.slotine_li_regressor(q, dq, dq_r, ddq_r, memory))
         found["inverse_dynamics"].append(model.torque(q, dq, ddq, memory))
         found["gravity_torque"].append(model.gravity(q))
         found["mass_matrix"].append(model.mass_matrix(q))

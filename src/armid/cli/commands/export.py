@@ -88,16 +88,16 @@ def export(
     In a description of the same format, only the numbers that change are edited. For another format, a new file
     without shapes is written. FILE.armid.json next to the file contains the whole model, also what the format cannot
     store. For ROS, --to xacro writes a macro of the arm, --to ur-description and --to franka-description the YAML
-    files of these packages.
+    files of these packages, and --to ros2 a package with a plugin of inverse_dynamics_solver.
 
     Examples:
         armid export runs/today --to urdf --out arm_identified.urdf
 
-        armid export runs/today --to mjcf
-
         armid export runs/today --to ur-description --out config/ur5e
 
         armid export runs/today --to c --out code
+
+        armid export runs/today --to ros2 --out src/my_arm
     """
     from armid.cli.motion.number_options import parse_limits
     from armid.export.ros.write import export_for_ros

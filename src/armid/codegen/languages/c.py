@@ -58,10 +58,13 @@ def _code(source: FunctionSource) -> str:
     lines += [*helpers, ""] if helpers else []
     lines += [f"const double {source.name}_parameters[{len(source.parameters)}] = {{"]
     lines += [f"  {p.value!r}, /* {p.note} */" for p in source.parameters]
-    lines += ["};", ""]
-    for program in source.programs.values():
-        lines += _function(source, program)
+    lines += ["};", "", *functions(source)]
     return "\n".join(lines)
+
+
+def functions(source: FunctionSource) -> list[str]:
+    """Generates the lines of the definitions of all functions; they do not depend on the parameter values."""
+    return [line for program in source.programs.values() for line in _function(source, program)]
 
 
 def _function(source: FunctionSource, program: Program) -> list[str]:

@@ -1,6 +1,6 @@
 """Generation of MATLAB and GNU Octave: a package folder, with one file for each function.
 
-The functions of the thesis are generated, too.
+The functions of the thesis are generated, too, and examples: a closed-loop simulation and Simulink blocks.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ from collections.abc import Sequence
 
 from armid.codegen.code_printer import Notation, body
 from armid.codegen.language_input import FunctionSource
+from armid.codegen.matlab_examples import matlab_examples
 from armid.codegen.program import Program
 from armid.codegen.thesis_functions import thesis_programs
 
@@ -27,10 +28,10 @@ FUNCTIONS = {
 
 
 def write(source: FunctionSource) -> dict[str, str]:
-    """Generates the texts of `+NAME/FUNCTION.m` for each function, and of the functions of the thesis.
+    """Generates the texts of `+NAME/FUNCTION.m` for each function, of the functions of the thesis, and of examples.
 
     The keys of the result are the paths of the files. The values of the base parameters are the result of one of
-    these functions. The functions of the thesis are next to the folder `+NAME`.
+    these functions. The functions of the thesis and the examples are next to the folder `+NAME`.
     """
     variables = [p.variable for p in source.parameters]
     files = {f"+{source.name}/parameters.m": _parameters(source)}
@@ -38,7 +39,7 @@ def write(source: FunctionSource) -> dict[str, str]:
         files[f"+{source.name}/{program.name}.m"] = _function(program, variables, _columns(source, program))
     for program, notes in thesis_programs(source):
         files[f"{program.name}.m"] = _function(program, variables, notes)
-    return files
+    return {**files, **matlab_examples(source)}
 
 
 def _parameters(source: FunctionSource) -> str:

@@ -1,0 +1,3 @@
+# Stand-in for the package of rclcpp.
+add_library(rclcpp::rclcpp INTERFACE IMPORTED)
+target_include_directories(rclcpp::rclcpp INTERFACE ${CMAKE_CURRENT_LIST_DIR}/..)
