@@ -51,6 +51,7 @@ CHOICES = {
     "terms export/formats/urdf.py": "what the format can store",
     "terms export/other_programs.py": "what MuJoCo and Pinocchio read",
     "terms lab/known_arms.py": "friction of the lab, a simulation of its own with names of its own",
+    "terms thesis/experiments/residual_causes.py": "effects of the lab, whose names are like those of terms",
     "terms robot/mjcf/plain_document.py": "attributes of the format",
     "terms robot/readers/urdf.py": "attributes of the format",
     "terms model/described_torque.py": "what descriptions contain",

@@ -19,6 +19,7 @@ import pytest
 
 from armid.cli.main import main
 from armid.study.storage.records import to_json
+from armid.thesis.experiments.residual_causes import reproduced
 from armid.thesis.page import MARKER, PAGE, render_thesis, thesis_sections, write_thesis
 from armid.thesis.published import published
 from armid.thesis.reproduction import Thesis, reproduce, thesis_record
@@ -96,18 +97,19 @@ def test_base_parameters_and_every_line_of_the_reduction(thesis: Thesis):
     assert {name for name, error in printed.items() if error > ROUNDING} == {"YY_2", "M_4", "M_5", "M_7"}
     assert 0.2 < printed["M_7"] < 0.5  # 0.34 in the mean over other states
     assert len(found.groupings) == 19 and max(line.error for line in found.groupings) < ROUNDING
+    assert len(found.identities) == 18
     wrong = {each.number: each for each in found.identities if each.error > ROUNDING}
     assert list(wrong) == ["(3.29)"] and wrong["(3.29)"].right_error < ROUNDING
 
 
 STEPS = {
     # relative error of all base parameters and N·m on Table A.2, with how far another noise may take them
-    "printed": (0.0516, 0.001, 0.378, 0.01),
-    "printed-cropped": (0.0583, 0.001, 0.400, 0.01),
-    "printed-5-hz": (0.0369, 0.001, 0.268, 0.01),
-    "printed-10-hz": (0.0188, 0.001, 0.135, 0.01),
-    "printed-nlp": (0.0482, 0.001, 0.343, 0.01),
-    "printed-fast": (0.0028, 0.0005, 0.0225, 0.003),
+    "one-sided": (0.0516, 0.001, 0.378, 0.01),
+    "one-sided-cropped": (0.0583, 0.001, 0.400, 0.01),
+    "one-sided-5-hz": (0.0369, 0.001, 0.268, 0.01),
+    "one-sided-10-hz": (0.0188, 0.001, 0.135, 0.01),
+    "one-sided-nlp": (0.0482, 0.001, 0.343, 0.01),
+    "one-sided-fast": (0.0028, 0.0005, 0.0225, 0.003),
     "columns": (0.0005, 0.0005, 0.005, 0.005),
     "columns-cropped": (0.0001, 0.0002, 0.001, 0.002),
     "columns-nlp": (0.0004, 0.0004, 0.003, 0.003),
@@ -117,26 +119,70 @@ STEPS = {
 
 def test_the_steps_of_section_3_2(thesis: Thesis):
     found = {step.key: step.errors for step in thesis.steps.rows}
-    assert len(found) == len(thesis.steps.rows) == 19
+    assert len(found) == len(thesis.steps.rows) == 23
     for key, (relative, about, unseen, near) in STEPS.items():
         assert found[key].relative == pytest.approx(relative, abs=about), key
         assert found[key].unseen == pytest.approx(unseen, abs=near), key
     assert found["wrong-columns"].unseen == pytest.approx(0.468, abs=0.01)
-    assert found["wrong-printed"].unseen == pytest.approx(0.608, abs=0.01)
-    assert found["printed-quiet"].relative > 0.05  # the bias is not noise
+    assert found["wrong-one-sided"].unseen == pytest.approx(0.608, abs=0.01)
+    assert found["printed"].relative == pytest.approx(0.18, abs=0.003)  # with the sign of gravity in print
+    assert found["printed"].inertial > 1.5 and found["printed"].unseen > found["one-sided"].unseen
+    assert found["one-sided-quiet"].relative > 0.05  # the bias is not noise
     assert found["columns-padded"].unseen > 5.0 * found["columns"].unseen  # edges are most of what is left
 
 
 def test_over_seeds(thesis: Thesis, which: str, record_property):
     spread = thesis.steps.spread
     assert spread.seeds == {"quick": 2, "whole": 10}[which]
-    assert (np.abs(spread.printed - [0.0516, 0.378]) <= [0.001, 0.01]).all()
+    assert (np.abs(spread.one_sided - [0.0516, 0.378]) <= [0.001, 0.01]).all()
     assert (spread.corrected <= [0.001, 0.01]).all()
     median, worst = float(np.median(spread.corrected_ratio)), float(spread.corrected_ratio.min())
     record_property("wrong gravity over right, median and worst", (median, worst))
     print(f"wrong gravity over right: median {median:.1f}, worst {worst:.1f} of {spread.seeds}")
     assert worst >= 8.0
-    assert spread.printed_ratio == pytest.approx(1.05, abs=0.01)  # it hardly shows where one side is filtered
+    assert spread.one_sided_ratio == pytest.approx(1.05, abs=0.01)  # it hardly shows where one side is filtered
+
+
+def test_the_residual_and_its_causes(thesis: Thesis):
+    """Sizes that were derived apart from the study: 0.721 at 2700 samples, and σ grows with their root."""
+    implied = thesis.audit.deviations.implied
+    assert implied == pytest.approx([0.721, 3.28, 6.45], rel=0.01)
+    search = {row.key: row for row in thesis.steps.search.rows}
+    assert len(search) == len(thesis.steps.search.rows) == 21
+    flags = {key: reproduced(row, (float(implied[1]), float(implied[2]))) for key, row in search.items()}
+    assert not any(all(each) for each in flags.values())  # none reproduces everything
+    assert flags["none"] == (False, False, False)
+    friction = ("stribeck", "asymmetric", "load", "hysteresis", "ripple", "temperature", "slow-ripple")
+    for key in friction:  # friction adds to the residual, but leaves ZZR_1 small
+        assert search[key].residual < implied[1] and abs(search[key].inertia[0]) < 1.0, key
+    assert search["rotor"].inertia[0] > 2.0  # rotor inertia is inertia about axis 1
+    assert flags["lag"][1:] == (True, True) and flags["forward"][1:] == (True, True)
+    assert search["lag"].residual > 2.0 * search["none"].residual
+    assert search["lag"].second_moments < 0.5 * search["none"].second_moments
+    assert thesis.steps.search.lag == pytest.approx((0.125, 0.057), abs=0.005)
+    # delay of a Butterworth filter at low frequency: sum of 1 / |pole| cos
+    poles = [2.0 * np.sin((2 * k + 1) * np.pi / 40.0) for k in range(10)]
+    delay = [sum(poles) / (2.0 * np.pi * cutoff) for cutoff in (3.0, 3.5)]
+    assert thesis.steps.search.forward_lag == pytest.approx(delay[0] - delay[1], rel=1e-9)
+
+
+def test_between_jumps_the_measured_torque_rings(thesis: Thesis):
+    """The filter's oscillation beside a jump is in the measurement and not in the prediction."""
+    measured, predicted = thesis.results.printed_pictures.ringing
+    assert (measured > 0.01).all() and (predicted < 0.1 * measured).all()
+
+
+def test_slower_motion_is_not_better(thesis: Thesis):
+    found = thesis.steps.slower
+    assert found.period.tolist() == [27.0, 54.0, 108.0, 216.0]
+    assert found.one_sided == pytest.approx([0.374, 0.392, 0.444, 0.477], abs=0.005)
+
+
+def test_other_parameterisations(thesis: Thesis):
+    rows = thesis.designs.families
+    assert len(rows) == 4 and all(row.unknowns % 7 == 0 for row in rows)
+    assert all(row.scaled < row.condition < 200.0 and row.highest < 3.0 for row in rows)
+    assert all(row.corrected < row.printed for row in rows)
 
 
 def test_algorithm_2_keeps_the_best_that_the_arm_can_run(thesis: Thesis):
@@ -214,7 +260,9 @@ FREE = (
 
 NEAR = (
     (r"^designs\.published", 0.05, 2e-3),  # closed loop, another version of MuJoCo rounds otherwise
-    (r"^steps\.rows\[1[5-8]\]", 0.02, 1e-4),  # bodies: two solvers' tolerances
+    (r"^steps\.rows\[(1[7-9]|2[0-2])\]", 0.02, 1e-4),  # bodies: two solvers' tolerances
+    (r"^steps\.search\.rows\[10\]", 0.05, 2e-3),  # elastic joints in closed loop
+    (r"^designs\.families", 0.02, 1e-4),  # the last steps of a search
     (r"", 1e-3, 1e-7),
 )
 """Relative and absolute tolerance by place, the first that fits."""
@@ -275,9 +323,15 @@ def known_numbers(thesis: Thesis, record: dict[str, Any]) -> np.ndarray:
     for plan in (thesis.setting.train, thesis.setting.unseen):
         numbers += [*plan.stretched(20.0).a.ravel(), *plan.stretched(20.0).b.ravel()]
     spread = thesis.steps.spread
-    for x in (spread.printed[:, 0], spread.printed[:, 1], spread.corrected[:, 0], spread.corrected[:, 1]):
+    for x in (spread.one_sided[:, 0], spread.one_sided[:, 1], spread.corrected[:, 0], spread.corrected[:, 1]):
         numbers.append(float(np.median(x)))
-    numbers += [float(np.median(x)) for x in (spread.printed_ratio, spread.corrected_ratio)]
+    numbers += [float(np.median(x)) for x in (spread.one_sided_ratio, spread.corrected_ratio)]
+    pictures, slower = thesis.results.printed_pictures, thesis.steps.slower
+    numbers.append(float(np.nanmedian(pictures.oscillation[1] / pictures.oscillation[0])))
+    numbers += [*(slower.printed / slower.torque)]
+    numbers.append(float(thesis.audit.conditions.hanging[1] / thesis_table.condition - 1.0))
+    masses = thesis.results.corrected_physical[:, 0] - thesis.results.true_physical[:, 0]
+    numbers.append(float(np.abs(masses).max()))
     plain = np.array(numbers, dtype=np.float64)
     return np.unique(np.concatenate([plain, 100.0 * plain, 1000.0 * plain]))
 
@@ -367,6 +421,10 @@ def test_the_page_is_whole(thesis: Thesis):
     assert page.fetched == ["data:,"] or not any("//" in each for each in page.fetched)  # nothing from a network
     for words in ("Table 3.1", "Table 4.1", "Table 4.2", "Table A.1", "Table A.2"):
         assert any(table.caption.startswith(words) for s in sections.values() for table in s.tables), words
+    blocks = [block for s in sections.values() for block in s.content["blocks"]]
+    drawn = [block.heading for kind, block in blocks if kind == "drawings"]
+    assert sum(kind == "equation" for kind, _ in blocks) >= 5
+    assert any("2.1 to 2.3" in heading for heading in drawn) and any("3.1" in heading for heading in drawn)
     for words in ("Figure 3.2", "Figure 4.1", "Figure 4.2", "Figure 4.3", "Figure A.1"):
         assert any(heading.startswith(words) for s in sections.values() for heading, _ in s.plots), words
     keys = [plot.key for s in sections.values() for _, plots in s.plots for plot in plots]

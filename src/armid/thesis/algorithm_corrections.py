@@ -12,12 +12,25 @@ from armid.measurement.observations import Observations
 from armid.measurement.processing.options import THESIS, ProcessingOptions
 from armid.measurement.recording import Recording
 from armid.thesis.algorithm import Errors, Fitted, by_method, errors_of, estimate, mean_of, observed, recorded
+from armid.thesis.experiments.motion_variants import Slower, slower
+from armid.thesis.experiments.residual_causes import CauseSearch, causes
 from armid.thesis.setting import PERIOD, Setting
+
+ONE_SIDED = "one-sided filter, right sign"
+"""Title of the group of results with the right sign of gravity and the filter on the torque only."""
 
 CORRECTED = replace(THESIS, columns=True)
 """Processing of the thesis, with the filter of the torque also applied to the columns of the regressor."""
 
 PADDED = replace(THESIS, edges="pad", average=False)
+PRINTED = replace(PADDED, decimate=0.0)
+"""Processing of Algorithm 3 as printed: every sample is a row, and the ends are padded, as zero-phase filters do by
+default. It is applied to the mean of the repetitions."""
+
+HOLDING = {"com": 1.0}
+"""Option of the estimator `thesis-nlp` with which the bounds (3.52b) hold Table 4.2, whose centres of mass are up to
+0.823 m away from their frames."""
+
 OWN = ProcessingOptions(edges="periodic", average=True)
 
 
@@ -44,18 +57,18 @@ class Spread:
 
     Attributes:
         seeds: Number of seeds.
-        printed: Relative error, and torque error on Table A.2 of the thesis [N·m], of Algorithm 3 as printed, shape
-            (seeds, 2).
-        corrected: Errors as in `printed`, but with filtered columns, shape (seeds, 2).
-        printed_ratio: Residual with the wrong sign of gravity divided by that with the right sign, for Algorithm 3 as
-            printed, shape (seeds,).
-        corrected_ratio: Ratio as in `printed_ratio`, but with filtered columns, shape (seeds,).
+        one_sided: Relative error, and torque error on Table A.2 of the thesis [N·m], with the right sign of gravity
+            and the filter on the torque only, shape (seeds, 2).
+        corrected: Errors as in `one_sided`, but with filtered columns, shape (seeds, 2).
+        one_sided_ratio: Residual with the wrong sign of gravity divided by that with the right sign, with the filter
+            on the torque only, shape (seeds,).
+        corrected_ratio: Ratio as in `one_sided_ratio`, but with filtered columns, shape (seeds,).
     """
 
     seeds: int
-    printed: Array
+    one_sided: Array
     corrected: Array
-    printed_ratio: Array
+    one_sided_ratio: Array
     corrected_ratio: Array
 
 
@@ -64,15 +77,18 @@ class Estimates:
     """Estimates of section 3.2 of the thesis that later chapters use.
 
     Attributes:
-        printed: Estimate by Algorithm 3 as printed: ordinary least squares, periodic edges.
-        corrected: Estimate as in `printed`, but with filtered columns.
+        printed: Estimate by Algorithm 3 as printed: printed sign of gravity, filter on the torque only, every sample
+            a row, padded ends, ordinary least squares.
+        one_sided: Estimate as in `printed`, but with the right sign of gravity.
+        corrected: Estimate with the right sign of gravity, filtered columns and periodic edges.
         wrong: Estimate with filtered columns and the printed sign of gravity.
-        printed_physical: Estimate under the constraints (3.52) and (3.53) of the thesis; only the torque is filtered.
-        corrected_physical: Estimate under the constraints (3.52) and (3.53); the columns are filtered, too.
+        printed_physical: Estimate as in `printed`, under the constraints (3.52) and (3.53) of the thesis.
+        corrected_physical: Estimate as in `corrected`, under the constraints (3.52) and (3.53).
         consistent: Physically consistent estimate with filtered columns.
     """
 
     printed: Fitted
+    one_sided: Fitted
     corrected: Fitted
     wrong: Fitted
     printed_physical: Fitted
@@ -87,10 +103,14 @@ class Steps:
     Attributes:
         rows: Results of the steps, one for each row of the table of results.
         spread: Results of the main steps for several seeds of the noise.
+        search: CauseSearch for what explains the thesis's own residual.
+        slower: Result for the same motion, executed more slowly.
     """
 
     rows: tuple[Step, ...]
     spread: Spread
+    search: CauseSearch
+    slower: Slower
 
 
 def steps(setting: Setting, tell: Callable[[float], None]) -> tuple[Steps, Estimates]:
@@ -98,18 +118,25 @@ def steps(setting: Setting, tell: Callable[[float], None]) -> tuple[Steps, Estim
     tell(0.0)
     recording = recorded(setting, seed=1)
     rows = _Rows(setting)
-    _edges(rows, recording)
-    tell(0.15)
-    printed = rows.take("one-sided filter", "printed", "as printed, periodic edges", _periodic(setting, recording))
+    printed = _as_printed(rows, recording)
+    tell(0.1)
+    one_sided = _edges(rows, recording)
+    tell(0.2)
+    periodic = rows.take(ONE_SIDED, "one-sided", "periodic edges", _periodic(setting, recording))
     _cutoffs(rows, recording)
+    tell(0.25)
+    corrected = _both_sides(rows, recording, periodic)
     tell(0.3)
-    corrected = _both_sides(rows, recording, printed)
+    _others(rows, recording, periodic)
+    wrong = _signs(rows, periodic, corrected)
+    bodies = _bodies(rows, printed, periodic, corrected)
     tell(0.4)
-    estimates = _others(rows, recording, printed, corrected)
-    tell(0.5)
-    spread = _spread(setting, lambda share: tell(0.5 + 0.5 * share))
+    search = causes(setting, PRINTED, lambda share: tell(0.4 + 0.25 * share))
+    slow = slower(setting, printed, periodic, corrected)
+    spread = _spread(setting, lambda share: tell(0.65 + 0.35 * share))
     tell(1.0)
-    return Steps(tuple(rows.found), spread), estimates
+    estimates = Estimates(printed, one_sided, corrected, wrong, bodies[0], bodies[4], bodies[5])
+    return Steps(tuple(rows.found), spread, search, slow), estimates
 
 
 class _Rows:
@@ -143,57 +170,79 @@ def _periodic(setting: Setting, recording: Recording) -> Fitted:
     return estimate(setting.hanging, observed(setting, recording, THESIS))
 
 
-def _edges(rows: _Rows, recording: Recording) -> None:
-    """Adds results for several treatments of the ends of the recording; the thesis does not state its treatment."""
-    mean, group = mean_of(recording), "one-sided filter"
-    rows.run(group, "printed-padded", "as printed, ends padded, 100 rows per second", mean, PADDED)
-    every = replace(PADDED, decimate=0.0)
-    rows.run(group, "printed-every-row", "the same with every row", mean, every)
+def _as_printed(rows: _Rows, recording: Recording) -> Fitted:
+    """Adds results of Algorithm 3 as printed, for two treatments of the ends, which the thesis does not state."""
+    setting, group = rows.setting, "as printed"
+    mean = mean_of(recording)
+    fitted = estimate(setting.literal, observed(setting, mean, PRINTED, None))
+    rows.take(group, "printed", "sign in print, every row, ends padded", fitted)
+    cropped = estimate(setting.literal, observed(setting, mean, replace(PRINTED, trim=2.0), None))
+    rows.take(group, "printed-cropped", "the same, 2 s left out at both ends", cropped)
+    return fitted
+
+
+def _edges(rows: _Rows, recording: Recording) -> Fitted:
+    """Adds results with the right sign of gravity for several treatments of the ends of the recording."""
+    mean, group = mean_of(recording), ONE_SIDED
+    fitted = rows.run(group, "one-sided-every-row", "every row, ends padded", mean, PRINTED)
+    rows.run(group, "one-sided-padded", "100 rows per second, ends padded", mean, PADDED)
     quiet = mean_of(recorded(rows.setting, seed=1, noise=False))
-    rows.run(group, "printed-quiet", "the same without any noise, 100 rows", quiet, PADDED)
-    rows.run(group, "printed-cropped", "as printed, 2 s left out at both ends", mean, replace(PADDED, trim=2.0))
+    rows.run(group, "one-sided-quiet", "the same without any noise", quiet, PADDED)
+    rows.run(
+        group, "one-sided-cropped", "the same with noise, 2 s left out at both ends", mean, replace(PADDED, trim=2.0)
+    )
+    return fitted
 
 
 def _cutoffs(rows: _Rows, recording: Recording) -> None:
-    group = "one-sided filter"
     for cutoff in (5.0, 10.0):
         processing = replace(THESIS, cutoff=cutoff, motion_cutoff=cutoff)
         title = f"periodic edges, both cut-offs {cutoff:g} Hz"
-        rows.run(group, f"printed-{cutoff:g}-hz", title, recording, processing)
+        rows.run(ONE_SIDED, f"one-sided-{cutoff:g}-hz", title, recording, processing)
 
 
-def _both_sides(rows: _Rows, recording: Recording, printed: Fitted) -> Fitted:
+def _both_sides(rows: _Rows, recording: Recording, periodic: Fitted) -> Fitted:
     """Adds rows for estimates in which the filter of the torque is also applied to the columns of the regressor."""
     group, mean = "columns filtered too", mean_of(recording)
     padded = replace(PADDED, columns=True)
     rows.run(group, "columns-padded", "ends padded", mean, padded)
-    observations = Observations(printed.observations.runs, CORRECTED.band)
+    observations = Observations(periodic.observations.runs, CORRECTED.band)
     corrected = rows.take(group, "columns", "periodic edges", estimate(rows.setting.hanging, observations))
     rows.run(group, "columns-cropped", "ends padded, 2 s left out at both", mean, replace(padded, trim=2.0))
     return corrected
 
 
-def _others(rows: _Rows, recording: Recording, printed: Fitted, corrected: Fitted) -> Estimates:
-    """Adds results of variants: slow rows left out, joints weighted, printed sign of gravity, consistent links."""
-    setting, group = rows.setting, "one-sided filter, other remedies"
-    rows.run(group, "printed-fast", "rows below 0.1 rad/s left out", recording, replace(THESIS, slow=0.1))
-    rows.take(group, "printed-weighted", "each joint weighted", by_method(printed, "wls"))
+def _others(rows: _Rows, recording: Recording, periodic: Fitted) -> None:
+    """Adds results of variants: slow rows left out, joints weighted, armid's own processing."""
+    group = "one-sided filter, other remedies"
+    rows.run(group, "one-sided-fast", "rows below 0.1 rad/s left out", recording, replace(THESIS, slow=0.1))
+    rows.take(group, "one-sided-weighted", "each joint weighted", by_method(periodic, "wls"))
     rows.run("armid's own", "own", "5 Hz, order 4, weighted", recording, OWN, "wls")
-    group = "gravity as printed"
-    rows.take(group, "wrong-printed", "one-sided filter", estimate(setting.literal, printed.observations))
-    wrong = rows.take(group, "wrong-columns", "columns filtered", estimate(setting.literal, corrected.observations))
-    searches = {"starts": setting.extent.searches}
+
+
+def _signs(rows: _Rows, periodic: Fitted, corrected: Fitted) -> Fitted:
+    """Adds results with the printed sign of gravity; returns the estimate with filtered columns."""
+    setting, group = rows.setting, "sign of gravity in print"
+    rows.take(group, "wrong-one-sided", "one-sided filter", estimate(setting.literal, periodic.observations))
+    return rows.take(group, "wrong-columns", "columns filtered", estimate(setting.literal, corrected.observations))
+
+
+def _bodies(rows: _Rows, *estimates: Fitted) -> list[Fitted]:
+    """Adds estimates of physical parameters: as printed, with a one-sided filter, and with filtered columns."""
+    options = {"starts": rows.setting.extent.searches, **HOLDING}
+    kinds = (
+        ("printed", "bodies, as printed"),
+        ("one-sided", "bodies, one-sided filter"),
+        ("columns", "bodies, columns filtered"),
+    )
     bodies: list[Fitted] = []
-    for fitted, name, group in (
-        (printed, "printed", "bodies, one-sided filter"),
-        (corrected, "columns", "bodies, columns filtered"),
-    ):
-        nlp = by_method(fitted, "thesis-nlp", searches)
+    for fitted, (name, group) in zip(estimates, kinds, strict=True):
+        nlp = by_method(fitted, "thesis-nlp", options)
         bodies.append(rows.take(group, f"{name}-nlp", "(3.52) with (3.53), interior point", nlp))
         # The description has the true bodies of the virtual arm, so a prior towards it would contain the solution.
         convex = by_method(fitted, "physical", {"prior": "mass"})
         bodies.append(rows.take(group, f"{name}-convex", "pseudo-inertias, convex", convex))
-    return Estimates(printed, corrected, wrong, bodies[0], bodies[2], bodies[3])
+    return bodies
 
 
 def _spread(setting: Setting, tell: Callable[[float], None]) -> Spread:

@@ -5,12 +5,13 @@ The audit checks the sign of gravity, physical consistency, constraints, standar
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from armid.checked_array import Array
 from armid.codegen.thesis_functions import PHYSICAL
+from armid.estimation.fit_result import Fit
 from armid.excitation.fourier import Excitation
 from armid.excitation.limits.joint_limits import limits_of
 from armid.maths.inertia import pseudo_inertia
@@ -31,6 +32,10 @@ OUTLIER = "ZZR_6"
 """Parameter whose standard deviation in Table 4.1 of the thesis is an outlier."""
 
 
+PRINTED_ROWS, LOGGED = 392000.0, 8000.0
+"""Number of rows of the stacked regressor in section 4.1 of the thesis, and sample rate of its recordings [Hz]."""
+
+
 @dataclass(frozen=True, eq=False, slots=True)
 class Conditions:
     """Condition numbers of the stacked base regressor Y_b along Table A.1 of the thesis, sampled at 100 Hz.
@@ -41,7 +46,12 @@ class Conditions:
         literal: Condition number for the sign of gravity that the thesis prints, shape (k,).
         scaled: Condition number for the hanging arm with columns scaled to unit length, shape (k,).
         without_friction: Condition number for the hanging arm without friction columns, shape (k,).
+        without_last: Condition number for the hanging arm in 27 s if the row b_10, which the thesis's table lacks, is
+            zero.
         every_column: Condition number with all 84 columns of Y, which equation (3.54) of the thesis names, in 20 s.
+        velocity: Largest ratio of velocity and limit of the joint, shape (k,).
+        torque: Largest ratio of the torque that Table 4.1 predicts, with the printed sign of gravity, and the effort
+            limit of the joint, shape (k,).
     """
 
     period: Array
@@ -49,7 +59,10 @@ class Conditions:
     literal: Array
     scaled: Array
     without_friction: Array
+    without_last: float
     every_column: float
+    velocity: Array
+    torque: Array
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -64,9 +77,13 @@ class Deviations:
         shape: Computed relative deviations [%] for 27 s and the printed sign of gravity, multiplied by one factor
             that makes them agree best with the printed ones, shape (57,).
         outlier: Parameter that is not used for `hanging`, `literal` and the factor in `shape`.
-        error_median: Median ratio of true error and estimated deviation, for Algorithm 3 as printed on the virtual
-            arm.
-        error_largest: Largest ratio of true error and estimated deviation, as in `error_median`.
+        printed_error: Median and largest ratio of true error and estimated deviation, for Algorithm 3 as printed on
+            the virtual arm.
+        one_sided_error: Ratios as in `printed_error`, with the right sign of gravity.
+        samples: Numbers of samples for which `implied` is computed, shape (3,): 100 Hz in 27 s; 392 000 rows, which
+            section 4.1 prints; 8 kHz in 27 s.
+        implied: Root mean square of the residual that the printed deviations imply for these numbers of samples,
+            with the printed sign of gravity, shape (3,) [N·m].
         below_ten: Number of parameters whose printed relative deviation is below 10 %.
     """
 
@@ -75,8 +92,10 @@ class Deviations:
     literal: Array
     shape: Array
     outlier: str
-    error_median: float
-    error_largest: float
+    printed_error: tuple[float, float]
+    one_sided_error: tuple[float, float]
+    samples: Array
+    implied: Array
     below_ten: int
 
 
@@ -223,8 +242,26 @@ def _conditions(setting: Setting) -> Conditions:
         np.array([condition(R) for R in turned]),
         np.array([scaled_condition(R) for R in factors]),
         np.array([condition(R[:, inertial]) for R in factors]),
+        condition(_stacked(setting.hanging, _without_last(setting.train), PERIOD)),
         condition(Y.reshape(-1, Y.shape[2])),
+        *_shares(setting, periods),
     )
+
+
+def _shares(setting: Setting, periods: Array) -> tuple[Array, Array]:
+    """Largest ratios of velocity and of torque by Table 4.1 to the limits, along Table A.1 in periods (k,)."""
+    robot, model = setting.hanging.dynamics.robot, setting.literal
+    theta = model.theta(np.array([published().base[name][0] for name in model.base.names]))
+    effort = np.array([joint.effort_limit for joint in robot.joints])
+    motions = [setting.train.stretched(period).sample(TEST_RATE) for period in periods]
+    velocity = [float((np.abs(motion.dq) / limits_of(robot).velocity).max()) for motion in motions]
+    torque = [float((np.abs(model.dynamics.torque(motion, theta)) / effort).max()) for motion in motions]
+    return np.array(velocity), np.array(torque)
+
+
+def _without_last(plan: Excitation) -> Excitation:
+    """Plan with the last row of b set to zero."""
+    return replace(plan, b=plan.b * (np.arange(1, plan.harmonics + 1) < plan.harmonics))
 
 
 def _shape(model: ReferenceModel, plan: Excitation, period: float) -> Array:
@@ -247,18 +284,26 @@ def _deviations(setting: Setting, estimates: Estimates) -> Deviations:
         for model in (setting.hanging, setting.literal)
     )
     scale = np.exp(np.mean(ratio(setting.literal, PERIOD)[counted]))
-    fit = estimates.printed.fit
-    error = np.abs(fit.values - setting.truth) / fit.deviation
+    rows = np.round(PERIOD * np.array([TEST_RATE, np.nan, LOGGED]))
+    rows[1] = PRINTED_ROWS / setting.hanging.dynamics.n
     return Deviations(
         periods,
         hanging,
         literal,
         100.0 * scale * _shape(setting.literal, setting.train, PERIOD) / value,
         OUTLIER,
-        float(np.median(error)),
-        float(error.max()),
+        _true_errors(setting, estimates.printed.fit),
+        _true_errors(setting, estimates.one_sided.fit),
+        rows,
+        scale * np.sqrt(rows / rows[0]),
         int(np.count_nonzero(relative < 10.0)),
     )
+
+
+def _true_errors(setting: Setting, fit: Fit) -> tuple[float, float]:
+    """Median and largest ratio of the true error of an estimate and its estimated standard deviation."""
+    error = np.abs(fit.values - setting.truth) / fit.deviation
+    return float(np.median(error)), float(error.max())
 
 
 def _coefficients(setting: Setting, plan: Excitation) -> PrintedCoefficients:

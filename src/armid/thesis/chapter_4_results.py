@@ -10,6 +10,7 @@ from armid.checked_array import Array
 from armid.information.filtering import filtered_torque, in_band
 from armid.thesis.algorithm import TEST_RATE, Fitted
 from armid.thesis.algorithm_corrections import Estimates
+from armid.thesis.experiments.residual_causes import oscillation, ringing
 from armid.thesis.reduction import physical_of_standard
 from armid.thesis.setting import Setting
 from armid.validation.smallest_mass_matrix import worst_along
@@ -41,15 +42,18 @@ class Pictures:
     """Data of Figures 4.2 and 4.3 of the thesis, over one period.
 
     Attributes:
-        time: Time of each sample, shape (N,) [s].
+        time: Time of each drawn sample, at 100 Hz, shape (N,) [s].
         measured: Processed torque, shape (N, 7) [N·m].
         base: Torque predicted with the base parameters, shape (N, 7) [N·m].
         physical: Torque predicted with the physical parameters, shape (N, 7) [N·m].
         band: A tenth of the range of each joint's measured torque, shape (7,) [N·m].
-        rms: RMS of measured minus predicted torque, first with the base and then with the physical parameters, shape
-            (2, 7) [N·m].
+        rms: RMS of measured minus predicted torque over all samples, first with the base and then with the physical
+            parameters, shape (2, 7) [N·m].
         beyond: Share of samples in which measured minus predicted torque, with the base parameters, is outside ±
             `band`, shape (7,).
+        oscillation: Oscillation of the measured and of the predicted torque between jumps of friction, with the base
+            parameters, shape (2, 7) [N·m].
+        ringing: Fast part of `oscillation`, which a polynomial in 0.6 s does not follow, shape (2, 7) [N·m].
     """
 
     time: Array
@@ -59,6 +63,8 @@ class Pictures:
     band: Array
     rms: Array
     beyond: Array
+    oscillation: Array
+    ringing: Array
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -137,12 +143,18 @@ def _pictures(base: Fitted, physical: Fitted) -> Pictures:
         predicted.append((in_band(torque, run.rate, band) if band.columns else torque)[rows])
     off = measured - np.array(predicted)
     limit = BAND * np.ptp(measured, axis=0)
+    time, dq = run.motion.time[rows], run.motion.dq[rows]
+    drawn = slice(None, None, max(1, round(1.0 / (TEST_RATE * (time[1] - time[0])))))
+    time, dq = time[drawn], dq[drawn]
+    shown, base_line, physical_line = measured[drawn], predicted[0][drawn], predicted[1][drawn]
     return Pictures(
-        run.motion.time[rows],
-        measured,
-        predicted[0],
-        predicted[1],
+        time,
+        shown,
+        base_line,
+        physical_line,
         limit,
         np.sqrt(np.mean(off**2, axis=1)),
         np.mean(np.abs(off[0]) > limit, axis=0),
+        np.array([oscillation(x, dq, time) for x in (shown, base_line)]),
+        np.array([ringing(x, dq, time) for x in (shown, base_line)]),
     )

@@ -22,10 +22,10 @@ from armid.lab.options import LabOptions
 from armid.lab.sensors import Sensing
 from armid.lab.simulation import Simulated, simulate, simulation_findings
 from armid.maths.linalg import condition
-from armid.measurement.processing.options import THESIS
 from armid.robot import forward_kinematics
-from armid.thesis.algorithm import TEST_RATE, Errors, errors_of, estimate, observed
-from armid.thesis.algorithm_corrections import CORRECTED
+from armid.thesis.algorithm import TEST_RATE, Errors, errors_of, estimate, mean_of, observed
+from armid.thesis.algorithm_corrections import CORRECTED, PRINTED
+from armid.thesis.experiments.motion_variants import Family, families
 from armid.thesis.setting import DESIGNED, PERIOD, Setting
 
 HARMONICS = 10
@@ -91,6 +91,7 @@ class Designs:
         trials: Designed trajectories, in the order of their random starts.
         starts: Condition number of each random start, scaled to keep the limits, shape (starts,).
         kept: Index of the best feasible trajectory in `trials`; -1 if none is feasible.
+        families: Results of other parameterisations of the trajectory.
     """
 
     unknowns: int
@@ -99,6 +100,7 @@ class Designs:
     trials: tuple[DesignTrial, ...]
     starts: Array
     kept: int
+    families: tuple[Family, ...]
 
     @property
     def best(self) -> DesignTrial:
@@ -131,11 +133,13 @@ def designs(setting: Setting, tell: Callable[[float], None]) -> Designs:
         inside = shrink_to_feasible(problem, problem.fine, x)
         plan = problem.basis.excitation(start if inside is None else inside, setting.train.robot)
         trials.append(_trial(setting, f"start {k + 1}", plan, seed=k + 3))
-    tell(1.0)
     feasible = [k for k, trial in enumerate(trials) if trial.feasible]
     kept = min(feasible, key=lambda k: trials[k].printed.unseen) if feasible else -1
     basis = problem.basis
-    return Designs(2 * basis.n * HARMONICS, basis.n * basis.size, tuple(published), tuple(trials), starts, kept)
+    unknowns, free = 2 * basis.n * HARMONICS, basis.n * basis.size
+    others = families(setting, PRINTED, CORRECTED)
+    tell(1.0)
+    return Designs(unknowns, free, tuple(published), tuple(trials), starts, kept, others)
 
 
 def _problem(setting: Setting) -> DescentProblem:
@@ -171,8 +175,9 @@ def _trial(setting: Setting, name: str, plan: Excitation, seed: int) -> DesignTr
     codes = sorted(
         {finding.code for finding in simulation_findings(done)} | ({"collision"} if clearance <= 0.0 else set())
     )
-    evaluated: list[Errors] = []
-    for processing in (THESIS, CORRECTED, MOVING):
+    as_printed = observed(setting, mean_of(done.recording, plan.period), PRINTED, None)
+    evaluated = [errors_of(setting, estimate(setting.literal, as_printed))]
+    for processing in (CORRECTED, MOVING):
         observations = observed(setting, done.recording, processing, plan.period)
         evaluated.append(errors_of(setting, estimate(setting.hanging, observations)))
     trace = done.trace.from_time(0.0)

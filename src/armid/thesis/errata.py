@@ -70,7 +70,10 @@ def _of_theory(dynamics: Dynamics, estimates: Estimates) -> tuple[Erratum, ...]:
             "(2.5), before it", "Ṙ = dR(θ)/dθ", "Ṙ = dR/dt", "the time derivative is meant, because S(ω) is a rate",
             typesetting=True,
         ),
-        Erratum("(2.16)", "ḋ = ∂d/∂q", "ḋ = (∂d/∂q) q̇", "a 3 × 7 matrix is not a velocity"),
+        Erratum(
+            "(2.16)", "ḋ = ∂d/∂q", "ḋ = (∂d/∂q) q̇", "a 3 × 7 matrix is not a velocity; the other side is right",
+            typesetting=True,
+        ),
         Erratum(
             "(2.21), (2.30)–(2.33), (3.12)",
             "U = + Σ m_i g_0ᵀ p_i with g_0 along gravity",
@@ -110,7 +113,7 @@ def _of_model(dynamics: Dynamics, reduction: Reduction, audit: Audit) -> tuple[E
         Erratum(
             "(3.7), YY_i", "I_yy + m (r_y² + r_z²)", "I_yy + m (r_x² + r_z²)",
             "relative difference of Table 4.2 from Table 4.1, inertial part",
-            audit.carried.printed_mismatch, audit.carried.mismatch,
+            audit.carried.printed_mismatch, audit.carried.mismatch, typesetting=True,
         ),
         Erratum(
             "(3.7), labels", "MX_i three times, XX_i for XY_i and XZ_i", "MX_i, MY_i, MZ_i; XX_i, XY_i, XZ_i",
@@ -118,7 +121,8 @@ def _of_model(dynamics: Dynamics, reduction: Reduction, audit: Audit) -> tuple[E
         ),
         Erratum(
             identity.number, "… + d_n² (β_XX + β_YY)_{n−2}", "… + d_n² (β_XX + β_ZZ)_{n−2}",
-            "largest difference of the two sides, divided by the largest β_M", identity.error, identity.right_error,
+            "largest difference of the two sides, divided by the largest β_M; (3.30) is right", identity.error,
+            identity.right_error, typesetting=True,
         ),
         Erratum(
             "(3.31c)", "an index as a factor; a product of vectors with two and three elements",
@@ -127,12 +131,12 @@ def _of_model(dynamics: Dynamics, reduction: Reduction, audit: Audit) -> tuple[E
         ),
         Erratum(
             "(A.1), M_7", f"Y_M7 = {lines['M_7'].printed}", lines["M_7"].right,
-            "largest error of the column, divided by the largest entry",
-            lines["M_7"].printed_error, lines["M_7"].right_error,
+            "largest error of the column, divided by the largest entry; (3.39) uses the right line",
+            lines["M_7"].printed_error, lines["M_7"].right_error, typesetting=True,
         ),
         Erratum(
             "(A.1), YY_2", f"Y_{lines['YY_2'].label} = {lines['YY_2'].printed}", f"Y_YY2 = {lines['YY_2'].right}",
-            "the same", lines["YY_2"].printed_error, lines["YY_2"].right_error,
+            "the same", lines["YY_2"].printed_error, lines["YY_2"].right_error, typesetting=True,
         ),
         Erratum(
             "(A.1), labels", "labels of other lines repeat or are no columns", "as in the table of (A.1)",
@@ -140,7 +144,7 @@ def _of_model(dynamics: Dynamics, reduction: Reduction, audit: Audit) -> tuple[E
         ),
         Erratum(
             "(3.42)", "d/dt (∂β_i/∂q_j)", "d/dt (∂β_i/∂q̇_j)", "largest error of Y, divided by its largest entry",
-            dynamics.printed_derivative_error, dynamics.regressor_error,
+            dynamics.printed_derivative_error, dynamics.regressor_error, typesetting=True,
         ),
         Erratum(
             "(3.43)", "y_12, y_13, … right of the diagonal", "y_21, y_31, …: row j, column i",
@@ -164,7 +168,7 @@ def _of_method(setting: Setting, designs: Designs, steps: Steps, audit: Audit) -
     return (
         Erratum(
             "§3.2.2", "τ is filtered at 3.5 Hz, sgn(q̇) is not", "the same filter on every column of Y_b",
-            "torque error on Table A.2, in N·m", by_key["printed"].unseen, by_key["columns"].unseen,
+            "torque error on Table A.2, in N·m", by_key["one-sided"].unseen, by_key["columns"].unseen,
         ),
         Erratum(
             "(3.52d), (3.53a)", "inertia positive definite, triangle on its diagonal",
@@ -202,11 +206,11 @@ def _of_results(setting: Setting, audit: Audit) -> tuple[Erratum, ...]:
         ),
         Erratum(
             f"Table 4.1, {outlier}", "its σ", "as the other 56 deviations imply", "relative standard deviation, in %",
-            published().base[outlier][1], float(audit.deviations.shape[names.index(outlier)]),
+            published().base[outlier][1], float(audit.deviations.shape[names.index(outlier)]), typesetting=True,
         ),
         Erratum(
             "Table A.1, b_10", "the row is missing", "b_10 = − Σ l b_l / 10 over l ≤ 9",
-            "largest |Σ l b_l|, which (3.55c) sets to zero",
-            float(audit.tables[0].without_last[2]), float(audit.tables[0].sums[2]), typesetting=True,
+            "largest |Σ b_l / l|, which (3.55c) sets to zero, too, and which was not used for b_10",
+            float(audit.tables[0].without_last[0]), float(audit.tables[0].sums[0]), typesetting=True,
         ),
     )  # fmt: skip

@@ -23,6 +23,9 @@ from armid.thesis.published import Published
 BETA_ORDER = ("M", "MX", "MY", "MZ", "XX", "XY", "XZ", "YY", "YZ", "ZZ")
 """Inertial parameters of a link in the order of equation (3.8) of the thesis."""
 
+STEP = 1e-30
+"""Imaginary part of a complex step; the derivative is exact to rounding, because nothing is subtracted."""
+
 ANGLES = {"0": 0.0, "π": np.pi, "-π": -np.pi, "π/2": 0.5 * np.pi}
 
 
@@ -135,6 +138,82 @@ def lagrangian_mass(frames: Frames, q: Array, parameters: Array) -> Array:
     dq = hyper_dual(np.zeros_like(q), one, other)
     terms = lagrangian_terms(frames, *_alike(constant(q), dq), np.zeros(3)).parts[3]
     return np.moveaxis(np.einsum("jknil,il->jkn", terms, parameters), 2, 0)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class LinkMotion:
+    """Motion of the link frames by their joint axes in the base frame, without the recursion (3.9) of the thesis.
+
+    Attributes:
+        rotation: Rotations R_0 of the frames, shape (N, 7, 3, 3).
+        origin: Origins d_0 of the frames, shape (N, 7, 3) [m].
+        velocity: Velocities of the origins in their own frames, shape (N, 7, 3) [m/s].
+        turning: Angular velocities in their own frames, shape (N, 7, 3) [rad/s].
+    """
+
+    rotation: Array
+    origin: Array
+    velocity: Array
+    turning: Array
+
+
+def link_motion(frames: Frames, q: Array, dq: Array) -> LinkMotion:
+    """Motion of the link frames at positions and velocities (N, 7)."""
+    R, p = frames.forward(q)
+    linear, angular = _jacobians(R, p, p)
+    turned = np.swapaxes(R, -1, -2)
+    velocity, turning = (np.einsum("nixy,niyj,nj->nix", turned, J, dq) for J in (linear, angular))
+    return LinkMotion(R, p, velocity, turning)
+
+
+def torque_of_bodies(frames: Frames, motion: Motion, physical: Array, gravity: Array) -> Array:
+    """Torque M q̈ + C q̇ + g + friction, (3.3) of the thesis, from the physical parameters μ alone, shape (N, 7).
+
+    M is equation (2.19) with the Jacobians of the centres of mass, C has the Christoffel symbols of M as (2.22) needs
+    them, and g is the gradient of the potential energy.
+
+    Args:
+        frames: Transforms between the link frames, from Table 3.1 of the thesis.
+        motion: Positions, velocities and accelerations at N instants.
+        physical: Physical parameters μ, one row a link in the order of equation (3.40), shape (7, 12).
+        gravity: Acceleration of gravity in the base frame, shape (3,) [m/s²].
+    """
+    n, joints = motion.samples, motion.n
+    M, _ = _inertia_and_potential(frames, motion.q, physical, gravity)
+    slope, g = np.zeros((n, joints, joints, joints)), np.zeros((n, joints))
+    for k in range(joints):
+        moved = motion.q + 1j * STEP * np.eye(joints)[k]
+        by_k, potential = _inertia_and_potential(frames, moved, physical, gravity)
+        slope[..., k], g[:, k] = by_k.imag / STEP, potential.imag / STEP
+    # C_ij q̇_j with C_ij = Σ_k (∂M_ij/∂q_k + ∂M_ik/∂q_j − ∂M_jk/∂q_i) q̇_k / 2
+    coriolis = np.einsum("nijk,nj,nk->ni", slope, motion.dq, motion.dq)
+    coriolis -= 0.5 * np.einsum("njki,nj,nk->ni", slope, motion.dq, motion.dq)
+    friction = physical[:, 10] * motion.dq + physical[:, 11] * np.sign(motion.dq)
+    return np.einsum("nij,nj->ni", M.real, motion.ddq) + coriolis + g + friction
+
+
+def _inertia_and_potential(frames: Frames, q: Array, physical: Array, gravity: Array) -> tuple[Array, Array]:
+    """Mass matrix (2.19), shape (N, 7, 7), and potential energy −Σ m gᵀ p, shape (N,); complex for complex q."""
+    R, p = frames.forward(q)
+    mass, centre = physical[:, 0], p + np.einsum("nixy,iy->nix", R, physical[:, 1:4])
+    xx, xy, xz, yy, yz, zz = physical[:, 4:10].T
+    tensor = np.moveaxis(np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]), -1, 0)
+    linear, angular = _jacobians(R, p, centre)
+    turned = np.einsum("nixa,iab,niyb->nixy", R, tensor, R)
+    M = np.einsum("i,nixj,nixk->njk", mass, linear, linear) + np.einsum(
+        "nixj,nixy,niyk->njk", angular, turned, angular
+    )
+    return M, -np.einsum("i,nix,x->n", mass, centre, gravity)
+
+
+def _jacobians(R: Array, p: Array, points: Array) -> tuple[Array, Array]:
+    """Jacobians of points (N, 7, 3) that are fixed to the links, and of the links' rotation, shape (N, 7, 3, 7)."""
+    carried = np.tril(np.ones((R.shape[1], R.shape[1])))  # link i is moved by joint j ≤ i
+    axes = R[..., 2]
+    arms = points[:, :, None, :] - p[:, None, :, :]
+    linear = np.cross(axes[:, None, :, :], arms) * carried[..., None]
+    angular = axes[:, None, :, :] * carried[..., None]
+    return np.swapaxes(linear, -1, -2), np.swapaxes(angular, -1, -2)
 
 
 def _alike(a: HyperDual, b: HyperDual) -> tuple[HyperDual, HyperDual]:

@@ -47,6 +47,7 @@ class Published:
         columns: Lines of equation (A.1): removed column, its printed label, its correct sum and its printed sum. The
             printed sum is `None` if the print cannot be read as a sum.
         groupings: Lines of equation (3.39): base parameter and its sum of standard parameters.
+        removed: Names of the parameters in π_r, equation (3.33).
     """
 
     condition: float
@@ -56,6 +57,7 @@ class Published:
     physical: Array
     columns: tuple[tuple[str, str, Sum, Sum | None], ...]
     groupings: Mapping[str, Sum]
+    removed: tuple[str, ...]
 
 
 def weight(summand: Summand, lengths: Array) -> float:
@@ -95,6 +97,7 @@ def published() -> Published:
             for row in table["columns"]
         ),
         {name: _sum(terms) for name, terms in table["groupings"].items()},
+        tuple(table["removed"]),
     )
 
 

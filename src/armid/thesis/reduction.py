@@ -9,8 +9,8 @@ import numpy as np
 from armid.checked_array import Array
 from armid.maths.inertia import com_inertia_to_vector, vector_to_com_inertia
 from armid.model.dynamics_model import DynamicsModel
-from armid.thesis.hyperdual import constant
-from armid.thesis.lagrange import lagrangian_terms, make_frames
+from armid.thesis.derivation import Identity, derivation
+from armid.thesis.lagrange import make_frames, torque_of_bodies
 from armid.thesis.published import Sum, formula, published, weight
 from armid.thesis.setting import HANGING, Setting, random_states
 
@@ -60,27 +60,6 @@ class Grouping:
     error: float
 
 
-@dataclass(frozen=True, slots=True)
-class Identity:
-    """Identity that expresses an element of the vector β of one link by elements of β of the links before it.
-
-    Attributes:
-        number: Equation number in the thesis, (3.18) to (3.30).
-        printed: Identity as the thesis prints it. The name of a parameter stands for the element of β that belongs to
-            that parameter.
-        error: Largest difference between the two sides at random states, divided by the largest absolute value of the
-            left side.
-        right: Correct identity, if the printed one is wrong; otherwise empty.
-        right_error: Value of `error` for the correct identity.
-    """
-
-    number: str
-    printed: str
-    error: float
-    right: str = ""
-    right_error: float = 0.0
-
-
 @dataclass(frozen=True, eq=False, slots=True)
 class Reduction:
     """Results of section 3.1.4 of the thesis.
@@ -95,8 +74,9 @@ class Reduction:
         names: Base parameters, π_b of equation (3.38).
         dependences: Lines of equation (A.1).
         groupings: Lines of equation (3.39).
-        identities: Identities with equation numbers from (3.18) to (3.30).
-        torque_error: Largest difference of Y_b π_b(π(μ)) and τ(μ) in Algorithm 1, divided by the largest torque.
+        identities: Equations (3.9) to (3.30) of the derivation.
+        torque_error: Largest difference of Y_b π_b(π(μ)) and τ(μ) in Algorithm 1, divided by the largest torque; τ(μ)
+            is computed from M, C and g of the physical parameters.
     """
 
     columns: int
@@ -121,9 +101,9 @@ def reduction(setting: Setting) -> Reduction:
     sizes = np.linalg.svd(flat, compute_uv=False)
     rank = int(np.count_nonzero(sizes > GAP * sizes[0]))
     zero = [name for name, column in by_name.items() if np.abs(column).max() <= ALIKE * np.abs(flat).max()]
-    theta = standard_of_physical(model, physical_of_standard(model, setting.theta))
-    tau = model.torque(states, setting.theta)
-    reduced = setting.hanging.columns(states) @ base.values_of(theta)
+    mu = physical_of_standard(model, setting.theta)
+    tau = torque_of_bodies(make_frames(published()), states, mu, np.array(HANGING))
+    reduced = setting.hanging.columns(states) @ base.values_of(standard_of_physical(model, mu))
     return Reduction(
         Y.shape[2],
         tuple(zero),
@@ -133,7 +113,7 @@ def reduction(setting: Setting) -> Reduction:
         base.names,
         tuple(_dependence(by_name, *line) for line in published().columns),
         tuple(_grouping(setting, name, terms) for name, terms in published().groupings.items()),
-        _identities(setting),
+        derivation(setting),
         float(np.abs(reduced - tau).max() / np.abs(tau).max()),
     )
 
@@ -197,52 +177,3 @@ def _grouping(setting: Setting, name: str, terms: Sum) -> Grouping:
     for each in terms:
         row[base.standard_names.index(each.name)] += weight(each, published().lengths)
     return Grouping(name, formula(terms), float(np.abs(row - base.regrouping[base.names.index(name)]).max()))
-
-
-def _identities(setting: Setting) -> tuple[Identity, ...]:
-    """Identities (3.18), (3.23), (3.26), (3.29) and (3.30) of the thesis, for all links to which they apply."""
-    states, d = random_states(setting, seed=4), published().lengths
-    terms = lagrangian_terms(
-        make_frames(published()), constant(states.q), constant(states.dq), np.array(HANGING)
-    ).parts[0]
-    M, _, MY, MZ, XX, _, _, YY, YZ, ZZ = np.moveaxis(terms, -1, 0)
-    sign = np.array([np.nan, 1.0, 1.0, -1.0, 1.0, -1.0, 1.0])  # -cos φ_n of Table 3.1
-    along_y = [n for n in range(2, 7) if n % 2 == 0]  # links 3, 5 and 7: d_n along y
-    along_z = [n for n in range(3, 7) if n % 2 == 1]  # links 4 and 6: d_n along z, d_{n-1} along y
-
-    def error(n: list[int], left: Array, right: Array) -> float:
-        scale = float(np.abs(left[:, n]).max())
-        return float(np.abs(left[:, n] - right[:, n]).max()) / scale
-
-    def before(x: Array, k: int = 1) -> Array:
-        return np.roll(x, k, axis=1)
-
-    y = np.where(np.isin(np.arange(7), along_y), d, 0.0)
-    z = d - y
-    yaw = sign * (before(MY) + 2.0 * y * before(XX + ZZ) - z * before(YZ))
-    long = d + np.roll(d, 1)
-    stem = before(M, 2) + np.roll(d, 1) * before(MY, 2) + np.roll(d, 1) ** 2 * before(XX + ZZ, 2)
-    step = stem + d * (before(MY, 2) + 2.0 * np.roll(d, 1) * before(XX + ZZ, 2))
-    every, later = list(range(1, 7)), list(range(2, 7))
-    head = "Mₙ = Mₙ₋₂ + dₙ₋₁ MYₙ₋₂ + dₙ₋₁² (XX + ZZ)ₙ₋₂ + dₙ (MYₙ₋₂ + 2 dₙ₋₁ (XX + ZZ)ₙ₋₂) + dₙ²"
-    return (
-        Identity("(3.18)", "XXₙ + YYₙ = (XX + ZZ)ₙ₋₁", error(every, XX + YY, before(XX + ZZ))),
-        Identity("(3.23)", "MZₙ = −cos φₙ (MY + 2 d_y (XX + ZZ) − d_z YZ)ₙ₋₁", error(later, MZ, yaw)),
-        Identity(
-            "(3.26)",
-            "Mₙ = (M + dₙ MY + dₙ² (XX + ZZ))ₙ₋₁",
-            error(along_y, M, before(M) + d * before(MY) + d**2 * before(XX + ZZ)),
-        ),
-        Identity(
-            "(3.29)",
-            f"{head} (XX + YY)ₙ₋₂",
-            error(along_z, M, step + d**2 * before(XX + YY, 2)),
-            f"{head} (XX + ZZ)ₙ₋₂",
-            error(along_z, M, step + d**2 * before(XX + ZZ, 2)),
-        ),
-        Identity(
-            "(3.30)",
-            "Mₙ = Mₙ₋₂ + (dₙ₋₁ + dₙ) MYₙ₋₂ + (dₙ₋₁ + dₙ)² (XX + ZZ)ₙ₋₂",
-            error(along_z, M, before(M, 2) + long * before(MY, 2) + long**2 * before(XX + ZZ, 2)),
-        ),
-    )

@@ -27,6 +27,7 @@ from armid.estimation.prior import make_prior
 from armid.estimation.problem import EstimationProblem, StandardParameters
 from armid.estimation.standard_parameter_resolution import PriorUse
 from armid.estimation.whitened_system import WhitenedSystem, whiten
+from armid.maths.inertia import vector_to_com_inertia
 from armid.threads import one_blas_thread
 
 CONSTRAINTS = ("3.52d", "3.53a", "3.53b", "3.53c", "3.53d", "3.53e", "3.53f")
@@ -43,6 +44,14 @@ POSITIVE = 1e-12
 """Lower limit of the leading minors of an inertia tensor, so that it is positive definite as equation (3.52d) of the
 thesis requires [kg·m², (kg·m²)² and (kg·m²)³]."""
 
+DESCRIPTION = "description"
+"""Value of an option that stands for bounds around the bodies of the description."""
+
+FACTOR, REACH = 3.0, 0.25
+"""Largest ratio of a mass or moment to that of the description, and distance of a centre of mass from that of the
+description [m]. The thesis calculates its bounds from earlier estimates but gives no sizes; these are wide enough for
+the true bodies of simulated arms whose description is wrong by half."""
+
 SOLVED = ("Solve_Succeeded", "Solved_To_Acceptable_Level", "Feasible_Point_Found")
 
 
@@ -53,11 +62,14 @@ class ThesisNLP:
     Attributes:
         constraints: Inequalities in use, by the numbers `3.52d` and `3.53a` to `3.53f` of the equations in the
             thesis.
-        mass: Bounds of a mass [kg].
-        com: Bound of the absolute value of a coordinate of a centre of mass [m].
-        moment: Bounds of a moment of inertia about the centre of mass [kg·m²].
-        product: Bound of the absolute value of a product of inertia [kg·m²].
-        friction: Bound of the absolute value of a friction parameter.
+        mass: Bounds of a mass [kg]: two numbers, or two numbers for each link, or `description`, which stands for a
+            third to three times the mass of the description.
+        com: Bound of the absolute value of a coordinate of a centre of mass [m], or one bound for each link, or
+            `description`, which stands for at most 0.25 m from the centre of mass of the description.
+        moment: Bounds of a moment of inertia about the centre of mass [kg·m²], in the same forms as `mass`.
+        product: Bound of the absolute value of a product of inertia [kg·m²], or one bound for each link, or
+            `description`, which stands for three times the largest moment of the description.
+        friction: Bound of the absolute value of a friction parameter, or one bound for each joint.
         long: Two lists of numbers of links: links that are long along z, for equation (3.53e) of the thesis, and
             links that are long along y, for equation (3.53f).
         starts: Number of searches. The first search begins in the middle of the bounds, every other search at a
@@ -67,11 +79,11 @@ class ThesisNLP:
     """
 
     constraints: tuple[str, ...] = CONSTRAINTS
-    mass: tuple[float, ...] = (0.05, 15.0)
-    com: float = 0.5
-    moment: tuple[float, ...] = (1e-4, 2.0)
-    product: float = 1.0
-    friction: float = 100.0
+    mass: Sequence[Any] | str = (0.05, 15.0)
+    com: float | Sequence[float] | str = 0.5
+    moment: Sequence[Any] | str = (1e-4, 2.0)
+    product: float | Sequence[float] | str = 1.0
+    friction: float | Sequence[float] = 100.0
     long: tuple[Sequence[int], ...] = ((1, 3, 5), (2, 4))
     starts: int = 2
     seed: int = 0
@@ -90,15 +102,19 @@ class ThesisNLP:
             )
         for option in ("mass", "moment"):
             bounds = getattr(self, option)
-            if len(bounds) != 2 or not 0.0 < bounds[0] < bounds[1]:
+            if bounds != DESCRIPTION and not _are_ranges(bounds):
                 raise EstimationError(
                     f"The option `{option}` must be a lower and a larger upper bound; found {bounds!r}.",
-                    remedy=f"give two numbers, for instance {option} = [0.05, 2.0].",
+                    remedy=f"give two numbers, for instance {option} = [0.05, 2.0], or two numbers for each link, or "
+                    f'{option} = "{DESCRIPTION}".',
                 )
         for option in ("com", "product", "friction", "starts", "iterations"):
-            if not getattr(self, option) > 0:
+            value = getattr(self, option)
+            if value == DESCRIPTION and option in {"com", "product"}:
+                continue
+            if isinstance(value, str) or not np.size(value) or not bool(np.all(np.asarray(value) > 0)):
                 raise EstimationError(
-                    f"The option `{option}` must be positive; found {getattr(self, option)!r}.",
+                    f"The option `{option}` must be positive; found {value!r}.",
                     remedy="give a number above 0, or leave the option out.",
                 )
         if len(self.long) != 2:
@@ -232,13 +248,87 @@ class _Program:
         return limits
 
 
+def _are_ranges(bounds: object) -> bool:
+    """Tests whether an option is a range of two positive numbers, or a list of such ranges."""
+    try:
+        ranges = np.atleast_2d(np.asarray(bounds, dtype=np.float64))
+    except (TypeError, ValueError):
+        return False
+    return (
+        ranges.ndim == 2
+        and ranges.shape[1] == 2
+        and bool(((ranges[:, 0] > 0.0) & (np.diff(ranges)[:, 0] > 0.0)).all())
+    )
+
+
 def _bounds(options: ThesisNLP, standard: StandardParameters, others: NDArray[np.intp]) -> tuple[Array, Array]:
     """Lower and upper bounds of the unknowns, one array each."""
-    (least, most), (small, large), far, cross = options.mass, options.moment, options.com, options.product
-    low = [least, -far, -far, -far, small, -cross, small, -cross, -cross, small]
-    high = [most, far, far, far, large, cross, large, cross, cross, large]
     links = len(standard.inertial)
-    sign = np.where(standard.nonnegative[others], 0.0, -options.friction)
-    return np.concatenate([np.tile(low, links), sign]), np.concatenate(
-        [np.tile(high, links), np.full(len(others), options.friction)]
-    )
+    low, high = np.zeros((links, 10)), np.zeros((links, 10))
+    kinds = {"mass": MASS, "com": CENTRE, "moment": MOMENTS, "product": PRODUCTS}
+    for option, columns in kinds.items():
+        given = getattr(options, option)
+        if given == DESCRIPTION:
+            least, most = _around(_described(standard), option)
+        elif option in {"mass", "moment"}:
+            least, most = _each(option, np.atleast_2d(np.asarray(given)), links).T[..., None]
+        else:
+            most = _each(option, np.atleast_1d(np.asarray(given))[:, None], links)
+            least = -most
+        low[:, columns], high[:, columns] = least, most
+    numbers = np.array([standard.names[k].number for k in others], dtype=np.intp)
+    bound = np.asarray(options.friction, dtype=np.float64)
+    if bound.ndim:
+        bound = _each("friction", bound[:, None], int(numbers.max(initial=0)))[numbers - 1, 0]
+    bound = np.broadcast_to(bound, len(others))
+    floor = np.where(standard.nonnegative[others], 0.0, -bound)
+    return np.concatenate([low.ravel(), floor]), np.concatenate([high.ravel(), bound])
+
+
+MASS, CENTRE, MOMENTS, PRODUCTS = [0], [1, 2, 3], [4, 6, 9], [5, 7, 8]
+"""Positions of the unknowns of a link: mass, centre of mass, moments and products of inertia about it."""
+
+
+def _each(option: str, values: Array, count: int) -> Array:
+    """Values of an option (count, k) for each link or joint, from one row or from `count` rows.
+
+    Raises:
+        EstimationError: There is another number of rows.
+    """
+    if len(values) not in {1, count}:
+        raise EstimationError(
+            f"The option `{option}` has {len(values)} entries, but the arm has {count} links or joints.",
+            remedy="give one entry for all, or one for each.",
+        )
+    return np.broadcast_to(values, (count, values.shape[1]))
+
+
+def _described(standard: StandardParameters) -> Array:
+    """Bodies of the description, shape (links, 10): mass, centre of mass, and inertia about it.
+
+    Raises:
+        EstimationError: The description does not give every link a mass.
+    """
+    if standard.nominal is None or not standard.described:
+        raise EstimationError(
+            f'Bounds "{DESCRIPTION}" need a description that gives every link a mass.',
+            remedy="give bounds as numbers, or add the masses to the description.",
+        )
+    rows: list[list[float]] = []
+    for own in standard.inertial:
+        mass, com, tensor = vector_to_com_inertia(standard.nominal[own])
+        upper = [tensor[0, 0], tensor[0, 1], tensor[1, 1], tensor[0, 2], tensor[1, 2], tensor[2, 2]]
+        rows.append([mass, *com, *upper])
+    return np.array(rows)
+
+
+def _around(bodies: Array, option: str) -> tuple[Array, Array]:
+    """Lower and upper bounds of the unknowns of an option around the bodies (links, 10) of the description."""
+    if option == "com":
+        return bodies[:, CENTRE] - REACH, bodies[:, CENTRE] + REACH
+    moments = np.maximum(bodies[:, MOMENTS], LEAST_MOMENT)
+    if option == "product":
+        most = FACTOR * moments.max(axis=1, keepdims=True)
+        return -most, most
+    middle = bodies[:, MASS] if option == "mass" else moments
+    return middle / FACTOR, middle * FACTOR

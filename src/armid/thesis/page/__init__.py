@@ -12,7 +12,14 @@ from armid.study.storage.records import to_json
 from armid.thesis.page.estimation import show_parameters, show_steps, show_torque
 from armid.thesis.page.model import show_base, show_dynamics, show_kinematics
 from armid.thesis.page.motion import show_excitation
-from armid.thesis.page.summary_and_errata import show_audit, show_errata, show_provenance, show_summary
+from armid.thesis.page.residual import show_residual
+from armid.thesis.page.summary_and_errata import (
+    show_audit,
+    show_errata,
+    show_provenance,
+    show_references,
+    show_summary,
+)
 from armid.thesis.reproduction import Thesis, thesis_record
 
 __all__ = ["CHAPTERS", "KIND", "MARKER", "PAGE", "render_thesis", "thesis_sections", "write_thesis"]
@@ -28,9 +35,11 @@ CHAPTERS: Mapping[str, Callable[[Thesis], Section]] = {
     "steps": show_steps,
     "parameters": show_parameters,
     "torque": show_torque,
+    "residual": show_residual,
     "audit": show_audit,
     "errata": show_errata,
     "provenance": show_provenance,
+    "references": show_references,
 }
 """Functions that make the chapters of the page, by name, in the order of the page."""
 

@@ -67,7 +67,35 @@ class Figures:
     kind: ClassVar[str] = "figures"
 
 
-Block = Text | List | Numbers | Figures | Table
+@dataclass(frozen=True, slots=True)
+class Equation:
+    """Equation in MathML.
+
+    Attributes:
+        mathml: Content of the element `math`.
+        number: Number of the equation in the thesis.
+    """
+
+    mathml: str
+    number: str
+    kind: ClassVar[str] = "equation"
+
+
+@dataclass(frozen=True, slots=True)
+class Drawings:
+    """Drawings side by side.
+
+    Attributes:
+        heading: Common heading of the drawings.
+        items: SVG and caption of each drawing.
+    """
+
+    heading: str
+    items: Sequence[tuple[str, str]]
+    kind: ClassVar[str] = "drawings"
+
+
+Block = Text | List | Numbers | Equation | Drawings | Figures | Table
 
 
 def chapter(title: str, *blocks: Block) -> Section:

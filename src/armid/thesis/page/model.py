@@ -8,9 +8,12 @@ from armid.report.data.number_format import fixed, short
 from armid.report.plots.plot_specification import Plot, PlotTrace
 from armid.report.section import Section
 from armid.report.tables import Column, Table, TableCell
+from armid.thesis.derivation import Identity
 from armid.thesis.page.chapter_elements import Figures, Text, chapter, named, number, subscripts
+from armid.thesis.page.equations import DYNAMICS, POTENTIAL, REGRESSOR, TRANSFORM
+from armid.thesis.page.illustrations import foundations, schematic
 from armid.thesis.published import published
-from armid.thesis.reduction import Dependence, Grouping, Identity
+from armid.thesis.reduction import Dependence, Grouping, Reduction
 from armid.thesis.reproduction import Thesis
 
 FASTEST = 1.5
@@ -32,6 +35,8 @@ def show_kinematics(thesis: Thesis) -> Section:
             "R<sub>z</sub>(φ) R<sub>x</sub>(θ) R<sub>z</sub>(ψ), (3.1). The thesis gives the lengths as symbols; the "
             "numbers here are those of the arm."
         ),
+        TRANSFORM,
+        schematic(),
         _table_31(),
         Text(
             f"At {found.poses} random poses within the joint limits (3.1) differs from the arm's own description by "
@@ -84,19 +89,23 @@ def show_dynamics(thesis: Thesis) -> Section:
     found = thesis.dynamics
     return chapter(
         "Lagrange, Newton and Euler",
+        foundations(),
         Text(
             "The thesis derives its regressor by differentiation of the Lagrangian, (2.37). So does this study: "
-            "β of (2.33) is computed from Table 3.1 by (3.9) in hyper-dual numbers, which give exact second "
-            "derivatives, and Y<sub>ij</sub> = d/dt ∂β/∂q̇ − ∂β/∂q. armid's kernel computes the same matrix by the "
+            "β of (2.33) is computed from Table 3.1 by (3.9) in hyper-dual numbers [Fike2011], which give exact "
+            "second derivatives, and Y<sub>ij</sub> = d/dt ∂β/∂q̇ − ∂β/∂q. armid's kernel computes the same matrix "
+            "by the "
             f"Newton-Euler recursion. At {found.states} random states the two differ by "
             f"{_size(found.regressor_error)} of the largest entry."
         ),
+        REGRESSOR,
         Text(
             "From the same Lagrangian, M(q) = ∂²L/∂q̇∂q̇ differs from armid's by "
             f"{_size(found.mass_error)} of its largest entry, and "
             "M(q) q̈ + C(q, q̇) q̇ + g(q) + F<sub>v</sub> q̇ + F<sub>s</sub> sgn(q̇), (3.3), from Y π by "
             f"{_size(found.torque_error)} of the largest torque."
         ),
+        DYNAMICS,
         Text(
             "<b>The sign of gravity.</b> (2.21) gives U = +Σ m g<sub>0</sub>ᵀ p with g<sub>0</sub> along gravity, "
             "(3.2); but potential energy falls along gravity, so the sign must be minus. With minus, power is "
@@ -104,6 +113,7 @@ def show_dynamics(thesis: Thesis) -> Section:
             f"quotient; with the printed sign the imbalance is up to {fixed(found.literal_imbalance, 1)}&nbsp;W. The "
             "printed equations are those of a standing arm."
         ),
+        POTENTIAL,
         _torques(thesis),
         _friction(thesis),
     )
@@ -155,19 +165,29 @@ def show_base(thesis: Thesis) -> Section:
             f"Y has {found.columns} columns and rank {found.rank}: singular value {found.rank} is "
             f"{short(found.singular[0], 2)} of the largest, the next {short(found.singular[1], 2)}. "
             f"{len(found.zero)} columns are zero: {_listed(found.zero)}. {len(names)} more depend on others: "
-            f"{_listed(names)}. These {len(found.removed)} columns belong to π<sub>r</sub> of (3.33), which the "
-            f"thesis prints correctly. The other columns belong to the {len(found.names)} parameters of (3.38)."
+            f"{_listed(names)}. {_removed(found)} The other columns belong to the {len(found.names)} parameters of "
+            "(3.38) [Gautier1990; Khalil2004]."
         ),
         _dependences(found.dependences),
         _identities(found.identities),
         _groupings(found.groupings),
         Text(
-            "<b>Algorithm 1</b> ends with a check of Y<sub>b</sub> π<sub>b</sub>(π(μ)) against τ(μ) from M, C and g "
-            "with physical parameters μ. The largest difference is "
+            "<b>Algorithm 1</b> ends with a check of Y<sub>b</sub> π<sub>b</sub>(π(μ)) against τ(μ) from M, C and g. "
+            "Here M is (2.19), with the Jacobians of the centres of mass and inertias about them, C has the "
+            "Christoffel symbols of this M, and g is the gradient of U, all from the physical parameters μ and Table "
+            "3.1 alone. The largest difference is "
             f"{_size(found.torque_error)} of the largest torque. <code>armid export RUN --to matlab</code> writes "
             "the functions of its last lines: func_Y, func_Y_b, func_pi and func_pi_b."
         ),
     )
+
+
+def _removed(found: Reduction) -> str:
+    """Sentence that compares the removed columns with (3.33) of the thesis."""
+    printed = set(published().removed)
+    odd = printed ^ set(found.removed)
+    equal = "which equals (3.33)" if not odd else f"which differs from (3.33) in {_listed(sorted(odd))}"
+    return f"These {len(found.removed)} columns belong to π<sub>r</sub>, {equal}."
 
 
 def _listed(names: tuple[str, ...] | list[str]) -> str:
@@ -221,10 +241,11 @@ def _identities(found: tuple[Identity, ...]) -> Table:
                 ]
             )
     note = (
-        "A name stands for the β of this parameter. Error: largest difference of the sides, divided by the largest "
-        "left side, all links."
+        "A name stands for the β of this parameter, with the sign of gravity in print; d is the vector to frame n in "
+        "frame n − 1. Error: largest difference of the sides, divided by the largest left side, all links. The "
+        "velocities are those of the joint axes in the base frame."
     )
-    return Table("identities", "Identities in the derivation of (A.1), checked with β", columns, rows, note)
+    return Table("identities", "Equations (3.9) to (3.30) of the derivation", columns, rows, note)
 
 
 def _groupings(found: tuple[Grouping, ...]) -> Table:
@@ -233,5 +254,9 @@ def _groupings(found: tuple[Grouping, ...]) -> Table:
         [named(each.name), TableCell(subscripts(each.printed), each.printed, kind="formula"), _verdict(each.error)]
         for each in found
     ]
-    note = "Error: largest difference of a coefficient from that of the geometry. Every line of (3.39) is right."
+    right = sum(each.error < ROUNDING for each in found)
+    note = (
+        "Error: largest difference of a coefficient from that of the geometry. "
+        f"{right} of {len(found)} lines are right."
+    )
     return Table("groupings", "(3.39): base parameters by standard parameters", columns, rows, note)

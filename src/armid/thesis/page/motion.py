@@ -11,8 +11,10 @@ from armid.report.section import Section
 from armid.report.tables import Column, Table, TableCell
 from armid.thesis.design_trials import DesignTrial
 from armid.thesis.page.chapter_elements import Block, Figures, Text, chapter, counted, number, subscripts
+from armid.thesis.page.equations import SERIES
 from armid.thesis.published import published
 from armid.thesis.reproduction import Thesis
+from armid.thesis.setting import DESIGNED
 
 SYMBOLS = 9
 """Number of symbols that mark the line of a joint in the plot of positions."""
@@ -29,12 +31,15 @@ def show_excitation(thesis: Thesis) -> Section:
     best = found.best
     blocks: list[Block] = [
         Text(
-            "Trajectories are Fourier series of ten harmonics and 20&nbsp;s that begin and end at rest in q = 0, "
-            f"(3.55): {found.unknowns} coefficients, of which (3.55c) leaves {found.free} free. Table A.1 was "
+            "Trajectories are Fourier series [Swevers1997] of ten harmonics and 20&nbsp;s that begin and end at "
+            f"rest in q = 0, (3.55): {found.unknowns} coefficients, of which (3.55c) leaves {found.free} free. "
+            "Table A.1 was "
             f"designed for 20&nbsp;s and run in 27&nbsp;s; its condition number in print is "
             f"{published().condition:g}."
         ),
+        SERIES,
         _conditions(thesis),
+        Text(_stretched(thesis)),
         Figures(
             "Figure 4.1: joint positions of the excitation trajectory, Table A.1 in 27 s",
             (positions("figure-4-1", setting.train),), 1, joint_legend(),
@@ -48,6 +53,8 @@ def show_excitation(thesis: Thesis) -> Section:
         ),
         _trials(thesis),
         Text(_kept(thesis)),
+        Text(_other_families(thesis)),
+        _families(thesis),
         coefficients("table-a-1-new", f"Fourier coefficients of the one that is kept ({best.name})", best.plan),
         Figures(
             f"The trajectory that is kept ({best.name}), {best.plan.period:g} s",
@@ -67,6 +74,68 @@ def show_excitation(thesis: Thesis) -> Section:
         ),
     ]  # fmt: skip
     return chapter("The motion", *blocks)
+
+
+def _stretched(thesis: Thesis) -> str:
+    """Text on why the arm of the thesis needed 27 s for a motion that was designed for 20 s."""
+    found, fast = thesis.audit.conditions, thesis.designs.published[0]
+    period, velocity, torque = found.period, 100.0 * found.velocity, 100.0 * found.torque
+    runs = "keeps all limits" if fast.feasible else f"does not keep all limits ({', '.join(fast.doubts)})"
+    return (
+        f"<b>Why {period[1]:g}&nbsp;s?</b> The thesis says that the arm could perform the motion only in "
+        f"{period[1]:g}&nbsp;s without reaching its limits. The catalogue's limits do not explain this: in "
+        f"{period[0]:g}&nbsp;s the velocities reach {fixed(velocity[0], 1)}&nbsp;% of them, the torques that Table "
+        f"4.1 predicts {fixed(torque[0], 0)}&nbsp;%, and the virtual arm {runs} in closed loop. In "
+        f"{period[1]:g}&nbsp;s "
+        f"it is {fixed(velocity[1], 1)}&nbsp;% and {fixed(torque[1], 0)}&nbsp;%. So the limit that was reached was "
+        "lower than the catalogue's: if one of velocity, about "
+        f"{fixed(velocity[1], 0)}&nbsp;% of it. The thesis does not name it; a safety configuration or the tracking "
+        "error of a controller would have this effect."
+    )
+
+
+def _other_families(thesis: Thesis) -> str:
+    """Text on other parameterisations of the trajectory."""
+    rows = thesis.designs.families
+    best, exact = min(rows, key=lambda row: row.condition), min(rows, key=lambda row: row.corrected)
+    filter_first = min(row.printed for row in rows) > max(row.corrected for row in rows)
+    matters = ", more than those of any family with filtered columns" if filter_first else ""
+    return (
+        "<b>Another parameterisation?</b> The thesis asks whether one would be better. Each family below was "
+        "searched with the same number of tries, without gradients; each motion begins and ends at rest in q = 0, "
+        "takes "
+        f"{DESIGNED:g}&nbsp;s and reaches a limit of position or velocity in every joint. The smallest condition "
+        f"number has the {best.name} ({fixed(best.condition, 1)}), and the smallest torque error on Table A.2 with "
+        f"filtered columns the {exact.name} ({short(exact.corrected, 2)}&nbsp;N·m). As printed, the errors are from "
+        f"{fixed(min(row.printed for row in rows), 3)} to {fixed(max(row.printed for row in rows), 3)}&nbsp;N·m"
+        f"{matters}. The descent with gradients, which only the Fourier series have here, reaches "
+        f"{fixed(min(each.condition for each in thesis.designs.trials), 1)}."
+    )
+
+
+def _families(thesis: Thesis) -> Table:
+    columns = [
+        Column("parameterisation", words=True), Column("parameters"), Column("condition"),
+        Column("columns of unit length"), Column("highest frequency", "Hz"), Column("A.2, as printed", "N·m"),
+        Column("A.2, columns filtered", "N·m"),
+    ]  # fmt: skip
+    rows = [
+        [
+            TableCell(row.name),
+            TableCell(str(row.unknowns), float(row.unknowns)),
+            number(row.condition, fixed(row.condition, 1)),
+            number(row.scaled, fixed(row.scaled, 2)),
+            number(row.highest, fixed(row.highest, 2)),
+            number(row.printed, fixed(row.printed, 3)),
+            number(row.corrected, short(row.corrected, 2)),
+        ]
+        for row in thesis.designs.families
+    ]
+    note = (
+        "Highest frequency: below it lies 99 % of the variance of each joint's velocity. A.2: RMS torque error of "
+        "all joints there, against the truth; recordings follow the motion exactly."
+    )
+    return Table("families", "Parameterisations of the trajectory, best of a random search", columns, rows, note)
 
 
 def _kept(thesis: Thesis) -> str:
