@@ -20,7 +20,7 @@ from armid.runs.monitoring.thresholds import AFTER_REST, REST_SPEED, REST_TIME
 from armid.runs.monitoring.tip_wrench import TipWrench, tip_wrench
 
 RATE_RATIO = 1.1
-"""Largest ratio of the sample rate to that of the unseen motion, and its inverse; more noise passes at other rates."""
+"""Largest ratio of the sample rate to that of the unseen motion, and its inverse; other noise passes otherwise."""
 
 
 class Sample(NamedTuple):
