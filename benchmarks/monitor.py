@@ -54,6 +54,9 @@ SHARE, WITHIN = 0.15, 0.05
 RATE = 500.0
 """Rate of the logs [Hz]."""
 
+PUSHED = 2.5
+"""Duration of a log with a push [s]."""
+
 USED_RANGE, USED_SPEED, USED_ACCELERATION = 0.6, 0.5, 6.0
 """Shares of the range and of the velocity limits that motions use, and highest acceleration [rad/s²]."""
 
@@ -116,7 +119,7 @@ def lab_options() -> LabOptions:
     return LabOptions(
         arm=Arm(effects=EFFECTS),
         sensing=sensing,
-        lead_in=1.0,
+        lead_in=0.5,
         controller=Controller(friction=0.5),
         physics_rate=2000.0,
     )
@@ -133,12 +136,12 @@ def identified(name: str, truth: KnownArm, options: LabOptions, folder: Path, se
 
 
 def pushed(truth: KnownArm, options: LabOptions, seed: int) -> tuple[Recording, Push]:
-    """Log of five seconds in closed loop with a push on a random joint."""
+    """Log in closed loop with a push on a random joint."""
     rng = np.random.default_rng(seed)
-    plan = random_plan(truth, rng, 5.0)
+    plan = random_plan(truth, rng, PUSHED, harmonics=3)
     joint = int(rng.integers(truth.robot.n))
     torque = SHARE * truth.robot.joints[joint].effort_limit * float(rng.choice([-1.0, 1.0]))
-    push = Push(joint, torque, float(rng.uniform(2.0, 4.5)), 0.2)
+    push = Push(joint, torque, float(rng.uniform(1.1, PUSHED - 0.2)), 0.2)
     return simulate(truth, plan, replace(options, pushes=(push,)), seed=seed).recording, push
 
 

@@ -26,8 +26,8 @@ MOST_CLUSTERS, LEAST_CLUSTERS = 400, 10
 """Largest number of clusters that are used, and smallest number from which a tail is estimated."""
 
 SHAPE_PRIOR = 40.0
-"""Number of clusters that the prior knowledge ξ = 0 is worth. Peaks of Gaussian noise have a slightly negative shape,
-those of model errors a positive one, and few peaks determine it badly: its standard deviation is about 1/√N."""
+"""Number of clusters that the prior knowledge ξ = 0 is worth. It holds for squares of Gaussian noise; squares of model
+errors have a positive shape. Few peaks determine the shape badly: its standard deviation is about 1/√N."""
 
 SHAPE_LIMITS = (0.0, 0.5)
 """Smallest and largest shape. A negative shape would be a promise that a level is never exceeded."""

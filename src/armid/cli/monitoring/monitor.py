@@ -78,6 +78,10 @@ def monitor(
             "--out", metavar="FILE", help="File to write: .csv for torque and thresholds over time, .json for alarms."
         ),
     ] = None,
+    code: Annotated[
+        Path | None,
+        typer.Option("--code", metavar="FOLDER", help="Folder to write the monitor to, as C code for a controller."),
+    ] = None,
     json: Json = False,
 ) -> None:
     """Find external torque, as by pushes and collisions, in a recording; this is no safety function.
@@ -93,6 +97,7 @@ def monitor(
     """
     from armid.atomic_file import replace_file
     from armid.cli.console import output_console, print_findings
+    from armid.export.monitor import export_monitor
     from armid.runs.monitoring.monitor import make_monitor, watch
     from armid.runs.monitoring.monitor_record import monitor_record, monitor_table
     from armid.runs.monitoring.observer import ObserverOptions
@@ -122,6 +127,7 @@ def monitor(
     if out is not None:
         table = out.suffix == ".csv"
         replace_file(out, monitor_table(watched, loaded.robot.joint_names) if table else to_json(record) + "\n")
+    written = () if code is None else export_monitor(made, code)
     print_findings([*(finding for each in findings for finding in each), *made.findings])
     if json:
         sys.stdout.write(to_json(record) + "\n")
@@ -129,6 +135,7 @@ def monitor(
     _report(output_console(), made, watched)
     if out is not None:
         sys.stdout.write(f"\n{'external torque' if out.suffix == '.csv' else 'alarms'} written to {out}\n")
+    sys.stdout.write("".join(f"{path} written\n" for path in written))
 
 
 def _report(console: Console, made: Monitor, watched: Watched) -> None:

@@ -80,7 +80,7 @@ class LiveMonitor:
         Args:
             q: Measured positions, shape (n,) [rad or m].
             torque: Measured torque, shape (n,) [N·m or N].
-            dq: Measured velocities, shape (n,), if the reference recordings have them.
+            dq: Measured velocities, shape (n,), if the recordings have them from which the thresholds come.
 
         Raises:
             ArmidError: A shape is wrong, or values are not finite; the observer is as before.
@@ -89,6 +89,12 @@ class LiveMonitor:
         u = array(q, (n,), "q")
         tau = array(torque, (n,), "torque")
         v = None if dq is None else array(dq, (n,), "dq")
+        if (v is not None) != self.monitor.velocity:
+            raise ArmidError(
+                f"Velocities are {'missing' if v is None else 'given'}, but the recordings from which the thresholds "
+                f"come have {'some' if v is None else 'none'}.",
+                remedy="give the quantities that the recordings have.",
+            )
         corner = self._corner
         one, two = self._twice(np.array([u, tau] if v is None else [u, tau, v]))
         first, second, measured = one[0], two[0], two[1]

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from armid.checked_array import Array
 from armid.errors import ArmidError, Finding
@@ -51,6 +52,7 @@ class Monitor:
         thresholds: The thresholds.
         tails: Tail of the scaled residual of each joint; `None` where the unseen motion is too short.
         source: Where the unseen motion comes from: `reference`, `recordings` or `parts`.
+        velocity: True if recorded velocities are an input.
         findings: Findings about the thresholds.
     """
 
@@ -60,6 +62,7 @@ class Monitor:
     thresholds: Thresholds
     tails: tuple[Tail | None, ...]
     source: str
+    velocity: bool = False
     findings: tuple[Finding, ...] = ()
 
 
@@ -152,7 +155,8 @@ def make_monitor(
         # Another rate can change which thresholds follow the motion, and so the smallest rate.
         found, tails = find_thresholds(parts, friction, found.smallest * (1.0 + 1e-6))
     findings = (*unseen.findings, *_findings(found, unseen, asked=false_alarms))
-    return Monitor(run, options, rate, found, tails, unseen.source, findings)
+    velocity = all(part.velocity for part in parts)
+    return Monitor(run, options, rate, found, tails, unseen.source, velocity, findings)
 
 
 def dry_friction(run: Run, parts: Sequence[Observed]) -> Array:
@@ -186,7 +190,7 @@ def watch(monitor: Monitor, recording: Recording) -> Watched:
     Raises:
         ArmidError: The recording cannot be observed.
     """
-    parts = observe_recording(monitor.run, monitor.options, recording)
+    parts = observe_recording(monitor.run, monitor.options, recording, velocity=monitor.velocity)
     thresholds = tuple(monitor.thresholds.along(part) for part in parts)
     alarms = [
         alarm for part, along in zip(parts, thresholds, strict=True) for alarm in find_alarms(monitor, part, along)
@@ -206,7 +210,7 @@ def find_alarms(monitor: Monitor, part: Observed, thresholds: Array) -> list[Ala
     return [_alarm(monitor, part, thresholds, ratio, rows) for rows in groups]
 
 
-def _alarm(monitor: Monitor, part: Observed, thresholds: Array, ratio: Array, rows: np.ndarray) -> Alarm:
+def _alarm(monitor: Monitor, part: Observed, thresholds: Array, ratio: Array, rows: NDArray[np.intp]) -> Alarm:
     robot = monitor.run.robot
     inside = ratio[rows]
     k, j = np.unravel_index(int(np.argmax(inside)), inside.shape)

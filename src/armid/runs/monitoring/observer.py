@@ -18,6 +18,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from armid.checked_array import Array
 from armid.errors import ArmidError, did_you_mean
@@ -124,6 +125,7 @@ class Observed:
         external: Estimated external torque, shape (N, n) [N·m or N].
         change: Torque of the model after a high-pass, shape (N, n) [N·m or N].
         usable: False while the observer settles, and where samples are not valid, shape (N, n).
+        velocity: True if recorded velocities were used.
     """
 
     time: Array
@@ -132,7 +134,8 @@ class Observed:
     dq: Array
     external: Array
     change: Array
-    usable: np.ndarray
+    usable: NDArray[np.bool_]
+    velocity: bool = False
 
 
 def filtered_motion(options: ObserverOptions, time: Array, rate: float, q: Array, dq: Array | None) -> Motion:
@@ -165,7 +168,7 @@ def observe(
     dq: Array | None,
     torque: Array,
     start: float = 0.0,
-    bad: np.ndarray | None = None,
+    bad: NDArray[np.bool_] | None = None,
 ) -> Observed:
     """External torque along a uniform log, as the streaming observer gives it sample by sample.
 
@@ -199,7 +202,8 @@ def observe(
     usable[:settled] = False
     if bad is not None and bad.any():
         usable &= ~_spread(bad, int(np.ceil(0.5 * SETTLED * rate)))
-    return Observed(time, rate, motion.q, motion.dq, predicted - measured, predicted - slow, usable)
+    external, change = predicted - measured, predicted - slow
+    return Observed(time, rate, motion.q, motion.dq, external, change, usable, dq is not None)
 
 
 def _with_states(model: DynamicsModel, motion: Motion) -> Motion:
@@ -225,7 +229,7 @@ def _step_filter(u: Array, decay: float) -> Array:
     return lfilter([1.0 - decay], [1.0, -decay], u, axis=0, zi=decay * u[:1])[0]
 
 
-def _spread(bad: np.ndarray, after: int) -> np.ndarray:
+def _spread(bad: NDArray[np.bool_], after: int) -> NDArray[np.bool_]:
     """Flags (N, n) that also hold for `after` samples after each flag."""
     sums = np.cumsum(bad, axis=0)
     before = np.concatenate([np.zeros((min(after, len(bad)), bad.shape[1]), dtype=sums.dtype), sums[:-after]])

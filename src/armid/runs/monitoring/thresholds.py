@@ -6,7 +6,8 @@ The residual of joint j is compared with c s_j(t) + F_j w_j(t). The scale s foll
 
 or is constant, whichever gives the lower mean threshold at the same rate. F_j is the dry friction of the joint: at
 rest, where it may have any value up to its bound, w is 1, and decays afterwards. The factor c follows from the peaks
-of the scaled residual (`armid.maths.peaks_over_threshold`). The rate is divided among the joints.
+of the square of the scaled residual (`armid.maths.peaks_over_threshold`), which has an exponential tail if the
+residual is Gaussian. The rate is divided among the joints.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from armid.checked_array import Array, array
 from armid.maths.peaks_over_threshold import Tail, fit_tail
@@ -69,7 +71,7 @@ class Thresholds:
 
     scale: Array
     factor: Array
-    follows: np.ndarray
+    follows: NDArray[np.bool_]
     friction: Array
     covariance: Array
     rate: float
@@ -211,8 +213,8 @@ def _fitted_scale(parts: Sequence[_Part]) -> Array:
 
 def _factor(parts: Sequence[_Part], a: Array, rate: float) -> tuple[float, Tail | None]:
     """Factor of the scale for a rate [1/s] of a joint, and the tail; without a tail, the largest scaled residual."""
-    scaled = [(part.residual / np.sqrt(part.squares @ a), part.rate) for part in parts]
+    scaled = [(part.residual**2 / (part.squares @ a), part.rate) for part in parts]
     tail = fit_tail(scaled, GAP)
     if tail is None:
-        return float(np.nanmax(np.concatenate([x for x, _ in scaled]))), None
-    return tail.exceeded_with(rate), tail
+        return float(np.sqrt(np.nanmax(np.concatenate([x for x, _ in scaled])))), None
+    return float(np.sqrt(tail.exceeded_with(rate))), tail

@@ -7,12 +7,14 @@ each fifth of it by an estimate from the others.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from armid.checked_array import Array
 from armid.errors import ArmidError, Finding
@@ -58,7 +60,12 @@ class Unseen:
 
 
 def observe_recording(
-    run: Run, options: ObserverOptions, recording: Recording, parameters: Array | None = None
+    run: Run,
+    options: ObserverOptions,
+    recording: Recording,
+    parameters: Array | None = None,
+    *,
+    velocity: bool | None = None,
 ) -> tuple[Observed, ...]:
     """External torque along each contiguous part of a recording.
 
@@ -67,6 +74,8 @@ def observe_recording(
         options: Options of the observer.
         recording: Recording in the convention of the robot.
         parameters: Standard parameters; if not given, those of the run.
+        velocity: True if recorded velocities must be used, false if they are not; if not given, they are used if
+            there are any.
 
     Raises:
         RecordingError: The rows of the recording are not consecutive, or it has no torque or clock.
@@ -75,6 +84,11 @@ def observe_recording(
         raise ArmidError(
             f"The rows of {recording.source} are not consecutive in time, so no observer can follow them.",
             remedy="give a recording whose rows are in the order of time.",
+        )
+    if velocity and recording.dq is None:
+        raise ArmidError(
+            f"{recording.source} has no velocities, but the recordings from which the thresholds come have some.",
+            remedy="give reference recordings without velocities, or leave their columns out.",
         )
     theta = torque_parameters(run.estimate.base, run.estimate.fit) if parameters is None else parameters
     segments, _ = cut_at_gaps(recording, None)
@@ -90,7 +104,7 @@ def observe_recording(
                 options,
                 rate=even.rate,
                 q=even.q,
-                dq=even.dq,
+                dq=None if velocity is False else even.dq,
                 torque=even.effort,
                 start=float(even.time[0]),
                 bad=even.bad,
@@ -101,7 +115,8 @@ def observe_recording(
 
 def reference_residuals(run: Run, options: ObserverOptions, references: Sequence[Recording]) -> Unseen:
     """Residuals of reference recordings without contact, on which the run was not trained."""
-    parts = [part for each in references for part in observe_recording(run, options, each)]
+    velocity = all(each.dq is not None for each in references)
+    parts = [part for each in references for part in observe_recording(run, options, each, velocity=velocity)]
     return Unseen(tuple(parts), "reference", len(references))
 
 
@@ -124,14 +139,13 @@ def own_residuals(run: Run, options: ObserverOptions, data: Path | str | None = 
             f"The estimate of {run.folder} cannot be repeated without a part of its recordings: {error.problem}",
             remedy="give recordings of motion without contact with --reference.",
         ) from error
-    folder = _folder_of(study)
     pairs = trained_and_validated(run, study)
-    read = [(choice, read_recording_of(run, choice, sha256, folder, data)) for choice, sha256 in pairs]
+    read = [(choice, read_recording_of(run, choice, sha256, study.folder, data)) for choice, sha256 in pairs]
+    velocity = all(each.dq is not None for _, each in read)
+    observed = partial(observe_recording, run, options, velocity=velocity)
     processed = process_each(read, study.processing, run.robot)
     training = of_role(processed, "train")
-    parts = [
-        part for each in of_role(processed, "validate") for part in observe_recording(run, options, each.recording)
-    ]
+    parts = [part for each in of_role(processed, "validate") for part in observed(each.recording)]
     count = len(processed) - len(training)
     problem = _problem(run, training)
     fixed = method.with_prior_of(_separated(run, study, problem), run.estimate.fit) \
@@ -140,11 +154,11 @@ def own_residuals(run: Run, options: ObserverOptions, data: Path | str | None = 
         for k, each in enumerate(training):
             theta = _parameters(run, _separated(run, study, _without(problem, k)), fixed)
             if theta is not None:
-                parts += observe_recording(run, options, each.recording, theta)
+                parts += observed(each.recording, theta)
                 count += 1
         source = "recordings"
     else:
-        parts += _left_out_parts(run, options, study, training[0], problem, fixed)
+        parts += _left_out_parts(run, observed, study, training[0], problem, fixed)
         source = "parts" if count == 0 else "recordings"
         count += 1
     if not parts:
@@ -153,11 +167,6 @@ def own_residuals(run: Run, options: ObserverOptions, data: Path | str | None = 
             remedy="give recordings of motion without contact with --reference.",
         )
     return Unseen(tuple(parts), source, count)
-
-
-def _folder_of(study: Study) -> str:
-    """Folder to which the paths of the recordings are relative."""
-    return study.folder
 
 
 def _problem(run: Run, training: Sequence[ProcessedRecording]) -> EstimationProblem:
@@ -210,7 +219,7 @@ def _parameters(run: Run, problem: EstimationProblem, method: Estimator) -> Arra
 
 def _left_out_parts(
     run: Run,
-    options: ObserverOptions,
+    observed: Callable[..., tuple[Observed, ...]],
     study: Study,
     training: ProcessedRecording,
     problem: EstimationProblem,
@@ -232,7 +241,7 @@ def _left_out_parts(
         if theta is None:
             continue
         first, last = k == 0, k == len(borders) - 2
-        for part in observe_recording(run, options, training.recording, theta):
+        for part in observed(training.recording, theta):
             own = ((part.time >= low) | first) & ((part.time < high) | last)
             if own.any():
                 yield _only(part, own)
@@ -244,7 +253,7 @@ def _outside(observed: Any, low: float, high: float) -> Any:
     return replace(observed, mask=observed.mask & ~((time >= low) & (time < high))[:, None])
 
 
-def _only(observed: Observed, rows: np.ndarray) -> Observed:
+def _only(observed: Observed, rows: NDArray[np.bool_]) -> Observed:
     """Samples that a mask (N,) selects."""
     names = ("time", "q", "dq", "external", "change", "usable")
     return replace(observed, **{name: getattr(observed, name)[rows] for name in names})
