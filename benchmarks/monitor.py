@@ -1,12 +1,12 @@
 """Pushes that `armid monitor` finds on simulated arms, and the rate of its false alarms on other motion.
 
-    python benchmarks/monitor.py [--arm NAME]… [--logs 167] [--minutes 15] [--hours 1] [--observer momentum] [--json]
+    python benchmarks/monitor.py [--arm NAME]… [--logs 167] [--minutes 15] [--hours 1] [--cache DIR] [--json]
 
 Each arm has rotors and a Stribeck effect that the model lacks. It is identified on one motion by inverse dynamics;
 thresholds come from reference motion of some minutes, for the smallest rate that it can promise. Then other motion
 without contact is watched for hours: printed is the ratio of the false alarms to those promised. Pushes are steps of
-15 % of the torque limit of a random joint at a random time, in closed loop in MuJoCo, so that the arm yields; a push is
-found if a joint exceeds its threshold within 50 ms. All motions are random Fourier series.
+15 % of the torque limit of a random joint at a random time, in closed loop in MuJoCo, so that the arm yields; a push
+is found if a joint exceeds its threshold within 50 ms. All motions are random Fourier series.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ import json
 import sys
 import tempfile
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -100,13 +100,13 @@ def random_plan(truth: KnownArm, rng: np.random.Generator, period: float, harmon
 
 
 def free_motion(truth: KnownArm, options: LabOptions, seconds: float, seed: int) -> list[Recording]:
-    """Recordings without contact along random motions of 5 to 20 s."""
+    """Recordings without contact along random motions of 5 to 20 s, each run through once or twice."""
     rng = np.random.default_rng(seed)
     result: list[Recording] = []
     left = seconds
     while left > 0.0:
         plan = random_plan(truth, rng, float(rng.choice([5.0, 10.0, 20.0])))
-        repetitions = max(1, round(min(60.0, left) / plan.period))
+        repetitions = int(rng.integers(1, 3))
         own = replace(options, mode="inverse-dynamics", repetitions=repetitions)
         result.append(simulate(truth, plan, own, seed=int(rng.integers(2**31))).recording)
         left -= repetitions * plan.period
@@ -145,6 +145,21 @@ def pushed(truth: KnownArm, options: LabOptions, seed: int) -> tuple[Recording, 
     return simulate(truth, plan, replace(options, pushes=(push,)), seed=seed).recording, push
 
 
+def cached_push(truth: KnownArm, options: LabOptions, seed: int, cache: Path | None) -> tuple[Recording, Push]:
+    """Log with a push; a folder keeps it for the next call."""
+    if cache is None:
+        return pushed(truth, options, seed)
+    path = cache / f"{truth.robot.name}_{seed}.npz"
+    if not path.is_file():
+        recording, push = pushed(truth, options, seed)
+        cache.mkdir(parents=True, exist_ok=True)
+        np.savez(path, time=recording.time, q=recording.q, effort=recording.effort, push=list(asdict(push).values()))
+    with np.load(path) as kept:
+        joint, *rest = kept["push"].tolist()
+        recording = Recording(kept["time"], kept["q"], effort=kept["effort"], consecutive=True)
+    return recording, Push(int(joint), *rest)
+
+
 def delay_of(monitor: Monitor, recording: Recording, push: Push) -> tuple[float, bool]:
     """Time from a push to the first exceedance [s], infinite if there is none; and whether it is of its joint."""
     seen = watch(monitor, recording)
@@ -165,7 +180,15 @@ def false_alarms(monitor: Monitor, recordings: Sequence[Recording]) -> tuple[int
 
 
 def measure(
-    name: str, folder: Path, *, logs: int, minutes: float, hours: float, kind: str, per_hour: float | None = None
+    name: str,
+    folder: Path,
+    *,
+    logs: int,
+    minutes: float,
+    hours: float,
+    kind: str = "momentum",
+    per_hour: float | None = None,
+    cache: Path | None = None,
 ) -> Row:
     """All figures of an arm."""
     truth, options = truth_of(load_robot(name)), lab_options()
@@ -180,7 +203,7 @@ def measure(
             made, free_motion(truth, options, 3600.0 * hours / max(1, round(12 * hours)), 100 + k)
         )
         alarms, watched = alarms + more, watched + time
-    results = [delay_of(made, *pushed(truth, options, 1000 + k)) for k in range(logs)]
+    results = [delay_of(made, *cached_push(truth, options, 1000 + k, cache)) for k in range(logs)]
     late = np.array([each for each, _ in results])
     found = late <= WITHIN
     return Row(
@@ -215,6 +238,7 @@ def main() -> int:
     parser.add_argument("--minutes", type=float, default=15.0, help="reference motion")
     parser.add_argument("--hours", type=float, default=1.0, help="other motion")
     parser.add_argument("--per-hour", type=float, help="false alarms; by default the smallest rate promised")
+    parser.add_argument("--cache", type=Path, metavar="DIR", help="folder that keeps the logs with pushes")
     parser.add_argument("--observer", default="momentum")
     parser.add_argument("--json", action="store_true")
     asked = parser.parse_args()
@@ -230,6 +254,7 @@ def main() -> int:
                     hours=asked.hours,
                     kind=asked.observer,
                     per_hour=asked.per_hour,
+                    cache=asked.cache,
                 )
             )
             if not asked.json:

@@ -54,6 +54,16 @@ def test_rates_are_kept_on_other_noise():
     assert 1.0 / 1.5 < np.mean(ratios) < 1.5
 
 
+def test_parts_that_differ_count_less():
+    """Every second of ten parts is three times as loud: the clusters are all in five of them."""
+    rng = np.random.default_rng(6)
+    alike, unlike = ([(coloured(rng, 60.0) * (k % 2 * loud + 1.0), RATE) for k in range(20)] for loud in (0.0, 2.0))
+    even, uneven = fit_tail(alike, GAP), fit_tail(unlike, GAP)
+    assert even is not None and uneven is not None
+    assert even.dispersion < 2.5 < uneven.dispersion  # 19 degrees of freedom: above 2.5 by chance in 1e-4
+    assert uneven.log_deviation(1e-3) > even.log_deviation(1e-3)
+
+
 def test_a_short_signal_has_no_tail():
     assert fit_tail([(coloured(np.random.default_rng(1), 10.0), RATE)], GAP) is None
 
