@@ -52,18 +52,31 @@ References = Annotated[
 ]
 
 
+FalseAlarms = Annotated[
+    float | None,
+    typer.Option(
+        "--false-alarms",
+        metavar="PER_HOUR",
+        help="False alarms per hour of the whole arm; by default the smallest rate that can be promised, but at "
+        "least 1.",
+    ),
+]
+OutFile = Annotated[
+    Path | None,
+    typer.Option(
+        "--out", metavar="FILE", help="File to write: .csv for torque and thresholds over time, .json for alarms."
+    ),
+]
+Code = Annotated[
+    Path | None,
+    typer.Option("--code", metavar="FOLDER", help="Folder to write the monitor to, as C code for a controller."),
+]
+
+
 def monitor(
     run: Annotated[str, typer.Argument(help="Folder that armid identify made.")],
     recording: Annotated[str, typer.Argument(metavar="RECORDING", help="Recording made after the run.")],
-    false_alarms: Annotated[
-        float | None,
-        typer.Option(
-            "--false-alarms",
-            metavar="PER_HOUR",
-            help="False alarms per hour of the whole arm; by default the smallest rate that can be promised, but at "
-            "least 1.",
-        ),
-    ] = None,
+    false_alarms: FalseAlarms = None,
     observer: Observer = "momentum",
     gain: Gain = None,
     reference: References = None,
@@ -72,16 +85,8 @@ def monitor(
     torque_sign: TorqueSign = None,
     columns: Columns = None,
     reading_lines: ReadingLines = None,
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            "--out", metavar="FILE", help="File to write: .csv for torque and thresholds over time, .json for alarms."
-        ),
-    ] = None,
-    code: Annotated[
-        Path | None,
-        typer.Option("--code", metavar="FOLDER", help="Folder to write the monitor to, as C code for a controller."),
-    ] = None,
+    out: OutFile = None,
+    code: Code = None,
     json: Json = False,
 ) -> None:
     """Find external torque, as by pushes and collisions, in a recording; this is no safety function.
@@ -95,15 +100,11 @@ def monitor(
 
         armid monitor runs/today shift.csv --reference free_1.csv --reference free_2.csv --out external.csv
     """
-    from armid.atomic_file import replace_file
-    from armid.cli.console import output_console, print_findings
-    from armid.export.monitor import export_monitor
+    from armid.cli.console import print_findings
     from armid.runs.monitoring.monitor import make_monitor, watch
-    from armid.runs.monitoring.monitor_record import monitor_record, monitor_table
     from armid.runs.monitoring.observer import ObserverOptions
     from armid.runs.new_recordings import read_new_recordings
     from armid.runs.run import load_run
-    from armid.study.storage.records import to_json
 
     if out is not None and out.suffix not in (".csv", ".json"):
         raise ArmidError(
@@ -115,27 +116,42 @@ def monitor(
     reading = changed_reading(loaded.log_format, rate, torque_sign, columns, reading_lines)
     read, findings = read_new_recordings(loaded, [recording, *(reference or [])], reading)
     (_, watched_recording), *references = read
-    made = make_monitor(
-        loaded,
-        false_alarms=false_alarms,
-        options=options,
-        references=[each for _, each in references],
-        data=data,
-    )
+    given = [each for _, each in references]
+    made = make_monitor(loaded, false_alarms=false_alarms, options=options, references=given, data=data)
     watched = watch(made, watched_recording)
-    record = monitor_record(made, [(recording, watched)])
-    if out is not None:
-        table = out.suffix == ".csv"
-        replace_file(out, monitor_table(watched, loaded.robot.joint_names) if table else to_json(record) + "\n")
-    written = () if code is None else export_monitor(made, code)
+    written = _written(made, recording, watched, out, code)
     print_findings([*(finding for each in findings for finding in each), *made.findings])
+    _show(made, recording, watched, written, json=json)
+
+
+def _written(made: Monitor, path: str, watched: Watched, out: Path | None, code: Path | None) -> list[Path]:
+    """Write the files that are asked for; their paths."""
+    from armid.atomic_file import replace_file
+    from armid.export.monitor import export_monitor
+    from armid.runs.monitoring.monitor_record import monitor_record, monitor_table
+    from armid.study.storage.records import to_json
+
+    written: list[Path] = []
+    if out is not None:
+        if out.suffix == ".csv":
+            text = monitor_table(watched, made.run.robot.joint_names)
+        else:
+            text = to_json(monitor_record(made, [(path, watched)])) + "\n"
+        written.append(replace_file(out, text))
+    return written if code is None else [*written, *export_monitor(made, code)]
+
+
+def _show(made: Monitor, path: str, watched: Watched, written: list[Path], *, json: bool) -> None:
+    """Print thresholds and alarms, or the record of them."""
+    from armid.cli.console import output_console
+    from armid.runs.monitoring.monitor_record import monitor_record
+    from armid.study.storage.records import to_json
+
     if json:
-        sys.stdout.write(to_json(record) + "\n")
+        sys.stdout.write(to_json(monitor_record(made, [(path, watched)])) + "\n")
         return
     _report(output_console(), made, watched)
-    if out is not None:
-        sys.stdout.write(f"\n{'external torque' if out.suffix == '.csv' else 'alarms'} written to {out}\n")
-    sys.stdout.write("".join(f"{path} written\n" for path in written))
+    sys.stdout.write("".join(f"{each} written\n" for each in written))
 
 
 def _report(console: Console, made: Monitor, watched: Watched) -> None:
