@@ -153,7 +153,9 @@ def cached_push(truth: KnownArm, options: LabOptions, seed: int, cache: Path | N
     if not path.is_file():
         recording, push = pushed(truth, options, seed)
         cache.mkdir(parents=True, exist_ok=True)
-        np.savez(path, time=recording.time, q=recording.q, effort=recording.effort, push=list(asdict(push).values()))
+        assert recording.time is not None and recording.effort is not None
+        kept = {"time": recording.time, "q": recording.q, "effort": recording.effort}
+        np.savez(path, allow_pickle=False, push=list(asdict(push).values()), **kept)  # pyright: ignore
     with np.load(path) as kept:
         joint, *rest = kept["push"].tolist()
         recording = Recording(kept["time"], kept["q"], effort=kept["effort"], consecutive=True)

@@ -213,6 +213,7 @@ def find_alarms(monitor: Monitor, part: Observed, thresholds: Array) -> list[Ala
 def _alarm(monitor: Monitor, part: Observed, thresholds: Array, ratio: Array, rows: NDArray[np.intp]) -> Alarm:
     robot = monitor.run.robot
     inside = ratio[rows]
+    over: NDArray[np.bool_] = np.asarray(inside.max(axis=0) > 1.0)
     k, j = np.unravel_index(int(np.argmax(inside)), inside.shape)
     row = int(rows[k])
     names = robot.joint_names
@@ -222,7 +223,7 @@ def _alarm(monitor: Monitor, part: Observed, thresholds: Array, ratio: Array, ro
         wrench = tip_wrench(robot, part.q[row], external, monitor.thresholds.covariance)
     return Alarm(
         names[int(j)],
-        tuple(name for name, over in zip(names, (inside > 1.0).any(axis=0), strict=True) if over),
+        tuple(name for name, exceeds in zip(names, over.tolist(), strict=True) if exceeds),
         float(part.time[rows[0]]),
         float(part.time[rows[-1]] - part.time[rows[0]]),
         float(part.time[row]),

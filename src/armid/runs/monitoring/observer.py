@@ -154,8 +154,8 @@ def filtered_motion(options: ObserverOptions, time: Array, rate: float, q: Array
 def at_middle(motion: Motion) -> Motion:
     """Motion at the middle of each step, with the difference of the velocities as acceleration; N - 1 samples."""
     step = np.diff(motion.time)[:, None]
-    middle = (0.5 * (x[1:] + x[:-1]) for x in (motion.q, motion.dq))
-    return Motion(motion.time[1:], *middle, np.diff(motion.dq, axis=0) / step)
+    q, dq = (0.5 * (x[1:] + x[:-1]) for x in (motion.q, motion.dq))
+    return Motion(motion.time[1:], q, dq, np.diff(motion.dq, axis=0) / step)
 
 
 def observe(
@@ -214,7 +214,7 @@ def _with_states(model: DynamicsModel, motion: Motion) -> Motion:
     assert motion.memory is not None
     states = motion.memory.copy()
     for k, node in enumerate(model.nodes):
-        drive = sum(weight * motion.q[:, j] for j, weight in node.coordinate)
+        drive = motion.q[:, [j for j, _ in node.coordinate]] @ np.array([weight for _, weight in node.coordinate])
         z = float(drive[0])
         for i in range(int(known[k])):
             z = min(max(z, float(drive[i]) - node.memory.width), float(drive[i]) + node.memory.width)

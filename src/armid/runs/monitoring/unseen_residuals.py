@@ -158,7 +158,7 @@ def own_residuals(run: Run, options: ObserverOptions, data: Path | str | None = 
                 count += 1
         source = "recordings"
     else:
-        parts += _left_out_parts(run, observed, study, training[0], problem, fixed)
+        parts += _left_out_parts(run, observed, study, next(iter(training)), problem, fixed)
         source = "parts" if count == 0 else "recordings"
         count += 1
     if not parts:
