@@ -21,9 +21,9 @@ from armid.model.motion import Motion
 from armid.runs.monitoring.live_monitor import LiveMonitor
 from armid.runs.monitoring.monitor import Monitor, make_monitor, watch
 from armid.runs.monitoring.monitor_record import monitor_record, monitor_table
-from armid.runs.monitoring.observer import OBSERVERS, ObserverOptions, Stage, filtered_motion, observe
+from armid.runs.monitoring.observer import OBSERVERS, ObserverOptions, Stage, external_torque_along, filtered_motion
 from armid.runs.monitoring.thresholds import PROMISED
-from armid.runs.monitoring.unseen_residuals import observe_recording
+from armid.runs.monitoring.unseen_residuals import external_torque_of
 from armid.runs.run import Run
 from armid.study.storage.records import to_json
 from plants import short_plan, smooth_arm
@@ -67,7 +67,7 @@ def test_the_momentum_observer_is_that_of_the_textbook(run: Run):
             LabOptions(mode="inverse-dynamics", sensing=exact, pushes=(replace(PUSH, start=1.5),)),
         ).recording
         assert log.effort is not None
-        found = observe(model, theta, options, rate=rate, q=log.q, dq=None, torque=log.effort)
+        found = external_torque_along(model, theta, options, rate=rate, q=log.q, dq=None, torque=log.effort)
         by_integral = textbook(model, theta, options, rate, log.q, log.effort)
         errors.append(float(np.abs(found.external - by_integral)[int(rate) :].max()))
     assert errors[1] < 0.6 * errors[0] and errors[1] < 0.01 * PUSH.torque
@@ -181,7 +181,7 @@ def test_the_recordings_of_the_run_give_thresholds(run: Run):
     made = make_monitor(run, false_alarms=100.0)
     assert made.source == "parts" and {each.code for each in made.findings} == {"rate-not-promised", "one-recording"}
     assert made.thresholds.seconds > 20.0
-    whole = observe_recording(run, ObserverOptions(), moved(1, 4))[0]
+    whole = external_torque_of(run, ObserverOptions(), moved(1, 4))[0]
     own = np.sqrt(np.diag(made.thresholds.covariance))
     assert (own > 0.99 * np.sqrt(np.mean(whole.external[whole.usable.all(axis=1)] ** 2, axis=0))).all()
 

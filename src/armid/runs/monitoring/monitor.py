@@ -21,7 +21,7 @@ from armid.model.motion import Motion
 from armid.runs.monitoring.observer import Observed, ObserverOptions
 from armid.runs.monitoring.thresholds import GAP, PROMISED, Thresholds, find_thresholds
 from armid.runs.monitoring.tip_wrench import TipWrench, tip_wrench
-from armid.runs.monitoring.unseen_residuals import Unseen, observe_recording, own_residuals, reference_residuals
+from armid.runs.monitoring.unseen_residuals import Unseen, external_torque_of, own_residuals, reference_residuals
 from armid.runs.run import Run
 
 NO_SAFETY = (
@@ -190,7 +190,7 @@ def watch(monitor: Monitor, recording: Recording) -> Watched:
     Raises:
         ArmidError: The recording cannot be observed.
     """
-    parts = observe_recording(monitor.run, monitor.options, recording, velocity=monitor.velocity)
+    parts = external_torque_of(monitor.run, monitor.options, recording, velocity=monitor.velocity)
     thresholds = tuple(monitor.thresholds.along(part) for part in parts)
     alarms = [
         alarm for part, along in zip(parts, thresholds, strict=True) for alarm in find_alarms(monitor, part, along)

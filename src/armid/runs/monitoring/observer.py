@@ -91,6 +91,11 @@ class Stage:
     """First-order low-pass ẏ = ω (u - y), exact for an input that is linear between samples.
 
     y_k = decay · y_(k-1) + old · u_(k-1) + new · u_k
+
+    Attributes:
+        decay: Factor of the last output.
+        old: Factor of the last input.
+        new: Factor of the new input.
     """
 
     decay: float
@@ -158,7 +163,7 @@ def at_middle(motion: Motion) -> Motion:
     return Motion(motion.time[1:], q, dq, np.diff(motion.dq, axis=0) / step)
 
 
-def observe(
+def external_torque_along(
     model: DynamicsModel,
     parameters: Array,
     options: ObserverOptions,

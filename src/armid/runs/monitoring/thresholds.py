@@ -26,8 +26,8 @@ GAP = 0.25
 """Time without an exceedance that separates two alarms [s]; a reversal of friction disturbs for about this time."""
 
 PROMISED = 1.5
-"""Factor within which a promised rate is met, in 95 % of cases: a rate is promised if two standard deviations of the
-logarithm of the true rate are below the logarithm of this factor."""
+"""Factor within which a promised rate is met in two of three cases: a rate is promised if the logarithm of the true
+rate has a smaller standard deviation than the logarithm of this factor."""
 
 REST_SPEED = 0.01
 """Speed below which a joint counts as resting [rad/s or m/s]."""
@@ -154,7 +154,7 @@ def smallest_rate(tails: Sequence[Tail | None]) -> float:
     if len(known) < len(tails) or not known:
         return np.inf
     n = len(known)
-    allowed = np.log(PROMISED) / 2.0
+    allowed = np.log(PROMISED)
     low, high = np.log(1e-9), np.log(min(tail.clusters / tail.seconds for tail in known))
 
     def deviation(log_rate: float) -> float:

@@ -28,7 +28,7 @@ from armid.measurement.observations import Observations
 from armid.measurement.processing.uniform_runs import cut_at_gaps, resample_uniform
 from armid.measurement.recording import Recording
 from armid.runs.locate_recording import read_recording_of
-from armid.runs.monitoring.observer import Observed, ObserverOptions, observe
+from armid.runs.monitoring.observer import Observed, ObserverOptions, external_torque_along
 from armid.runs.read_records import read_records, trained_and_validated
 from armid.runs.run import Run
 from armid.study.config import RecordingChoice, Study, build_estimator
@@ -59,7 +59,7 @@ class Unseen:
     findings: tuple[Finding, ...] = ()
 
 
-def observe_recording(
+def external_torque_of(
     run: Run,
     options: ObserverOptions,
     recording: Recording,
@@ -98,7 +98,7 @@ def observe_recording(
             continue
         even = resample_uniform(segment, None, 0.0, each=False)
         found.append(
-            observe(
+            external_torque_along(
                 run.model,
                 theta,
                 options,
@@ -116,7 +116,7 @@ def observe_recording(
 def reference_residuals(run: Run, options: ObserverOptions, references: Sequence[Recording]) -> Unseen:
     """Residuals of reference recordings without contact, on which the run was not trained."""
     velocity = all(each.dq is not None for each in references)
-    parts = [part for each in references for part in observe_recording(run, options, each, velocity=velocity)]
+    parts = [part for each in references for part in external_torque_of(run, options, each, velocity=velocity)]
     return Unseen(tuple(parts), "reference", len(references))
 
 
@@ -142,7 +142,7 @@ def own_residuals(run: Run, options: ObserverOptions, data: Path | str | None = 
     pairs = trained_and_validated(run, study)
     read = [(choice, read_recording_of(run, choice, sha256, study.folder, data)) for choice, sha256 in pairs]
     velocity = all(each.dq is not None for _, each in read)
-    observed = partial(observe_recording, run, options, velocity=velocity)
+    observed = partial(external_torque_of, run, options, velocity=velocity)
     processed = process_each(read, study.processing, run.robot)
     training = of_role(processed, "train")
     parts = [part for each in of_role(processed, "validate") for part in observed(each.recording)]
