@@ -20,6 +20,7 @@ from armid.lab.controller import Controller, Drive
 from armid.lab.faults import FAULTS, Fault
 from armid.lab.friction import Friction
 from armid.lab.known_arms import KnownArm, with_effects
+from armid.lab.pushes import Push
 from armid.lab.sensors import Sensing
 
 T = TypeVar("T")
@@ -71,6 +72,7 @@ class LabOptions:
         drive: Dynamics and limits of the drives.
         sensing: Sensors, rate and clock of the log.
         faults: Faults that are added to the log.
+        pushes: External torques on the links.
     """
 
     mode: Literal["closed-loop", "inverse-dynamics"] = "closed-loop"
@@ -82,6 +84,7 @@ class LabOptions:
     drive: Drive = field(default_factory=Drive)
     sensing: Sensing = field(default_factory=Sensing)
     faults: tuple[Fault, ...] = ()
+    pushes: tuple[Push, ...] = ()
 
     def __post_init__(self) -> None:
         if self.mode not in MODES:
@@ -161,6 +164,8 @@ def _value(hint: Any, value: Any, where: str) -> Any:
         return _made(typing.cast("type[Any]", hint), value, where)
     if typing.get_args(hint)[:1] == (Fault,):
         return tuple(_fault(each, where) for each in _listed(value, where))
+    if typing.get_args(hint)[:1] == (Push,):
+        return tuple(_made(Push, each, where) for each in _listed(value, where))
     if typing.get_origin(hint) is np.ndarray or hint == NDArray[np.float64]:
         return value
     if typing.get_origin(hint) is tuple:

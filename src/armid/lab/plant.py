@@ -220,10 +220,20 @@ class _RigidBodies:
         """Sets the inertia (n,) [kg·m² or kg] that is added to the rotor inertia of the drives."""
         self._model.dof_armature[self.drives] = self._armature + inertia
 
-    def acceleration(self, q: Array, dq: Array, torque: Array) -> Array:
-        """Accelerations (size,) of all coordinates at a state q, dq, each (size,), for torques (n,) of the drives."""
+    def acceleration(self, q: Array, dq: Array, torque: Array, external: Array | None = None) -> Array:
+        """Accelerations (size,) of all coordinates at a state q, dq, each (size,).
+
+        Args:
+            q: Positions.
+            dq: Velocities.
+            torque: Torques of the drives, shape (n,) [N·m or N].
+            external: External torques on the links, shape (n,) [N·m or N]; `None` if there are none.
+        """
         data = self._data
         data.qpos[:], data.qvel[:], data.qfrc_applied[self.drives] = q, dq, torque
+        if external is not None:
+            rigid = self.size == len(torque)
+            data.qfrc_applied[self.joints] = torque + external if rigid else external
         self._mujoco.mj_forward(self._model, data)
         return data.qacc.copy()
 
@@ -281,8 +291,10 @@ class Plant:
         """Current velocities of the drives, extrapolated over half a step, shape (n,) [rad/s or m/s]."""
         return self._dq[self._bodies.drives]
 
-    def step(self, effort: Array) -> Instant:
+    def step(self, effort: Array, external: Array | None = None) -> Instant:
         """Advances by one step with torques of the drives (n,) [N·m or N]; returns the state before the step.
+
+        `external` are torques that act on the links from outside, shape (n,) [N·m or N].
 
         Raises:
             LabError: The simulation has diverged.
@@ -290,7 +302,8 @@ class Plant:
         bodies, friction, half, h = self._bodies, self._friction, self._half, self.h
         joints, drives = bodies.joints, bodies.drives
         dry, lower, upper, rest = friction.split(self._q[drives], self._dq[drives])
-        a = bodies.acceleration(self._q, self._dq, effort - rest - friction.viscous * half[drives] - dry)
+        torque = effort - rest - friction.viscous * half[drives] - dry
+        a = bodies.acceleration(self._q, self._dq, torque, external)
         new = half + h * a
         turned = new[drives] * friction.signs <= 0.0
         if np.count_nonzero(turned):  # much faster than `any`

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,6 +15,7 @@ from armid.lab.controller import Controller, ControllerGains, Drive, feedforward
 from armid.lab.friction import friction_along
 from armid.lab.known_arms import KnownArm
 from armid.lab.plant import Plant
+from armid.lab.pushes import Push, external_torque
 from armid.model.motion import Motion
 
 MARGIN = 0.25
@@ -65,7 +66,9 @@ class TrueMotion:
         return replace(self, **{name: None if x is None else x[first:] for name, x in parts.items()})
 
 
-def inverse_dynamics(truth: KnownArm, plan: Excitation, rate: float, repetitions: int) -> TrueMotion:
+def inverse_dynamics(
+    truth: KnownArm, plan: Excitation, rate: float, repetitions: int, pushes: Sequence[Push] = ()
+) -> TrueMotion:
     """True motion of an arm that follows its plan exactly; the torque is computed by inverse dynamics.
 
     Args:
@@ -73,6 +76,7 @@ def inverse_dynamics(truth: KnownArm, plan: Excitation, rate: float, repetitions
         plan: The planned motion.
         rate: Number of instants per second [Hz].
         repetitions: Number of repetitions of the motion.
+        pushes: External torques, which do not change the motion.
 
     Raises:
         LabError: The drives are elastic, so that drive and link move differently.
@@ -86,6 +90,9 @@ def inverse_dynamics(truth: KnownArm, plan: Excitation, rate: float, repetitions
     motion = plan.at(np.arange(first, round(repetitions * plan.period * rate)) / rate)
     robot = truth.robot
     transmitted = kernel.inverse_dynamics(robot.tree, truth.inertial, motion.q, motion.dq, motion.ddq)
+    external = external_torque(pushes, robot.n, motion.time)
+    if external is not None:
+        transmitted = transmitted - external
     friction, rise = friction_along(truth.friction, motion, transmitted)
     effort = transmitted + friction + truth.rotor * motion.ddq
     return TrueMotion(motion.time, motion.q, motion.dq, motion.ddq, effort, friction, transmitted, rise=rise)
@@ -100,6 +107,7 @@ def closed_loop(
     rate: float,
     repetitions: int = 1,
     lead_in: float = 2.0,
+    pushes: Sequence[Push] = (),
     tell: Tell | None = None,
 ) -> tuple[TrueMotion, ControllerGains]:
     """True motion of an arm that a controller moves along a plan; the arm begins at rest with a smooth lead-in.
@@ -115,6 +123,7 @@ def closed_loop(
         rate: Number of steps per second [Hz].
         repetitions: Number of repetitions of the motion.
         lead_in: Duration of the lead-in [s].
+        pushes: External torques.
         tell: Callback with the share of the simulation that is done.
 
     Returns:
@@ -135,11 +144,13 @@ def closed_loop(
     q, holding = _equilibrium(truth, references[0 if lead else 1][0][:1])
     actuation = _Actuation(controller, gain, drive, truth, holding, h, every)
     kept = min(lead, round(MARGIN * rate))
-    run = _Run(Plant(truth, h, q, holding), actuation, kept + steps)
+    time = h * np.arange(-kept, steps, dtype=np.float64)
+    external = external_torque(pushes, truth.robot.n, time)
+    run = _Run(Plant(truth, h, q, holding), actuation, kept + steps, external)
     run.follow(references[0], lead, keep=kept)
     while run.row < kept + steps:
         run.follow(references[1], min(along.samples, kept + steps - run.row), keep=along.samples, tell=tell)
-    return run.trace(h * np.arange(-kept, steps, dtype=np.float64)), gain
+    return run.trace(time), gain
 
 
 def _lead_in(plan: Excitation, steps: int, h: float) -> Motion:
@@ -222,8 +233,8 @@ class _Actuation:
 class _Run:
     """Simulated arm with its controller, and the motion that is stored step by step."""
 
-    def __init__(self, plant: Plant, actuation: _Actuation, rows: int) -> None:
-        self.plant, self.actuation, self.row = plant, actuation, 0
+    def __init__(self, plant: Plant, actuation: _Actuation, rows: int, external: Array | None = None) -> None:
+        self.plant, self.actuation, self.row, self.external = plant, actuation, 0, external
         names = ["q", "dq", "ddq", "effort", "friction"]
         names += ["drive_q", "drive_dq", "drive_ddq"] if plant.truth.stiffness is not None else []
         names += ["rise"] if plant.truth.friction.warmth is not None else []
@@ -232,8 +243,10 @@ class _Run:
     def follow(self, reference: Reference, steps: int, *, keep: int, tell: Tell | None = None) -> None:
         """Moves the arm along a reference for a number of simulation steps, and stores the last `keep` steps."""
         for k in range(steps):
-            instant = self.plant.step(self.actuation.update(k, reference, self.plant))
-            if k >= steps - keep:
+            stored = k >= steps - keep
+            external = self.external[self.row] if stored and self.external is not None else None
+            instant = self.plant.step(self.actuation.update(k, reference, self.plant), external)
+            if stored:
                 for name, values in self.stored.items():
                     values[self.row] = getattr(instant, name)
                 self.row += 1

@@ -92,7 +92,7 @@ def simulate(
     rate = options.sensing.rate
     gain = None
     if options.mode == "inverse-dynamics":
-        trace = inverse_dynamics(truth, plan, rate, options.repetitions)
+        trace = inverse_dynamics(truth, plan, rate, options.repetitions, options.pushes)
     else:
         trace, gain = closed_loop(
             truth,
@@ -102,6 +102,7 @@ def simulate(
             rate=_physics_rate(truth, plan, options),
             repetitions=options.repetitions,
             lead_in=options.lead_in,
+            pushes=options.pushes,
             tell=tell,
         )
     names, source = truth.robot.joint_names, f"virtual {truth.robot.name}"

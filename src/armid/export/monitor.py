@@ -1,0 +1,57 @@
+"""Export of a monitor of external torque as C code, with the functions of the model."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from armid.atomic_file import replace_file
+from armid.codegen.monitor_code import MonitorNumbers, write_monitor
+from armid.export.code import export_code
+from armid.runs.monitoring.monitor import Monitor
+from armid.runs.monitoring.observer import SETTLED, SLOW, Stage
+from armid.runs.monitoring.thresholds import AFTER_REST, REST_SPEED, REST_TIME
+
+
+def export_monitor(monitor: Monitor, folder: Path | str, *, name: str = "") -> tuple[Path, ...]:
+    """Writes a monitor as C code for samples at the rate of its thresholds; returns the paths of the files.
+
+    Args:
+        monitor: The monitor.
+        folder: Folder for the code.
+        name: Prefix of the functions; if empty, the name of the arm is used.
+
+    Raises:
+        OutputError: The files cannot be written, or would replace files that are not an export of this run.
+    """
+    model = export_code(monitor.run, "c", folder, name=name)
+    own = model.files[0].stem
+    found = monitor.thresholds
+    heading = (
+        f"Observer: {monitor.options.kind}, gain {monitor.options.gain_at(monitor.rate):g} 1/s.",
+        f"Samples per second: {monitor.rate:.6g}.",
+        f"False alarms per hour: {found.rate:.4g}{'' if found.promised else ' (extrapolated, not promised)'}.",
+    )
+    texts = write_monitor(own, monitor_numbers(monitor), memory=bool(monitor.run.model.nodes), heading=heading)
+    more = [replace_file(Path(folder) / path, text) for path, text in texts.items()]
+    return (*model.files, *more)
+
+
+def monitor_numbers(monitor: Monitor) -> MonitorNumbers:
+    """Numbers of a monitor for code."""
+    rate, options, found = monitor.rate, monitor.options, monitor.thresholds
+    corner = options.stage_at(rate)
+    stage = Stage.of(corner, rate)
+    return MonitorNumbers(
+        options.kind == "momentum",
+        monitor.velocity,
+        (corner, stage.decay, stage.old, stage.new),
+        (Stage.of(options.gain_at(rate), rate).decay, float(np.exp(-SLOW / rate)), float(np.exp(-AFTER_REST / rate))),
+        (REST_SPEED, int(np.ceil(REST_TIME * rate))),
+        rate,
+        int(np.ceil(SETTLED * rate)),
+        found.scale,
+        found.factor,
+        found.friction,
+    )

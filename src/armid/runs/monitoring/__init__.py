@@ -1,0 +1,1 @@
+"""Monitoring of external torque: observer, thresholds from unseen motion, alarms, wrench at the tip."""

@@ -1,0 +1,259 @@
+"""Residuals of a run on motion that its parameters have not seen.
+
+They come from reference recordings without contact, if they are given. Otherwise they come from the recordings of the
+run: those for validation, and those for training, each predicted by an estimate without it, or, if there is only one,
+each fifth of it by an estimate from the others.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armid.checked_array import Array
+from armid.errors import ArmidError, Finding
+from armid.estimation.catalogue import Estimator, EstimatorWithPrior
+from armid.estimation.crossvalidation import FOLDS
+from armid.estimation.estimate_record import torque_parameters
+from armid.estimation.fit_result import Fit
+from armid.estimation.friction_per_recording import changing_parameters, offset_names, separate_by_recording
+from armid.estimation.problem import EstimationProblem, build_problem
+from armid.measurement.observations import Observations
+from armid.measurement.processing.uniform_runs import cut_at_gaps, resample_uniform
+from armid.measurement.recording import Recording
+from armid.runs.locate_recording import read_recording_of
+from armid.runs.monitoring.observer import Observed, ObserverOptions, external_torque_along
+from armid.runs.read_records import read_records, trained_and_validated
+from armid.runs.run import Run
+from armid.study.config import RecordingChoice, Study, build_estimator
+from armid.study.recordings.processed import ProcessedRecording, joined_observations, of_role, process_each
+from armid.study.recordings.reading import position_zero_deviation, scale_deviation
+
+MARGIN = 0.5
+"""Time on both sides of a left-out part that is not used for the estimate either [s]; filters reach across it."""
+
+LEAST_PART = 2.0
+"""Shortest part of a recording that is left out [s]."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Unseen:
+    """Residuals of unseen motion.
+
+    Attributes:
+        parts: The residuals, one for each contiguous part.
+        source: Where they come from: `reference`, `recordings` (left out in turn, or for validation) or `parts`.
+        recordings: Number of recordings.
+        findings: Findings.
+    """
+
+    parts: tuple[Observed, ...]
+    source: str
+    recordings: int
+    findings: tuple[Finding, ...] = ()
+
+
+def external_torque_of(
+    run: Run,
+    options: ObserverOptions,
+    recording: Recording,
+    parameters: Array | None = None,
+    *,
+    velocity: bool | None = None,
+) -> tuple[Observed, ...]:
+    """External torque along each contiguous part of a recording.
+
+    Args:
+        run: The run.
+        options: Options of the observer.
+        recording: Recording in the convention of the robot.
+        parameters: Standard parameters; if not given, those of the run.
+        velocity: True if recorded velocities must be used, false if they are not; if not given, they are used if
+            there are any.
+
+    Raises:
+        RecordingError: The rows of the recording are not consecutive, or it has no torque or clock.
+    """
+    if recording.consecutive is False:
+        raise ArmidError(
+            f"The rows of {recording.source} are not consecutive in time, so no observer can follow them.",
+            remedy="give a recording whose rows are in the order of time.",
+        )
+    if velocity and recording.dq is None:
+        raise ArmidError(
+            f"{recording.source} has no velocities, but the recordings from which the thresholds come have some.",
+            remedy="give reference recordings without velocities, or leave their columns out.",
+        )
+    theta = torque_parameters(run.estimate.base, run.estimate.fit) if parameters is None else parameters
+    segments, _ = cut_at_gaps(recording, None)
+    found: list[Observed] = []
+    for segment in segments:
+        if segment.samples < 4:
+            continue
+        even = resample_uniform(segment, None, 0.0, each=False)
+        found.append(
+            external_torque_along(
+                run.model,
+                theta,
+                options,
+                rate=even.rate,
+                q=even.q,
+                dq=None if velocity is False else even.dq,
+                torque=even.effort,
+                start=float(even.time[0]),
+                bad=even.bad,
+            )
+        )
+    return tuple(found)
+
+
+def reference_residuals(run: Run, options: ObserverOptions, references: Sequence[Recording]) -> Unseen:
+    """Residuals of reference recordings without contact, on which the run was not trained."""
+    velocity = all(each.dq is not None for each in references)
+    parts = [part for each in references for part in external_torque_of(run, options, each, velocity=velocity)]
+    return Unseen(tuple(parts), "reference", len(references))
+
+
+def own_residuals(run: Run, options: ObserverOptions, data: Path | str | None = None) -> Unseen:
+    """Residuals of the recordings of a run, each without its effect on the estimate.
+
+    Args:
+        run: The run.
+        options: Options of the observer.
+        data: Folder of the recordings, if they were moved.
+
+    Raises:
+        ArmidError: A recording is missing or has changed, or the run was recalibrated.
+    """
+    study = read_records(run).study
+    try:
+        method = build_estimator(study.estimation)
+    except ArmidError as error:
+        raise ArmidError(
+            f"The estimate of {run.folder} cannot be repeated without a part of its recordings: {error.problem}",
+            remedy="give recordings of motion without contact with --reference.",
+        ) from error
+    pairs = trained_and_validated(run, study)
+    read = [(choice, read_recording_of(run, choice, sha256, study.folder, data)) for choice, sha256 in pairs]
+    velocity = all(each.dq is not None for _, each in read)
+    observed = partial(external_torque_of, run, options, velocity=velocity)
+    processed = process_each(read, study.processing, run.robot)
+    training = of_role(processed, "train")
+    parts = [part for each in of_role(processed, "validate") for part in observed(each.recording)]
+    count = len(processed) - len(training)
+    problem = _problem(run, training)
+    fixed = method.with_prior_of(_separated(run, study, problem), run.estimate.fit) \
+        if isinstance(method, EstimatorWithPrior) else method  # fmt: skip
+    if len(training) > 1:
+        for k, each in enumerate(training):
+            theta = _parameters(run, _separated(run, study, _without(problem, k)), fixed)
+            if theta is not None:
+                parts += observed(each.recording, theta)
+                count += 1
+        source = "recordings"
+    else:
+        parts += _left_out_parts(run, observed, study, next(iter(training)), problem, fixed)
+        source = "parts" if count == 0 else "recordings"
+        count += 1
+    if not parts:
+        raise ArmidError(
+            f"The recordings of {run.folder} are too short to leave a part of them out.",
+            remedy="give recordings of motion without contact with --reference.",
+        )
+    return Unseen(tuple(parts), source, count)
+
+
+def _problem(run: Run, training: Sequence[ProcessedRecording]) -> EstimationProblem:
+    choices: list[RecordingChoice] = [each.choice for each in training]
+    return build_problem(
+        run.model,
+        joined_observations(training),
+        base=run.estimate.base,
+        scale_deviation=scale_deviation(choices, run.robot),
+        position_zero_deviation=position_zero_deviation(choices, run.robot),
+    )
+
+
+def _separated(run: Run, study: Study, problem: EstimationProblem) -> EstimationProblem:
+    """Problem with friction or offsets for each recording, if the study asks for them and there are several."""
+    choice = study.estimation
+    several = len(np.unique(problem.information.recording)) > 1
+    if not several or not (choice.friction_per_recording or choice.offset_per_recording):
+        return problem
+    offsets = np.isin(problem.information.names, offset_names(run.model))
+    own = changing_parameters(run.model)[run.estimate.base.kept] if choice.friction_per_recording else offsets
+    return replace(problem, information=separate_by_recording(problem.information, own))
+
+
+def _without(problem: EstimationProblem, recording: int) -> EstimationProblem:
+    """Problem without a recording."""
+    model, base, observations = problem.require_samples("monitoring")
+    rest = tuple(each for each in observations.runs if each.recording != recording)
+    return _again(problem, model, base, replace(observations, runs=rest))
+
+
+def _again(problem: EstimationProblem, model: Any, base: Any, observations: Observations) -> EstimationProblem:
+    return build_problem(
+        model,
+        observations,
+        base=base,
+        scale_deviation=problem.information.scale_deviation,
+        position_zero_deviation=problem.position_zero_deviation,
+    )
+
+
+def _parameters(run: Run, problem: EstimationProblem, method: Estimator) -> Array | None:
+    """Standard parameters (p,) of an estimate without some data; `None` if the other data do not determine them."""
+    try:
+        fit: Fit = method.solve(problem)
+    except (ArmidError, np.linalg.LinAlgError):
+        return None
+    return torque_parameters(run.estimate.base, fit)
+
+
+def _left_out_parts(
+    run: Run,
+    observed: Callable[..., tuple[Observed, ...]],
+    study: Study,
+    training: ProcessedRecording,
+    problem: EstimationProblem,
+    method: Estimator,
+) -> Iterator[Observed]:
+    """Residuals of the parts of the only training recording, each predicted by an estimate from the others."""
+    model, base, observations = problem.require_samples("monitoring")
+    begin = min(float(each.motion.time[0]) for each in observations.runs)
+    end = max(float(each.motion.time[-1]) for each in observations.runs)
+    count = min(FOLDS, int((end - begin) / LEAST_PART))
+    borders = np.linspace(begin, end, count + 1) if count > 1 else np.zeros(0)
+    for k in range(len(borders) - 1):
+        low, high = borders[k], borders[k + 1]
+        kept = [_outside(each, low - MARGIN, high + MARGIN) for each in observations.runs]
+        rest = replace(observations, runs=tuple(each for each in kept if each.mask.any()))
+        if not rest.runs:
+            continue
+        theta = _parameters(run, _separated(run, study, _again(problem, model, base, rest)), method)
+        if theta is None:
+            continue
+        first, last = k == 0, k == len(borders) - 2
+        for part in observed(training.recording, theta):
+            own = ((part.time >= low) | first) & ((part.time < high) | last)
+            if own.any():
+                yield _only(part, own)
+
+
+def _outside(observed: Any, low: float, high: float) -> Any:
+    """Run without the rows between two times [s]."""
+    time = observed.motion.time[observed.rows]
+    return replace(observed, mask=observed.mask & ~((time >= low) & (time < high))[:, None])
+
+
+def _only(observed: Observed, rows: NDArray[np.bool_]) -> Observed:
+    """Samples that a mask (N,) selects."""
+    names = ("time", "q", "dq", "external", "change", "usable")
+    return replace(observed, **{name: getattr(observed, name)[rows] for name in names})
