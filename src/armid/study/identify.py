@@ -20,6 +20,7 @@ from armid.study.config import Study, build_estimator
 from armid.study.estimate_study import estimate_prepared
 from armid.study.prepare import Prepared, prepare, separated_problem, stated_problem
 from armid.study.progress import Progress, no_progress
+from armid.study.recordings.agreement import validation_disagreements
 from armid.study.recordings.left_out import with_left_out
 from armid.study.recordings.processed import of_role
 from armid.study.score_recordings import score_recordings
@@ -114,13 +115,16 @@ def conclude(prepared: Prepared, *, progress: Progress | None = None) -> Result:
     train = of_role(recordings, "train")
     predictions = {each: predict_recording(model, estimate, each.observations) for each in recordings}
     training, _ = score_recordings(model, estimate, train, predictions)
-    scores, found = score_recordings(model, estimate, of_role(recordings, "validate"), predictions)
+    judged = of_role(recordings, "validate")
+    scores, found = score_recordings(model, estimate, judged, predictions)
+    pairs = list(zip(judged, scores, strict=True))
+    contradictions = validation_disagreements(model, prepared.base, information, training, pairs, prepared.findings)
     validation = plausibility.contradicted(
-        validate(robot.joint_names, scores, estimate, left_out, training), prepared.findings
+        validate(robot.joint_names, scores, estimate, left_out, training), [*prepared.findings, *contradictions]
     )
     tell("validation", 1.0)
     seconds = time.perf_counter() - prepared.began
-    estimate = replace(estimate, findings=(*findings, *found), seconds=seconds)
+    estimate = replace(estimate, findings=(*findings, *contradictions, *found), seconds=seconds)
     return Result(
         study,
         robot,
