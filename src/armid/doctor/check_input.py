@@ -37,6 +37,11 @@ INSTEAD = 0.5
 """Gain of the second strongest fault, relative to that of the strongest one, from which it is accepted instead if
 the log does not confirm the strongest one."""
 
+FURTHER_SHARE, CLEAR = 0.2, 0.1
+"""Share of the gain of the first fault, and gain, one of which a further fault must have: what remains of a fault
+that is corrected only in part, and model error, look like a weak second fault. A first fault with less gain than
+`CLEAR` must lower the residual of all rows."""
+
 LESS_ALIKE = 0.01
 """Decrease of the correlation between the measured torque and the torque of an earlier run, averaged over the
 joints, from which the correction of a fault counts as contradicted by the run."""
@@ -91,6 +96,23 @@ def _comparable_gain(before: LogState, each: Explanation) -> float:
     if each.trial is None or not np.isfinite(each.gain):
         return each.gain
     return min(each.gain, before.fit.cost - each.after.fit.cost)
+
+
+def _matters(accepted: Sequence[tuple[LogState, Explanation]], before: LogState, each: Explanation) -> bool:
+    """True if the gain of a fault is large enough, beside those that were accepted before."""
+    comparable = _comparable_gain(before, each)
+    if accepted:
+        return comparable > min(CLEAR, FURTHER_SHARE * accepted[0][1].gain)
+    return comparable > 0.0 or each.gain > CLEAR
+
+
+def _rank(before: LogState, each: Explanation) -> float:
+    """Gain by which faults are ordered: that of an ambiguous one counts less, as that of one that is not confirmed.
+
+    Many orders of channels are tried, and some of them also fit the log of another fault. An order that is not the
+    only one that fits has the severity `info`.
+    """
+    return _comparable_gain(before, each) * (INSTEAD if each.severity == "info" else 1.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -188,8 +210,8 @@ class LogEvidence:
             if state is None:
                 break
             candidates = [each for explain in self.explains if (each := explain(state)) is not None]
-            candidates = [each for each in candidates if each.code not in codes]
-            candidates.sort(key=lambda each, before=state: -_comparable_gain(before, each))
+            candidates = [each for each in candidates if each.code not in codes and _matters(accepted, state, each)]
+            candidates.sort(key=lambda each, before=state: -_rank(before, each))
             holding = (each for each in candidates if self._holds(state, each))
             best = next(holding, None)
             if best is None:

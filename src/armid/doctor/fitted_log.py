@@ -92,14 +92,20 @@ class LogState:
             change: Torque by which the changed rows differ from the others, shape (M, n) [N·m or N]. It is
                 interpolated between the rows, which are dense enough for the band of the log.
         """
+        corrected = self.without_torque(change)
+        after = replace(corrected, change_corrected=True)
+        after.__dict__["source"], after.__dict__["rows"] = corrected.source, corrected.rows
+        return after
+
+    def without_torque(self, change: Array) -> LogState:
+        """The same state without a torque at the rows, shape (M, n) [N·m or N], which is interpolated in between."""
         ends = np.cumsum([len(run.rows) for run in self.log.runs])[:-1]
         runs: list[ObservedRun] = []
         for run, own in zip(self.log.runs, np.split(change, ends), strict=True):
             at, time = run.motion.time[run.rows], run.motion.time
             lifted = np.column_stack([np.interp(time, at, column) for column in own.T])
             runs.append(replace(run, torque=run.torque - lifted))
-        after = replace(self.on(replace(self.log, runs=tuple(runs))), change_corrected=True)
-        after.__dict__["source"] = self.source
+        after = self.on(replace(self.log, runs=tuple(runs)))
         after.__dict__["rows"] = replace(self.rows, torque=self.rows.torque - change)
         return after
 

@@ -50,9 +50,28 @@ def half_frequency(state: LogState, joints: NDArray[np.bool_]) -> float | None:
         The frequency; `None` if the ratio of the amplitudes does not fall to one half, or falls less steeply than
         with a filter.
     """
+    frequency, ratio = _ratios(state, joints)
+    return _fall(frequency, np.exp(np.median(ratio, axis=1))) if len(frequency) else None
+
+
+def half_frequencies(state: LogState, joints: NDArray[np.bool_]) -> Array:
+    """Frequencies as `half_frequency` gives them, for each joint (n,) alone; infinite where there is none [Hz]."""
+    result = np.full(len(joints), np.inf)
+    frequency, ratio = _ratios(state, joints)
+    for j, own in zip(np.flatnonzero(joints), ratio.T, strict=True):
+        found = _fall(frequency, np.exp(own)) if len(frequency) else None
+        result[j] = np.inf if found is None else found
+    return result
+
+
+def _ratios(state: LogState, joints: NDArray[np.bool_]) -> tuple[Array, Array]:
+    """Frequencies (F,) [Hz], and logarithm of the ratio of measured to modelled amplitude of k joints (F, k).
+
+    Without a segment that is long enough, F is 0.
+    """
     pairs = list(_torques(state, joints))
     if not pairs:
-        return None
+        return np.zeros(0), np.zeros((0, int(joints.sum())))
     rate = pairs[0][2]
     segment = int(SEGMENT * rate)
     power = np.zeros((2, segment // 2 + 1, int(joints.sum())))
@@ -60,9 +79,9 @@ def half_frequency(state: LogState, joints: NDArray[np.bool_]) -> float | None:
     for measured, modelled, _ in pairs:
         frequency, ours = power_spectrum(measured, rate, segment)
         power += np.stack([ours, power_spectrum(modelled, rate, segment)[1]]) * (len(measured) // segment)
-    power = np.maximum(power[:, frequency >= LOWEST], np.finfo(float).tiny)
-    ratio = np.exp(0.5 * np.median(np.log(power[0] / power[1]), axis=1))
-    return _fall(frequency[frequency >= LOWEST], ratio)
+    above = frequency >= LOWEST
+    power = np.maximum(power[:, above], np.finfo(float).tiny)
+    return frequency[above], 0.5 * np.log(power[0] / power[1])
 
 
 def _fall(frequency: Array, ratio: Array) -> float | None:

@@ -13,9 +13,7 @@ from armid.threads import one_blas_thread
 
 
 @one_blas_thread
-def estimate(
-    problem: EstimationProblem, method: Estimator | None = None, *, systematic_errors: bool = True
-) -> Fit:
+def estimate(problem: EstimationProblem, method: Estimator | None = None, *, systematic_errors: bool = True) -> Fit:
     """Estimates the base parameters with their covariance and intervals.
 
     Args:

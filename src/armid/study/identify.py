@@ -24,7 +24,7 @@ from armid.study.prepare import Prepared, prepare, separated_problem, stated_pro
 from armid.study.progress import Progress, no_progress
 from armid.study.recordings.left_out import with_left_out
 from armid.study.recordings.processed import of_role
-from armid.study.score_recordings import score_recordings
+from armid.study.score_recordings import score_recordings, score_validation
 from armid.threads import one_blas_thread
 from armid.validation.torque_validation import (
     PredictedRecording,
@@ -116,11 +116,12 @@ def conclude(prepared: Prepared, *, progress: Progress | None = None) -> Result:
     train = of_role(recordings, "train")
     predictions = {each: predict_recording(model, estimate, each.observations) for each in recordings}
     training, _ = score_recordings(model, estimate, train, predictions)
-    scores, found = score_recordings(model, estimate, of_role(recordings, "validate"), predictions)
+    scores, found, disagreements = score_validation(prepared, estimate, training, predictions)
+    on_recordings = (*on_recordings, *disagreements)
     validation = contradicted(validate(robot.joint_names, scores, estimate, left_out, training), on_recordings)
     tell("validation", 1.0)
     seconds = time.perf_counter() - prepared.began
-    estimate = replace(estimate, findings=(*findings, *found), seconds=seconds)
+    estimate = replace(estimate, findings=(*findings, *disagreements, *found), seconds=seconds)
     return Result(
         study,
         robot,

@@ -12,8 +12,10 @@ from armid.estimation.estimate_record import Estimate
 from armid.model.dynamics_model import DynamicsModel
 from armid.robot import Robot
 from armid.study.extrapolation import highest_speeds, speed_finding
+from armid.study.prepare import Prepared
+from armid.study.recordings.agreement import validation_disagreements
 from armid.study.recordings.labels import labels
-from armid.study.recordings.processed import ProcessedRecording
+from armid.study.recordings.processed import ProcessedRecording, of_role
 from armid.validation.torque_validation import PredictedRecording, Score, score
 
 MOSTLY = 0.5
@@ -40,6 +42,33 @@ def score_recordings(
         own = own_offset_finding(scores[-1], model.robot, label or Path(path).name)
         findings += [own] if own is not None and each.choice.role == "validate" else []
     return tuple(scores), tuple(findings)
+
+
+def score_validation(
+    prepared: Prepared,
+    estimate: Estimate,
+    training: Sequence[Score],
+    predictions: Mapping[ProcessedRecording, PredictedRecording],
+) -> tuple[tuple[Score, ...], tuple[Finding, ...], tuple[Finding, ...]]:
+    """Computes the torque error on the validation recordings of a study, and compares them with the training ones.
+
+    Args:
+        prepared: The prepared study.
+        estimate: The estimate.
+        training: Torque error on each training recording.
+        predictions: Predicted torque of the recordings.
+
+    Returns:
+        The errors, findings on them, and findings about recordings that contradict the training recordings.
+    """
+    recordings = of_role(prepared.recordings, "validate")
+    scores, findings = score_recordings(prepared.model, estimate, recordings, predictions)
+    pairs = list(zip(recordings, scores, strict=True))
+    information = prepared.problem.information
+    disagreements = validation_disagreements(
+        prepared.model, prepared.base, information, training, pairs, prepared.findings
+    )
+    return scores, findings, tuple(disagreements)
 
 
 def own_offset_finding(found: Score, robot: Robot, where: str) -> Finding | None:

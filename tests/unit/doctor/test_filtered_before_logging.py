@@ -66,3 +66,13 @@ def test_coarse_resolution_alone_is_no_filter(seed: int, decimals: int):
     exact = case.logged(effort=np.round(case.torque, decimals))  # no noise other than the rounding
     assert {each.severity for each in told(exact)} <= {"info"}  # smooth friction in steps of rounding has no floor
     assert not told(logged(seed, None, decimals))
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_a_filter_of_one_torque_is_named_with_its_joint(seed: int):
+    case = sick.sound(seed)
+    assert case.recording.effort is not None
+    effort = case.recording.effort.copy()
+    effort[:, 1] = zero_phase(butterworth(2, 1.0, 1.0 / float(case.motion.time[1])), effort[:, 1:2])[:, 0]
+    found = told(case.logged(effort=effort))
+    assert [(each.channel, each.severity) for each in found] == [(case.robot.joint_names[1], "error")]

@@ -153,3 +153,14 @@ def test_a_torque_that_is_sampled_more_slowly_is_named_with_its_interval():
     assert [(f.severity, f.channel) for f in found] == [("warning", case.robot.joint_names[2])]
     seconds = float(re.findall(r"new every ([\d.]+) s", found[0].evidence)[0])
     assert seconds == pytest.approx(rows * step, rel=0.02)  # three digits are printed
+
+
+def test_a_noisy_torque_that_is_lost_again_and_again_is_named():
+    """The steps to zero and back are no larger than those of the noise, but no other value repeats."""
+    case = sound(UR10E)
+    assert case.recording.effort is not None and case.recording.time is not None
+    effort, rng = case.recording.effort.copy(), np.random.default_rng(1)
+    effort[:, 4] += 2.0 * effort[:, 4].std() * rng.standard_normal(len(effort))
+    effort[(case.recording.time * 10.0).astype(int) % 3 == 0, 4] = 0.0
+    found = [f for f in told(case.logged(effort=effort)) if f.code == "channel-dead"]
+    assert [f.channel for f in found] == [case.robot.joint_names[4]]

@@ -75,3 +75,13 @@ def test_scales_of_all_joints_together_are_no_fault_of_one():
     log = to_robot_convention(twice.recording, twice.reading, twice.robot).recording
     state = LogEvidence(twice.robot, twice.recording, twice.reading, log).state
     assert state is not None and torque_gain.explain(state) is None
+
+
+def test_a_gain_that_falls_with_the_torque_is_named(joint: int = 3):
+    case = sound(PANDA)
+    assert case.recording.effort is not None
+    effort = case.recording.effort.copy()
+    own = effort[:, joint]
+    effort[:, joint] = own * (1.0 - 0.5 * np.abs(own) / np.abs(own).max())
+    (told,) = [each for each in found(case.logged(effort=effort)) if each.code == "torque-gain"]
+    assert told.channel == case.robot.joint_names[joint] and "falls with the amount" in told.evidence

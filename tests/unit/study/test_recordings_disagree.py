@@ -155,3 +155,23 @@ def test_an_identification_from_contradicting_recordings_fails():
     result = identify(Study(RobotChoice("ur10e"), ModelChoice(), choices), given=sane)
     assert not [each for each in result.estimate.findings if each.code == CODE]
     assert result.validation.verdict == "pass"
+
+
+def test_a_validation_recording_of_another_scale_is_named_and_a_sound_one_is_not():
+    log = sound(11, name="ur10e").recording
+    assert log.effort is not None
+    logs: dict[str, Recording] = {
+        "torque.csv": replace(log, sha256="torque"),
+        "check.csv": replace(log, effort=log.effort * np.array([1.0, 1.5, 1.0, 1.0, 1.0, 1.0]), sha256="check"),
+    }
+    choices = (
+        RecordingChoice("torque.csv", part=(0.0, 0.6)),
+        RecordingChoice("check.csv", "validate", part=(0.6, 1.0)),
+    )
+    study = Study(RobotChoice("ur10e"), ModelChoice(), choices)
+    result = identify(study, given=logs)
+    (told,) = [each for each in result.estimate.findings if each.code == CODE]
+    assert told.severity == "error" and "shoulder_lift_joint" in told.evidence
+    assert result.validation.verdict == "fail"
+    result = identify(study, given={**logs, "check.csv": replace(log, sha256="check")})
+    assert not [each for each in result.estimate.findings if each.code == CODE]

@@ -19,7 +19,7 @@ from armid.doctor.fitted_log import LogState
 from armid.measurement.observations import ObservedRun
 from armid.model.dynamics_model import DynamicsModel
 
-Kind = Literal["gain", "offset", "friction", "order", "zero", "payload", "gravity", "delay"]
+Kind = Literal["gain", "offset", "friction", "order", "zero", "scale", "payload", "gravity", "delay", "talk"]
 
 STEP = 1e-4
 """Displacement with which the derivative of the torque by a position is computed [rad or m]; the error of the
@@ -32,8 +32,10 @@ class Alternative:
 
     Attributes:
         kind: What may differ: the gain, the offset, or the delay of torques; dry friction; the order of two torques;
-            the zero of a position; a payload; the direction of gravity.
-        joints: Indices of the joints concerned; all joints where the arm as a whole is concerned.
+            the share of another torque in a torque (`talk`); the zero of a position, or its zero and its scale; a
+            payload; the direction of gravity.
+        joints: Indices of the joints concerned; all joints where the arm as a whole is concerned. For `talk`, the
+            joint and the other one whose torque is added.
         columns: Torque of each joint for a unit of each coefficient, shape (e, M, n).
         frictional: For friction, the joint of each coefficient.
     """
@@ -48,6 +50,13 @@ class Alternative:
         """True if all joints are concerned."""
         return len(self.joints) == self.columns.shape[2]
 
+    @property
+    def of_torque(self) -> int | None:
+        """Index of the joint whose torque alone is concerned; `None` if others are, too."""
+        if self.kind == "talk" or (len(self.joints) == 1 and self.kind in ("gain", "offset", "friction", "delay")):
+            return self.joints[0]
+        return None
+
 
 def alternatives_of(state: LogState) -> list[Alternative]:
     """Everything that may change within a log."""
@@ -59,12 +68,22 @@ def alternatives_of(state: LogState) -> list[Alternative]:
     found += [Alternative("gain", (j,), _alone(n, j, rows.torque[:, j])) for j in every]
     if n > 1:
         found += [Alternative("gain", every, rows.torque[None].copy())]
+        offsets = np.concatenate([_alone(n, j, np.ones(len(rows.torque))) for j in every])
+        found.append(Alternative("offset", every, offsets))
         if len(dry) > 1:
             columns = np.concatenate([_alone(n, j, column) for j, column in dry])
             found.append(Alternative("friction", every, columns, tuple(j for j, _ in dry)))
-    found.append(Alternative("delay", every, -state.torque_slope()[None]))
-    slopes = state.rigid_slopes(state.standard(state.fit.values), STEP)
+    late, theta = -state.torque_slope(), state.standard(state.fit.values)
+    found.append(Alternative("delay", every, late[None]))
+    slopes = state.rigid_slopes(theta, STEP)
     found += [Alternative("zero", (j,), slopes[[j]]) for j in every]
+    if n > 1:
+        found += [Alternative("delay", (j,), _alone(n, j, late[:, j])) for j in every]
+        found += [
+            Alternative("talk", (j, k), _alone(n, j, rows.torque[:, k])) for j in every for k in every if j != k
+        ]
+    scales = _scales(state, theta)
+    found += [Alternative("scale", (j,), np.stack([slopes[j], scales[j]])) for j in every]
     found.append(Alternative("payload", every, _payload(state)))
     found.append(Alternative("gravity", every, _weights(state)))
     found += _exchanges(rows.torque)
@@ -83,6 +102,21 @@ def _dry_friction(state: LogState, j: int) -> Iterator[Array]:
     for symbol, column in zip(state.symbols(j), state.rows.columns[j], strict=True):
         if symbol == "FS":
             yield column
+
+
+def _scales(state: LogState, theta: Array) -> Array:
+    """Derivative of the torque by the relative scale of each position and of its derivatives, shape (n, M, n).
+
+    It is computed at the rows without the filter of the log, which changes it little: the motion is inside the band.
+    """
+    rows, m = state.rows, state.rows.motion
+    bodies = theta[state.model.inertial_columns].reshape(-1, 10)
+
+    def torque(factor: Array) -> Array:
+        return kernel.inverse_dynamics(state.model.tree, bodies, m.q * factor, m.dq * factor, m.ddq * factor)
+
+    steps = 1.0 + STEP * np.eye(rows.n)
+    return np.stack([torque(up) - torque(2.0 - up) for up in steps]) / (2.0 * STEP)
 
 
 def _payload(state: LogState) -> Array:

@@ -42,6 +42,12 @@ FACTOR = 0.15
 ANGLE = (0.02, 0.6)
 """Smallest and largest change of a zero [rad or m]. A larger one is a joint whose pose hardly matters."""
 
+SCALE = 0.05
+"""Smallest relative change of the scale of a position; a smaller one is a change of its zero."""
+
+TALK = 0.1
+"""Smallest share of another torque that is added."""
+
 DELAY = (0.02, 1.0)
 """Smallest and largest change of a delay [s]; filters of drives explain smaller ones."""
 
@@ -80,13 +86,21 @@ OF_ONE: Mapping[str, Threshold] = {
     "friction": Threshold(0.08, 0.75, 0.2),
     "order": Threshold(0.15, 0.0, 0.2),
     "zero": Threshold(0.12, 0.7, 0.15),
+    "scale": Threshold(0.3, 0.6, 0.15),
+    "delay": Threshold(0.1, 0.6, 0.05),
+    "talk": Threshold(0.2, 0.85, 0.2),
 }
-"""Thresholds of changes of one joint, or of two that are exchanged. Largest values on sound recordings: gain 0.06,
-offset 0.11 with a share of 0.15, friction 0.04, zero 0.05."""
+"""Thresholds of changes of one joint, or of two joints. Largest values on sound recordings: gain 0.06, offset 0.11
+with a share of 0.15, friction 0.04, zero 0.05, scale 0.10, delay 0.08, talk 0.15. In halves of them, some of ten
+seconds, scale is up to 0.30 and talk up to 0.19."""
+
+GRADUAL: Mapping[str, Threshold] = {"offset": Threshold(0.07, 0.6, 0.45)}
+"""Thresholds of ramps and decays of one joint that differ from `OF_ONE`. Three of these shapes are compared, and 171
+steps, so that model error looks less like them: by at most 0.04 on sound recordings."""
 
 OF_ALL: Mapping[str, Threshold] = {
     "gain": Threshold(0.22, 0.0, 0.1),
-    "offset": OF_ONE["offset"],
+    "offset": Threshold(0.2, 0.4, 0.2),
     "friction": Threshold(0.15, 0.4, 0.05),
     "delay": Threshold(0.05, 0.85, 0.05),
     "payload": Threshold(0.2, 0.5, 0.15),
@@ -120,12 +134,20 @@ def _variants(candidate: ChangeCandidate) -> list[ChangeCandidate]:
 def is_fault(each: FittedChange) -> bool:
     """True if a change is larger and steadier than effects that the model lacks, and physically possible."""
     alternative = each.candidate.alternative
-    least = (OF_ALL if alternative.of_all else OF_ONE)[alternative.kind]
+    least = threshold_of(each.candidate)
     if each.candidate.constant > CONSTANT or _rests(each):
         return False
     if each.gain < least.gain or each.candidate.steady < least.steady or each.share.max() < least.share:
         return False
     return POSSIBLE[alternative.kind](each)
+
+
+def threshold_of(candidate: ChangeCandidate) -> Threshold:
+    """Thresholds of a change of one joint, of two, or of the whole arm."""
+    kind, gradual = candidate.alternative.kind, candidate.shape.form != "step"
+    of_one = {**OF_ONE, **(GRADUAL if gradual else {})}
+    known = OF_ALL if len(candidate.alternative.joints) > 2 else of_one
+    return known.get(kind) or {**OF_ALL, **of_one}[kind]
 
 
 def _rests(each: FittedChange) -> bool:
@@ -140,7 +162,9 @@ def _gain(each: FittedChange) -> bool:
 
 
 def _offset(each: FittedChange) -> bool:
-    """True if the offset is larger than static friction can be while the joint is slow, or grows gradually."""
+    """True if an offset is larger than static friction can be while the joint is slow, or grows gradually."""
+    if len(each.values) > 1:
+        return each.candidate.shape.form != "step"
     state, (j, *_) = each.state, each.candidate.alternative.joints
     rows = state.rows
     inside = rows.mask[:, j] & each.changed
@@ -185,6 +209,8 @@ POSSIBLE: Mapping[str, Callable[[FittedChange], bool]] = {
     "offset": _offset,
     "friction": _friction,
     "order": lambda each: True,
+    "talk": lambda each: TALK < abs(float(each.values[0])),
+    "scale": lambda each: SCALE < abs(float(each.values[1])),
     "zero": lambda each: ANGLE[0] < abs(float(each.values[0])) < ANGLE[1],
     "delay": lambda each: DELAY[0] < abs(float(each.values[0])) < DELAY[1],
     "payload": _payload,

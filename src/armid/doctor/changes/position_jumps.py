@@ -1,7 +1,8 @@
-"""Jumps of a position from one row to the next that stay: an encoder that slips, or a zero that is set anew.
+"""Jumps of a position from one row to the next that stay: a slip or a stuck bit of an encoder, a zero set anew.
 
 A joint moves by nearly the same angle from row to row. A step that differs from its neighbours by many times the
-usual difference, and that no step back follows, is no motion of the arm.
+usual difference, and that no step back follows, is no motion of the arm. A joint may jump several times: the
+differences of its steps then fall by a large factor from those of the jumps to the largest other one.
 """
 
 from __future__ import annotations
@@ -32,6 +33,13 @@ EVEN = 1.5
 NOTICED = 5.0
 """Smallest displacement of another joint, in its usual differences, by which lost rows would be noticed."""
 
+MOST = 0.05
+"""Largest number of jumps of a joint, as a share of the rows. A stuck bit of a tenth of a radian jumps in 2 to 5 % of
+the rows of a fast motion; where rows were lost, other joints jump, too."""
+
+ALONE = 0.9
+"""Smallest share of several jumps of a joint at which no other joint jumps."""
+
 FEWEST = 50
 """Smallest number of rows of a log that is examined."""
 
@@ -52,9 +60,9 @@ class Jump:
 
 
 def position_jumps(recording: Recording) -> list[Jump]:
-    """Finds the joints whose position jumps once and stays.
+    """Finds the joints whose position jumps, once or several times, and stays.
 
-    Rows that were lost without a gap in the time make all joints jump. A jump is therefore reported only if other
+    Rows that were lost without a gap in the time make all joints jump. Jumps are therefore reported only if other
     joints move at that time, and do not jump.
     """
     q = recording.q
@@ -65,8 +73,12 @@ def position_jumps(recording: Recording) -> list[Jump]:
     excess = np.zeros_like(steps)
     excess[2:-2] = steps[2:-2] - np.median(usual, axis=0)
     excess[~_regular(recording)] = 0.0
-    found = [_jump(excess, j) for j in range(q.shape[1])]
-    return [each for each in found if each is not None and _alone(each, steps, excess)]
+    found: list[Jump] = []
+    for j in range(q.shape[1]):
+        jumps = _jumps(excess[:, j], j)
+        if jumps and np.mean([_alone(each, steps, excess) for each in jumps]) >= ALONE:
+            found += jumps
+    return found
 
 
 def without_jumps(recording: Recording, jumps: Sequence[Jump]) -> Recording:
@@ -89,14 +101,31 @@ def _regular(recording: Recording) -> NDArray[np.bool_]:
     return used & (step < EVEN * float(median(step)))
 
 
-def _jump(excess: Array, j: int) -> Jump | None:
-    """The jump of joint j; `None` if it has none, or several differences of about the same size."""
-    size = np.abs(excess[:, j])
-    row = int(np.argmax(size))
-    elsewhere = np.delete(size, slice(max(row - NEAR, 0), row + NEAR + 1))
-    if size[row] < max(SMALLEST, CERTAIN * float(elsewhere.max(initial=0.0))):
-        return None
-    return Jump(j, row, float(excess[row, j]))
+def _jumps(excess: Array, j: int) -> list[Jump]:
+    """The jumps of joint j, in the order of time; empty if its differences (M,) are all of about the same size."""
+    size = np.abs(excess)
+    rows = _peaks(size, int(MOST * len(size)) + 2)
+    heights = np.append(size[rows], 0.0)
+    smaller = heights[1:].copy()
+    smaller[0] = np.delete(size, slice(max(rows[0] - NEAR, 0), rows[0] + NEAR + 1)).max(initial=0.0)
+    clear = (heights[:-1] > SMALLEST) & (heights[:-1] >= CERTAIN * smaller)
+    clear[1:] &= smaller[1:] > 0.0  # several equal steps of a channel that stands still in between are its resolution
+    clear[max(len(rows) - 1, 1) :] = False
+    count = int(np.flatnonzero(clear)[-1]) + 1 if clear.any() else 0
+    return [Jump(j, int(row), float(excess[row])) for row in np.sort(rows[:count])]
+
+
+def _peaks(size: Array, most: int) -> NDArray[np.intp]:
+    """Rows of the largest values (M,), none near a larger one, in decreasing order."""
+    found: list[int] = []
+    free = np.ones(len(size), dtype=np.bool_)
+    for row in np.argsort(-size, kind="stable"):
+        if len(found) == most:
+            break
+        if free[row]:
+            found.append(int(row))
+            free[max(row - NEAR, 0) : row + NEAR + 1] = False
+    return np.array(found, dtype=np.intp)
 
 
 def _alone(jump: Jump, steps: Array, excess: Array) -> bool:

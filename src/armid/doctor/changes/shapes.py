@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from armid.checked_array import Array
 
@@ -32,12 +33,15 @@ class ChangeShape:
         first: First block that is changed.
         stop: Block after the last one that is changed.
         rate: Rate of the decay, for the length of the log.
+        inverted: First block and block after the last one of a second part, in which a step is absent if it is
+            complete there otherwise, and the reverse; empty without one.
     """
 
     form: Form
     first: int = 0
     stop: int = BLOCKS
     rate: float = 0.0
+    inverted: tuple[int, ...] = ()
 
     @property
     def size(self) -> Array:
@@ -47,7 +51,13 @@ class ChangeShape:
             return along
         if self.form == "decay":
             return np.exp(-self.rate * along)
-        return ((np.arange(BLOCKS) >= self.first) & (np.arange(BLOCKS) < self.stop)).astype(np.float64)
+        inside = _between(self.first, self.stop)
+        return (inside ^ _between(*self.inverted) if self.inverted else inside).astype(np.float64)
+
+
+def _between(first: int, stop: int) -> NDArray[np.bool_]:
+    """Mask of the blocks from the first one to the one before `stop`, shape (BLOCKS,)."""
+    return (np.arange(BLOCKS) >= first) & (np.arange(BLOCKS) < stop)
 
 
 @lru_cache(maxsize=1)
@@ -60,3 +70,15 @@ def shapes() -> tuple[tuple[ChangeShape, ...], Array]:
     ]
     every = (*steps, ChangeShape("ramp"), *(ChangeShape("decay", rate=rate) for rate in DECAYS), ChangeShape("step"))
     return every, np.stack([shape.size for shape in every])
+
+
+@lru_cache(maxsize=256)
+def inverted_in_part(shape: ChangeShape) -> tuple[tuple[ChangeShape, ...], Array]:
+    """Steps with a second part that differ from a step, and their sizes in each block, shape (s, BLOCKS)."""
+    plain = np.array([each.form == "step" for each in shapes()[0][:-1]])
+    parts = shapes()[1][:-1][plain].astype(np.bool_)
+    size = parts ^ shape.size.astype(np.bool_)
+    enough = np.flatnonzero((size.sum(axis=1) >= SHORTEST) & (size.sum(axis=1) <= BLOCKS - SHORTEST))
+    steps = [each for each in shapes()[0][:-1] if each.form == "step"]
+    each = (replace(shape, inverted=(steps[k].first, steps[k].stop)) for k in enough)
+    return tuple(each), size[enough].astype(np.float64)

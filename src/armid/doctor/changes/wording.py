@@ -40,9 +40,14 @@ def _when(each: FittedChange) -> str:
         return f"From t = {edges[0]:.1f} s to {edges[-1]:.1f} s, more and more"
     if shape.form == "decay":
         return f"From t = {edges[0]:.1f} s on, and less and less until {edges[-1]:.1f} s"
-    if shape.stop == BLOCKS:
-        return f"From about t = {edges[shape.first]:.1f} s on"
-    return f"From about t = {edges[shape.first]:.1f} s to {edges[shape.stop]:.1f} s"
+    inside = np.concatenate([[False], shape.size > 0.0, [False]])
+    bounds = np.flatnonzero(np.diff(inside.astype(int)))
+    parts = [
+        f"from about t = {edges[first]:.1f} s " + ("on" if stop == BLOCKS else f"to {edges[stop]:.1f} s")
+        for first, stop in zip(bounds[::2], bounds[1::2], strict=True)
+    ]
+    listed = " and ".join(parts)
+    return listed[0].upper() + listed[1:]
 
 
 def _torques(each: FittedChange, names: Sequence[str]) -> str:
@@ -61,8 +66,9 @@ def _gain(each: FittedChange, names: Sequence[str], units: Sequence[str]) -> str
 
 
 def _offset(each: FittedChange, names: Sequence[str], units: Sequence[str]) -> str:
-    (j,) = each.candidate.alternative.joints
-    return f"{_torques(each, names)} shifted by {float(each.values[0]):+.3g} {units[j]} against the rest of the log"
+    joints = each.candidate.alternative.joints
+    sizes = ", ".join(f"{float(x):+.3g} {units[j]}" for j, x in zip(joints, each.values, strict=True))
+    return f"{_torques(each, names)} shifted by {sizes} against the rest of the log"
 
 
 def _friction(each: FittedChange, names: Sequence[str], units: Sequence[str]) -> str:
@@ -75,6 +81,21 @@ def _order(each: FittedChange, names: Sequence[str], units: Sequence[str]) -> st
     del units
     i, j = each.candidate.alternative.joints
     return f"the torques of {names[i]} and {names[j]} are exchanged"
+
+
+def _talk(each: FittedChange, names: Sequence[str], units: Sequence[str]) -> str:
+    del units
+    j, k = each.candidate.alternative.joints
+    return f"the torque of {names[j]} contains {float(each.values[0]):.2g} times the torque of {names[k]}"
+
+
+def _scale(each: FittedChange, names: Sequence[str], units: Sequence[str]) -> str:
+    del units
+    (j,) = each.candidate.alternative.joints
+    return (
+        f"the torques do not fit the positions of {names[j]}: with another scale, or another sign, and another zero "
+        "they fit better"
+    )
 
 
 def _zero(each: FittedChange, names: Sequence[str], units: Sequence[str]) -> str:
@@ -101,10 +122,10 @@ def _gravity(each: FittedChange, names: Sequence[str], units: Sequence[str]) -> 
 
 
 def _delay(each: FittedChange, names: Sequence[str], units: Sequence[str]) -> str:
-    del names, units
+    del units
     seconds = float(each.values[0])
     when = "late" if seconds > 0.0 else "early"
-    return f"torques are {abs(seconds) * 1e3:.0f} ms {when} against the rest of the log"
+    return f"{_torques(each, names)} {abs(seconds) * 1e3:.0f} ms {when} against the rest of the log"
 
 
 SENTENCES: Mapping[str, Callable[[FittedChange, Sequence[str], Sequence[str]], str]] = {
@@ -113,6 +134,8 @@ SENTENCES: Mapping[str, Callable[[FittedChange, Sequence[str], Sequence[str]], s
     "friction": _friction,
     "order": _order,
     "zero": _zero,
+    "scale": _scale,
+    "talk": _talk,
     "payload": _payload,
     "gravity": _gravity,
     "delay": _delay,

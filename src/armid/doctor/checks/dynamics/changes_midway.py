@@ -7,6 +7,10 @@ residual. A position that jumps from one row to the next is found without a mode
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
+import numpy as np
+
 from armid.doctor.changes.explanation import explained_by, is_warming
 from armid.doctor.changes.judgement import change_of
 from armid.doctor.changes.position_jumps import Jump
@@ -32,7 +36,11 @@ SLIPPED = 0.02
 
 def check(evidence: LogEvidence) -> list[Finding]:
     """Reports what changes within a log, and when."""
-    return [_slip(evidence, each) for each in evidence.jumps] + evidence.explained(CODE)
+    joints = dict.fromkeys(each.joint for each in evidence.jumps)
+    groups = [[each for each in evidence.jumps if each.joint == j] for j in joints]
+    return [_slips(evidence, own) if len(own) > 1 else _slip(evidence, own[0]) for own in groups] + (
+        evidence.explained(CODE)
+    )
 
 
 def explain(state: LogState) -> Explanation | None:
@@ -51,6 +59,24 @@ def _is_certain(change: FittedChange) -> bool:
     if change.candidate.alternative.kind == "gain" and not WEAKEST < change.values[0] < 1.0 / WEAKEST:
         return True
     return change.gain > CERTAIN
+
+
+def _slips(evidence: LogEvidence, jumps: Sequence[Jump]) -> Finding:
+    """Finding on a position that jumps several times and stays each time."""
+    recording, name = evidence.recording, evidence.robot.joint_names[jumps[0].joint]
+    assert recording is not None
+    time = np.arange(recording.samples) / evidence.rate if recording.time is None else recording.time
+    sizes = np.array([each.size for each in jumps])
+    unit = "m" if evidence.robot.joints[jumps[0].joint].is_prismatic else "rad"
+    return Finding(
+        CODE,
+        "error" if np.abs(sizes).max() > SLIPPED else "warning",
+        name,
+        f"The position of {name} jumps {len(jumps)} times from one row to the next and stays there, while other "
+        f"joints move on: by {sizes.min():+.3g} to {sizes.max():+.3g} {unit}, first at t = "
+        f"{float(time[jumps[0].row]):.3f} s. Its encoder slips, or one of its bits is wrong.",
+        "find out the cause in the encoder, its coupling and its cable, and record again",
+    )
 
 
 def _slip(evidence: LogEvidence, jump: Jump) -> Finding:

@@ -74,8 +74,13 @@ FREE = 1e3
 
 
 def check(evidence: LogEvidence) -> list[Finding]:
-    """Reports offsets of the positions if the model fits the log better with the offsets corrected."""
-    return evidence.explained(CODE)
+    """Reports offsets of the positions if the model fits the log better with the offsets corrected.
+
+    The offset of a joint whose position jumps several times is a consequence of the jumps.
+    """
+    joints = [each.joint for each in evidence.jumps]
+    jumping = {evidence.robot.joint_names[j] for j in joints if joints.count(j) > 1}
+    return [found for found in evidence.explained(CODE) if not any(name in found.channel for name in jumping)]
 
 
 def explain(state: LogState) -> Explanation | None:

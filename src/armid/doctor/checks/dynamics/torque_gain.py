@@ -16,6 +16,7 @@ from armid.doctor.check_input import Explanation, LogEvidence
 from armid.doctor.fitted_log import LogState
 from armid.doctor.quick_fit import cost_of, products
 from armid.doctor.remedy_trial import HELPS
+from armid.doctor.residuals import gain_by_amount
 from armid.errors import Finding
 from armid.measurement.remedy_builders import lines
 
@@ -68,7 +69,16 @@ def check(evidence: LogEvidence) -> list[Finding]:
 
 
 def explain(state: LogState) -> Explanation | None:
-    """Explains the misfit of the model by a wrong scale of one joint's torque; `None` if the scales agree."""
+    """Explains the misfit of the model by a wrong scale of one joint's torque; `None` if the scales agree.
+
+    The scale may depend on the amount of the torque.
+    """
+    found = [each for each in (_by_factor(state), gain_by_amount.explain(CODE, state)) if each is not None]
+    return max(found, key=lambda each: each.gain, default=None)
+
+
+def _by_factor(state: LogState) -> Explanation | None:
+    """Explains the misfit of the model by a factor on one joint's torque; `None` if there is none."""
     n = state.rows.n
     if n < 2 or state.conflict < GAIN:
         return None

@@ -50,7 +50,12 @@ ALIKE = 0.8
 NEAR_ZERO, TOUCHES, STEEP = 0.03, 4, 0.4
 """Share of the largest torque below which a torque counts as zero, smallest number of times at which a torque of one
 sign comes to zero and turns back, and smallest slope there, relative to the usual one, from which its sign is
-missing. The slope of a torque with its sign falls to zero where it turns back."""
+missing. The slope of a torque with its sign falls to zero where it turns back. Of 105 torques in 16 recordings of
+eight arms, five have one sign; two of them, of a wrist, come to zero once and three times, the others stay above 0.11
+of the largest torque."""
+
+MOSTLY = 0.5
+"""Share of the samples near zero from which a torque shows no sign. It is at most 0.02 for these five torques."""
 
 SMOOTHED = 0.1
 """Time over which such a torque is averaged, against noise [s]."""
@@ -76,7 +81,7 @@ def _without_sign(evidence: LogEvidence) -> list[Finding]:
         low = amount < NEAR_ZERO * amount.max()
         edges = np.flatnonzero(np.diff(np.concatenate([[0], low.astype(np.int8), [0]]))).reshape(-1, 2)
         inside = [(a, b) for a, b in edges if a > 0 and b < len(amount)]
-        if len(inside) < TOUCHES or low.mean() > 0.5 or not _turns_sharply(amount, inside):
+        if len(inside) < TOUCHES or low.mean() > MOSTLY or not _turns_sharply(amount, inside):
             continue
         text = (
             f"The torque of {joint.name} comes to zero {len(inside)} times, but never changes its sign: amounts "

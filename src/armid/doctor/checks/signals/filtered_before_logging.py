@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from armid.checked_array import Array
 from armid.doctor.check_definition import LogCheck
 from armid.doctor.check_input import LogEvidence
-from armid.doctor.torque_attenuation import half_frequency
+from armid.doctor.fitted_log import LogState
+from armid.doctor.torque_attenuation import half_frequencies, half_frequency
 from armid.errors import Finding
 from armid.maths.median import median
 from armid.maths.signals.fourier_transform import power_spectrum
@@ -51,7 +52,10 @@ TESTED = 256
 """Number of values of a channel from which its decimals are found."""
 
 MOST = 0.6
-"""Share of the joints that a filter must concern. One filter is usually set for all joints."""
+"""Share of the joints that a common filter must concern. One filter is usually set for all joints."""
+
+SINGLE = 1.5
+"""Smallest ratio of the cut-off of the filter of all joints to that of one joint, from which the joint is named."""
 
 HARMLESS = 2.0
 """Ratio of the filter's cut-off to that of the study from which the filter does no harm. On the log of a six-axis arm
@@ -76,7 +80,7 @@ AGAIN = "log the unfiltered torque"
 
 
 def check(evidence: LogEvidence) -> list[Finding]:
-    """Reports torque that was filtered, in one finding for all joints."""
+    """Reports torque that was filtered: one finding for all joints, and one for each joint that differs from them."""
     recording = evidence.recording
     if recording is None or recording.effort is None or recording.consecutive is False:
         return []
@@ -86,14 +90,19 @@ def check(evidence: LogEvidence) -> list[Finding]:
     even = resample_uniform(longest, None, 0.0, each=False)
     ends, rounded = _suspicions(even.effort, even.rate, longest.effort)
     falling = np.isfinite(ends)
-    if (falling | rounded).sum() < MOST * recording.n:
-        return []
+    suspected = falling | rounded
     state = evidence.state
-    cutoff = None if state is None else half_frequency(state, falling | rounded)
-    if cutoff is not None and state is not None:
-        return [_found(int((falling | rounded).sum()), cutoff, evidence.cutoff or state.log.cutoff)]
-    if falling.sum() < MOST * recording.n:
+    if not suspected.any():
         return []
+    if suspected.sum() < MOST * recording.n:
+        return [] if state is None else _single(evidence, state, suspected, np.inf)
+    cutoff = None if state is None else half_frequency(state, suspected)
+    if cutoff is not None and state is not None:
+        found = [_found(f"{suspected.sum()} joints", "effort", cutoff, evidence.cutoff or state.log.cutoff)]
+        return found + _single(evidence, state, suspected, cutoff)
+    alone = [] if state is None else _single(evidence, state, suspected, np.inf)
+    if alone or falling.sum() < MOST * recording.n:
+        return alone
     text = (
         f"The torque of {falling.sum()} joints has no noise floor: its spectrum falls up to the highest frequencies, "
         f"and above {median(ends[falling]):.3g} Hz it is below a thousandth of its value just above the band of the "
@@ -102,20 +111,43 @@ def check(evidence: LogEvidence) -> list[Finding]:
     return [Finding("filtered-before-logging", "info", "effort", text, AGAIN)]
 
 
-def _found(joints: int, cutoff: float, used: float) -> Finding:
+def _single(evidence: LogEvidence, state: LogState, suspected: NDArray[np.bool_], common: float) -> list[Finding]:
+    """Findings about single joints whose torque was filtered at a far lower frequency than that of the others.
+
+    Args:
+        evidence: The log.
+        state: The log with the fitted model.
+        suspected: Mask of the joints whose spectrum may be that of a filter, shape (n,).
+        common: Cut-off of a filter of all joints [Hz]; infinite without one.
+    """
+    if evidence.explanations:
+        return []  # another fault changes the ratio of measured and modelled torque, too
+    used = evidence.cutoff or state.log.cutoff
+    if suspected.all() and not np.isfinite(common):
+        common = SINGLE * HARMLESS * used  # one of several suspected joints must be far below the harmless cut-off
+    cutoffs = half_frequencies(state, suspected)
+    few = np.flatnonzero(cutoffs < min(HARMLESS * used, common / SINGLE))
+    if len(few) > max(1, (1.0 - MOST) * len(suspected)):
+        return []
+    names = evidence.robot.joint_names
+    return [_found(names[j], names[j], float(cutoffs[j]), used) for j in few]
+
+
+def _found(joints: str, channel: str, cutoff: float, used: float) -> Finding:
     """Finding that a filter was applied to the torque; its severity depends on the effect on the estimate.
 
     Args:
-        joints: Number of joints.
+        joints: Number of joints, or the name of one.
+        channel: Channel of the finding.
         cutoff: Frequency at which the torque has half of the model's amplitude [Hz].
         used: Cut-off of the study [Hz].
     """
     text = (
-        f"The torque of {joints} joints was low-pass filtered before logging: at {cutoff:.2g} Hz it has half of the "
+        f"The torque of {joints} was low-pass filtered before logging: at {cutoff:.2g} Hz it has half of the "
         f"amplitude of the model's torque, and at twice this frequency less than a quarter."
     )
     if cutoff >= HARMLESS * used:
-        return Finding("filtered-before-logging", "info", "effort", text, AGAIN)
+        return Finding("filtered-before-logging", "info", channel, text, AGAIN)
     text += f" The estimate uses frequencies up to {used:.3g} Hz."
     narrower = round(max(NARROWER * cutoff, LEAST), 1)
     remedy = Remedy.read(AGAIN)
@@ -123,7 +155,7 @@ def _found(joints: int, cutoff: float, used: float) -> Finding:
         note = "only if the unfiltered torque cannot be logged; otherwise log it and record again"
         remedy = lines(note, table="processing", cutoff=narrower)
     return Finding(
-        "filtered-before-logging", "error" if cutoff < HARMFUL * used else "warning", "effort", text, remedy
+        "filtered-before-logging", "error" if cutoff < HARMFUL * used else "warning", channel, text, remedy
     )
 
 

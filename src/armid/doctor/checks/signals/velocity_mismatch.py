@@ -7,6 +7,7 @@ from typing import Literal
 import numpy as np
 
 from armid.checked_array import Array
+from armid.doctor.changes.position_jumps import without_jumps
 from armid.doctor.check_definition import LogCheck
 from armid.doctor.check_input import LogEvidence
 from armid.errors import Finding
@@ -53,7 +54,7 @@ def check(evidence: LogEvidence) -> list[Finding]:
     recording = evidence.recording
     if recording is None or recording.dq is None or recording.effort is None or recording.consecutive is False:
         return []
-    logged, derived, slope, rate = _in_band(recording)
+    logged, derived, slope, rate = _in_band(without_jumps(recording, evidence.jumps))
     if not len(logged):
         return []
     findings: list[Finding] = []
