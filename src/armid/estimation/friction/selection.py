@@ -186,12 +186,11 @@ def choose_friction(model: DynamicsModel, observations: Observations, *, threads
     noise = tuple(float(each) for each in 1.0 / weighted.weights)
     method, contradicted = suitable_method(problem, weighted, drifting, first_weight)
     errors = bodies.errors(short_folds, np.flatnonzero(extended.in_model), path.columns, path.ridge)
-    best_weight = weight_for_estimate(errors, contradicted=contradicted)
-    selected = restrict(information, path.columns)
-    prior_weight, why = _weight_in_samples(best_weight * weighted.correlation, selected, noise)
-    outcome = _error_ratio(short_folds, extended, path)
-    evidence = _evidence(model, path.trials)
-    return FrictionSelection(chosen, added, evidence, *outcome, prior_weight, bool(drifting), why, noise, method)
+    rows = weighted.correlation * weight_for_estimate(errors, contradicted=contradicted)
+    prior_weight, why = _weight_in_samples(rows, restrict(information, path.columns), noise)
+    ratio = _error_ratio(short_folds, extended, path)
+    tried = _evidence(model, path.trials)
+    return FrictionSelection(chosen, added, tried, *ratio, prior_weight, bool(drifting), why, noise, method)
 
 
 def _with_terms(model: DynamicsModel, loaded: DynamicsModel, added: tuple[Term, ...]) -> DynamicsModel:
