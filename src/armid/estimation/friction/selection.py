@@ -179,21 +179,24 @@ def choose_friction(model: DynamicsModel, observations: Observations, *, threads
         path = select_forward(short_folds, long_folds, extended, available, friction_families(), start)
         return extended, information, short_folds, path
 
-    first = select_from(None)[-1]
-    refined = refine_shapes(first, extend, prior, weighted.weights, allowed)
+    refined = refine_shapes(select_from(None)[-1], extend, prior, weighted.weights, allowed)
     extended, information, short_folds, path = select_from(refined)
     added = terms_of(loaded, path.chosen(model.n))
-    needs_load = depends_on_load(law for term in added for law in term.laws(model.robot))
-    chosen = replace(loaded if needs_load else model, terms=(*model.terms, *added))
+    chosen = _with_terms(model, loaded, added)
     noise = tuple(float(each) for each in 1.0 / weighted.weights)
-    selected = restrict(information, path.columns)
     method, contradicted = suitable_method(problem, weighted, drifting, first_weight)
     errors = bodies.errors(short_folds, np.flatnonzero(extended.in_model), path.columns, path.ridge)
-    best_weight = weight_for_estimate(errors, contradicted=contradicted)
-    prior_weight, why = _weight_in_samples(best_weight * weighted.correlation, selected, noise)
-    outcome = _error_ratio(short_folds, extended, path)
-    evidence = _evidence(model, path.trials)
-    return FrictionSelection(chosen, added, evidence, *outcome, prior_weight, bool(drifting), why, noise, method)
+    rows = weighted.correlation * weight_for_estimate(errors, contradicted=contradicted)
+    prior_weight, why = _weight_in_samples(rows, restrict(information, path.columns), noise)
+    ratio = _error_ratio(short_folds, extended, path)
+    tried = _evidence(model, path.trials)
+    return FrictionSelection(chosen, added, tried, *ratio, prior_weight, bool(drifting), why, noise, method)
+
+
+def _with_terms(model: DynamicsModel, loaded: DynamicsModel, added: tuple[Term, ...]) -> DynamicsModel:
+    """The model with further terms, and with the load parameters of `loaded` if one of them depends on the load."""
+    needs_load = depends_on_load(law for term in added for law in term.laws(model.robot))
+    return replace(loaded if needs_load else model, terms=(*model.terms, *added))
 
 
 def _drifting_offsets(information: Information, model: DynamicsModel) -> tuple[str, ...]:
