@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 
 from armid.atomic_file import replace_file
-from armid.codegen.monitor_code import MonitorNumbers, write_monitor
+from armid.codegen.texts.monitor_code import MonitorNumbers, write_monitor
 from armid.export.code import export_code
 from armid.runs.monitoring.monitor import Monitor
-from armid.runs.monitoring.observer import SETTLED, SLOW, Stage
+from armid.runs.monitoring.observer import SETTLED, SLOW, LowPassStage
 from armid.runs.monitoring.thresholds import AFTER_REST, REST_SPEED, REST_TIME
 
 
@@ -42,12 +42,16 @@ def monitor_numbers(monitor: Monitor) -> MonitorNumbers:
     """Numbers of a monitor for code."""
     rate, options, found = monitor.rate, monitor.options, monitor.thresholds
     corner = options.stage_at(rate)
-    stage = Stage.of(corner, rate)
+    stage = LowPassStage.of(corner, rate)
     return MonitorNumbers(
         options.kind == "momentum",
         monitor.velocity,
         (corner, stage.decay, stage.old, stage.new),
-        (Stage.of(options.gain_at(rate), rate).decay, float(np.exp(-SLOW / rate)), float(np.exp(-AFTER_REST / rate))),
+        (
+            LowPassStage.of(options.gain_at(rate), rate).decay,
+            float(np.exp(-SLOW / rate)),
+            float(np.exp(-AFTER_REST / rate)),
+        ),
         (REST_SPEED, int(np.ceil(REST_TIME * rate))),
         rate,
         int(np.ceil(SETTLED * rate)),

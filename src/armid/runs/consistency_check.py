@@ -217,7 +217,7 @@ def _own_bodies(run: Run, standard: StandardFit) -> Finding:
 def _meaning(run: Run, verdict: Verdict) -> Finding:
     """Finding with the reason why the parameters of a run are inconsistent, and with a remedy."""
     fit = run.estimate.fit
-    half = dict(zip(fit.names, 0.5 * np.ptp(fit.intervals, axis=1).tolist(), strict=True))
+    half: dict[str, float] = dict(zip(fit.names, 0.5 * np.ptp(fit.intervals, axis=1), strict=True))
     beyond = [each.name for each in verdict.certificate.blame if abs(each.change) > half.get(each.name, np.inf)]
     why = "the nearest consistent parameters lie within the 95 % intervals, so noise can be the cause"
     remedy = "use the model only for torques along motions similar to the recorded ones"

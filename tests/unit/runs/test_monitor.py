@@ -21,7 +21,13 @@ from armid.model.motion import Motion
 from armid.runs.monitoring.live_monitor import LiveMonitor
 from armid.runs.monitoring.monitor import Monitor, make_monitor, watch
 from armid.runs.monitoring.monitor_record import monitor_record, monitor_table
-from armid.runs.monitoring.observer import OBSERVERS, ObserverOptions, Stage, external_torque_along, filtered_motion
+from armid.runs.monitoring.observer import (
+    OBSERVERS,
+    LowPassStage,
+    ObserverOptions,
+    external_torque_along,
+    filtered_motion,
+)
 from armid.runs.monitoring.thresholds import PROMISED
 from armid.runs.monitoring.unseen_residuals import external_torque_of
 from armid.runs.run import Run
@@ -51,8 +57,8 @@ def monitor(run: Run, references: list[Recording]) -> Monitor:
 def test_a_stage_is_exact_for_lines():
     """ẏ = ω (u - y) with u = t has y = t - 1/ω, once the start is forgotten."""
     time = np.arange(0.0, 2.0, 0.01)[:, None]
-    assert np.allclose(Stage.of(20.0, 100.0).along(time)[-1], time[-1] - 1.0 / 20.0)
-    assert np.allclose(Stage.of(20.0, 100.0).along(np.ones((5, 2))), 1.0)
+    assert np.allclose(LowPassStage.of(20.0, 100.0).along(time)[-1], time[-1] - 1.0 / 20.0)
+    assert np.allclose(LowPassStage.of(20.0, 100.0).along(np.ones((5, 2))), 1.0)
 
 
 def test_the_momentum_observer_is_that_of_the_textbook(run: Run):
@@ -78,7 +84,7 @@ def textbook(
 ) -> Array:
     """Momentum observer by its integral; the gradient of the kinetic energy by differences of the mass matrix."""
     motion = filtered_motion(options, np.arange(len(q)) / rate, rate, q, None)
-    stage = Stage.of(options.stage_at(rate), rate)
+    stage = LowPassStage.of(options.stage_at(rate), rate)
     torque = stage.along(stage.along(torque))
     momentum = np.einsum("nij,nj->ni", model.mass_matrix(motion.q, theta), motion.dq)
     gradient = np.empty_like(q)

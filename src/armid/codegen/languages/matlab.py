@@ -9,8 +9,8 @@ from collections.abc import Sequence
 
 from armid.codegen.code_printer import Notation, body
 from armid.codegen.language_input import FunctionSource
-from armid.codegen.matlab_examples import matlab_examples
 from armid.codegen.program import Program
+from armid.codegen.texts.matlab_examples import matlab_examples
 from armid.codegen.thesis_functions import thesis_programs
 
 FUNCTIONS = {

@@ -13,8 +13,8 @@ from armid.codegen.functions import make_programs
 from armid.codegen.language_input import FunctionSource
 from armid.codegen.languages import c
 from armid.codegen.program import STATE_FUNCTIONS
-from armid.codegen.ros2_texts import CMAKE, HEADER, LICENSE, PACKAGE, PLUGIN, README, SOLVER, YAML
 from armid.codegen.term_laws import is_inertia
+from armid.codegen.texts.ros2_texts import CMAKE, HEADER, LICENSE, PACKAGE, PLUGIN, README, SOLVER, YAML
 from armid.hashes import digest
 from armid.model.torque_law_expression import symbols
 

@@ -154,8 +154,8 @@ def _block_sums(
     e, b = len(extra), len(columns[0])
     model = np.zeros((e, b, BLOCKS))
     own, along = np.zeros((e, e, len(weight))), np.zeros((e, len(weight)))
-    concerned = np.flatnonzero(extra.any(axis=(0, 1))).tolist() if known is None else [each.of_torque]
-    for j in concerned:
+    concerned = np.flatnonzero(extra.any(axis=(0, 1))) if known is None else np.array([each.of_torque])
+    for j in map(int, concerned):
         x = extra[:, :, j]
         own += x[:, None] * x[None]
         along += x * residual[:, j]

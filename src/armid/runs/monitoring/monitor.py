@@ -21,7 +21,12 @@ from armid.model.motion import Motion
 from armid.runs.monitoring.observer import Observed, ObserverOptions
 from armid.runs.monitoring.thresholds import GAP, PROMISED, Thresholds, find_thresholds
 from armid.runs.monitoring.tip_wrench import TipWrench, tip_wrench
-from armid.runs.monitoring.unseen_residuals import Unseen, external_torque_of, own_residuals, reference_residuals
+from armid.runs.monitoring.unseen_residuals import (
+    UnseenResiduals,
+    external_torque_of,
+    own_residuals,
+    reference_residuals,
+)
 from armid.runs.run import Run
 
 NO_SAFETY = (
@@ -234,7 +239,7 @@ def _alarm(monitor: Monitor, part: Observed, thresholds: Array, ratio: Array, ro
     )
 
 
-def _findings(found: Thresholds, unseen: Unseen, asked: float | None) -> list[Finding]:
+def _findings(found: Thresholds, unseen: UnseenResiduals, asked: float | None) -> list[Finding]:
     """Findings about what the thresholds can promise."""
     minutes = found.seconds / 60.0
     findings: list[Finding] = []

@@ -87,7 +87,7 @@ class ObserverOptions:
 
 
 @dataclass(frozen=True, slots=True)
-class Stage:
+class LowPassStage:
     """First-order low-pass ẏ = ω (u - y), exact for an input that is linear between samples.
 
     y_k = decay · y_(k-1) + old · u_(k-1) + new · u_k
@@ -103,7 +103,7 @@ class Stage:
     new: float
 
     @classmethod
-    def of(cls, corner: float, rate: float) -> Stage:
+    def of(cls, corner: float, rate: float) -> LowPassStage:
         """Stage with a corner ω [1/s] at a sample rate [Hz]."""
         x = corner / rate
         decay = float(np.exp(-x))
@@ -146,7 +146,7 @@ class Observed:
 def filtered_motion(options: ObserverOptions, time: Array, rate: float, q: Array, dq: Array | None) -> Motion:
     """Motion after the causal filter; velocities are those recorded, or derivatives of the positions."""
     corner = options.stage_at(rate)
-    stage = Stage.of(corner, rate)
+    stage = LowPassStage.of(corner, rate)
     first = stage.along(q)
     second = stage.along(first)
     if dq is None:
@@ -190,11 +190,11 @@ def external_torque_along(
             not given.
     """
     time = start + np.arange(len(q)) / rate
-    stage = Stage.of(options.stage_at(rate), rate)
+    stage = LowPassStage.of(options.stage_at(rate), rate)
     motion = filtered_motion(options, time, rate, q, dq)
     measured = stage.along(stage.along(torque))
     if options.kind == "momentum":
-        last = Stage.of(options.gain_at(rate), rate)
+        last = LowPassStage.of(options.gain_at(rate), rate)
         middle = model.torque(_with_states(model, at_middle(motion)), parameters)
         predicted = _step_filter(np.concatenate([middle[:1], middle]), last.decay)
         halfway = np.concatenate([measured[:1], 0.5 * (measured[1:] + measured[:-1])])

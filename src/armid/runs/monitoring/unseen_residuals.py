@@ -43,7 +43,7 @@ LEAST_PART = 2.0
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Unseen:
+class UnseenResiduals:
     """Residuals of unseen motion.
 
     Attributes:
@@ -113,14 +113,14 @@ def external_torque_of(
     return tuple(found)
 
 
-def reference_residuals(run: Run, options: ObserverOptions, references: Sequence[Recording]) -> Unseen:
+def reference_residuals(run: Run, options: ObserverOptions, references: Sequence[Recording]) -> UnseenResiduals:
     """Residuals of reference recordings without contact, on which the run was not trained."""
     velocity = all(each.dq is not None for each in references)
     parts = [part for each in references for part in external_torque_of(run, options, each, velocity=velocity)]
-    return Unseen(tuple(parts), "reference", len(references))
+    return UnseenResiduals(tuple(parts), "reference", len(references))
 
 
-def own_residuals(run: Run, options: ObserverOptions, data: Path | str | None = None) -> Unseen:
+def own_residuals(run: Run, options: ObserverOptions, data: Path | str | None = None) -> UnseenResiduals:
     """Residuals of the recordings of a run, each without its effect on the estimate.
 
     Args:
@@ -166,7 +166,7 @@ def own_residuals(run: Run, options: ObserverOptions, data: Path | str | None = 
             f"The recordings of {run.folder} are too short to leave a part of them out.",
             remedy="give recordings of motion without contact with --reference.",
         )
-    return Unseen(tuple(parts), source, count)
+    return UnseenResiduals(tuple(parts), source, count)
 
 
 def _problem(run: Run, training: Sequence[ProcessedRecording]) -> EstimationProblem:
