@@ -77,7 +77,8 @@ class _State:
     def empty(cls, n: int, rest: int) -> _State:
         """State before the first sample of n joints."""
         zero = np.zeros(n)
-        return cls(0, (zero,) * 3, (zero,) * 3, (zero,) * 2, zero, np.full(n, rest), np.full(n, LONG_AGO), zero)
+        three = (zero, zero, zero)
+        return cls(0, three, three, (zero, zero), zero, np.full(n, rest), np.full(n, LONG_AGO), zero)
 
 
 class LiveMonitor:
