@@ -164,6 +164,8 @@ def test_a_load_is_written_for_controllers(armid: Armid, tmp_path: Path):
 def test_a_stored_load_is_converted(armid: Armid, tmp_path: Path):
     at_once, later = tmp_path / "at_once", tmp_path / "later"
     armid("payload", "run", "loaded.npz", "--to", "abb,franka", "--out", at_once)
+    code, _, err = armid("payload", at_once / "payload.json", "--to", "abb", "--mass", 3.0)
+    assert code == 2 and "no effect when a stored payload.json is converted" in " ".join(err.split())
     code, out, _ = armid("payload", at_once / "payload.json", "--to", "abb,franka", "--out", later)
     assert code == 0 and "none of these forms was tried on a robot" in out
     for name in ("load_abb.mod", "franka/armid_set_load.hpp", "franka/endeffector-config.json"):

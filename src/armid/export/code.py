@@ -105,7 +105,7 @@ def _heading(run: Run) -> tuple[str, ...]:
         f"Estimated by {estimate.method} from {len(run.trained_on)} recording(s):",
         *(f"  sha256 {recording}" for recording in run.trained_on),
         f"Terms: {', '.join(term.name for term in estimate.terms)}.",
-        _origin(run),
+        origin_line(run),
         *(
             ["Friction was estimated separately for each recording; the code contains the mean over the recordings."]
             if per_recording
@@ -114,7 +114,7 @@ def _heading(run: Run) -> tuple[str, ...]:
     )
 
 
-def _origin(run: Run) -> str:
+def origin_line(run: Run) -> str:
     """Line in the head of the code by which armid recognises files that were exported from this run."""
     return f"Inputs and options: sha256 {digest(*map(str, run.estimate.made_from))}."
 
@@ -125,7 +125,7 @@ def _others(files: Mapping[Path, str], run: Run) -> list[Path]:
     The result is empty if one of the files is an earlier export of this run.
     """
     present = {path: path.read_text(encoding="utf-8", errors="replace") for path in files if path.is_file()}
-    if any(_origin(run) in text for text in present.values()):
+    if any(origin_line(run) in text for text in present.values()):
         return []
     return [path for path, text in present.items() if text != files[path]]
 

@@ -8,7 +8,8 @@ import numpy as np
 
 from armid.atomic_file import replace_file
 from armid.codegen.texts.monitor_code import MonitorNumbers, write_monitor
-from armid.export.code import export_code
+from armid.export.code import export_code, origin_line
+from armid.export.sidecar import refuse_overwriting
 from armid.runs.monitoring.monitor import Monitor
 from armid.runs.monitoring.observer import SETTLED, SLOW, LowPassStage
 from armid.runs.monitoring.thresholds import AFTER_REST, REST_SPEED, REST_TIME
@@ -25,16 +26,21 @@ def export_monitor(monitor: Monitor, folder: Path | str, *, name: str = "") -> t
     Raises:
         OutputError: The files cannot be written, or would replace files that are not an export of this run.
     """
+    own_line, folder = origin_line(monitor.run), Path(folder)
+    present = [path for suffix in ("c", "h") for path in folder.glob(f"*_monitor.{suffix}")]
+    foreign = [path for path in present if own_line not in path.read_text(encoding="utf-8", errors="replace")]
+    refuse_overwriting(foreign, monitor.run)
     model = export_code(monitor.run, "c", folder, name=name)
     own = model.files[0].stem
     found = monitor.thresholds
     heading = (
+        own_line,
         f"Observer: {monitor.options.kind}, gain {monitor.options.gain_at(monitor.rate):g} 1/s.",
         f"Samples per second: {monitor.rate:.6g}.",
         f"False alarms per hour: {found.rate:.4g}{'' if found.promised else ' (extrapolated, not promised)'}.",
     )
     texts = write_monitor(own, monitor_numbers(monitor), memory=bool(monitor.run.model.nodes), heading=heading)
-    more = [replace_file(Path(folder) / path, text) for path, text in texts.items()]
+    more = [replace_file(folder / path, text) for path, text in texts.items()]
     return (*model.files, *more)
 
 

@@ -251,6 +251,8 @@ def with_edges(run: Run, edges: str | None) -> Run:
         return run
     average = run.processing.average and edges == "periodic"
     changed: Any = {"edges": edges, "average": average}
+    if run.processing.derivatives == "periodic" and edges != "periodic":
+        changed["derivatives"] = "central"
     return dataclasses.replace(run, processing=dataclasses.replace(run.processing, **changed))
 
 

@@ -208,17 +208,45 @@ def test_a_rest_gives_no_alarm(monitor: Monitor):
     assert not [each for each in seen.alarms if each.start > stop / RATE + 0.5]
 
 
+def every(step: int, recording: Recording) -> Recording:
+    """The same recording at a lower rate."""
+    assert recording.time is not None and recording.effort is not None
+    rows = slice(None, None, step)
+    return Recording(q=recording.q[rows], time=recording.time[rows], effort=recording.effort[rows])
+
+
+def cut(recording: Recording, length: float, gap: float) -> Recording:
+    """The recording with gaps between pieces of a length [s]."""
+    assert recording.time is not None and recording.effort is not None
+    kept = np.mod(recording.time - recording.time[0], length + gap) < length
+    return Recording(q=recording.q[kept], time=recording.time[kept], effort=recording.effort[kept])
+
+
+def test_what_was_not_watched_is_said(monitor: Monitor):
+    """The observer settles for a second after each gap."""
+    log = moved(31, 1)
+    assert not watch(monitor, log).findings
+    (finding,) = watch(monitor, cut(log, 3.0, 0.2)).findings
+    assert finding.code == "partly-watched" and "joint_1" in finding.evidence
+    with pytest.raises(ArmidError, match="cannot be watched"):
+        watch(monitor, cut(log, 0.8, 0.2))
+
+
 def test_wrong_requests_are_refused(run: Run, monitor: Monitor):
     with pytest.raises(ArmidError, match="Unknown observer"):
         ObserverOptions("kalman")  # pyright: ignore[reportArgumentType]
-    with pytest.raises(ArmidError, match="must be positive"):
-        ObserverOptions("momentum", 0.0)
+    with pytest.raises(ArmidError, match="at least 10"):
+        ObserverOptions("momentum", 2.0)
     with pytest.raises(ArmidError, match="rate of false alarms"):
         make_monitor(run, false_alarms=0.0)
     with pytest.raises(ArmidError, match="too high"):
         make_monitor(run, options=ObserverOptions("momentum", RATE))
     with pytest.raises(ArmidError, match="250 Hz"):
         LiveMonitor(monitor, 1000.0)
+    with pytest.raises(ArmidError, match="250 Hz"):
+        watch(monitor, every(5, moved(31, 1)))
+    with pytest.raises(ArmidError, match="Samples of a recording of unseen motion"):
+        make_monitor(run, references=[moved(31, 1), every(2, moved(32, 1))])
     with pytest.raises(ArmidError, match="not consecutive"):
         watch(monitor, replace(moved(31, 1), consecutive=False))
 

@@ -120,6 +120,8 @@ def payload(
 
     _refuse_options(recordings, to, flange)
     if not recordings:
+        others = (mass, com, link, gain_deviation, rate, torque_sign, columns, reading_lines)
+        _refuse_estimation(given=same_friction or any(option is not None for option in others))
         return _converted(run, to or (), flange, out, json=json)
     loaded = load_run(run)
     found = find_payload(
@@ -159,6 +161,18 @@ def _estimated(found: Payload, to: Sequence[str], flange: str | None, out: Path 
     print_findings([*found.findings, *refused, *(finding for each in written for finding in each.findings)])
     if found.contradictions:
         raise typer.Exit(1)
+
+
+def _refuse_estimation(*, given: bool) -> None:
+    """Refuse options of an estimate where a stored payload.json is converted."""
+    from armid.errors import OutputError
+
+    if given:
+        raise OutputError(
+            "Options of the estimate have no effect when a stored payload.json is converted.",
+            possible="--to, --flange, --out, --json",
+            remedy="leave the other options out, or give recordings with the payload.",
+        )
 
 
 def _refuse_options(recordings: Sequence[str] | None, to: Sequence[str] | None, flange: str | None) -> None:

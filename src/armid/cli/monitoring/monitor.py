@@ -120,7 +120,7 @@ def monitor(
     made = make_monitor(loaded, false_alarms=false_alarms, options=options, references=given, data=data)
     watched = watch(made, watched_recording)
     written = _written(made, recording, watched, out, code)
-    print_findings([*(finding for each in findings for finding in each), *made.findings])
+    print_findings([*(finding for each in findings for finding in each), *made.findings, *watched.findings])
     _show(made, recording, watched, written, json=json)
 
 

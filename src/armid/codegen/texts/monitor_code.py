@@ -127,7 +127,8 @@ typedef struct {
 void @NAME@_monitor_start(@NAME@_monitor *m);
 
 /* Takes the next sample: measured positions and torque, evenly spaced in time.
- * Returns the number of joints whose external torque exceeds its threshold; 0 while the observer settles. */
+ * Returns the number of joints whose external torque exceeds its threshold; 0 while the observer settles.
+ * Returns -1 and changes nothing if an input is not finite. */
 int @NAME@_monitor_update(@NAME@_monitor *m, const double q[@NAME@_joints], const double tau[@NAME@_joints]@VELOCITY@,
                           double external[@NAME@_joints], double threshold[@NAME@_joints]);
 
@@ -158,6 +159,9 @@ int @NAME@_monitor_update(@NAME@_monitor *m, const double q[@NAME@_joints], cons
   const double *inputs[@CHANNELS@] = @INPUTS@;
   double x[N], v[N], a[N], measured[N];
   int exceeded = 0;
+  for (int c = 0; c < @CHANNELS@; ++c)
+    for (int j = 0; j < N; ++j)
+      if (!isfinite(inputs[c][j])) return -1;
   for (int c = 0; c < @CHANNELS@; ++c) {
     for (int j = 0; j < N; ++j) {
       const double u = inputs[c][j];

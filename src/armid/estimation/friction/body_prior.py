@@ -176,11 +176,13 @@ def suitable_method(
         PhysicallyConsistent(noise=noise, weight=CONSISTENT_WEIGHT),
         Ridge(noise=noise, weight=ridge_weight),
     )
-    return (PhysicallyConsistent.name, False) if consistent else (Ridge.name, True)
+    return (PhysicallyConsistent.name, False) if consistent else (Ridge.name, consistent is not None)
 
 
-def predicts_as_well(problem: EstimationProblem, first: Estimator, second: Estimator) -> bool:
+def predicts_as_well(problem: EstimationProblem, first: Estimator, second: Estimator) -> bool | None:
     """Tests whether the held-out error of one estimator is about as small as that of another, or smaller.
+
+    The result is `None` if an estimate fails, so that nothing can be compared.
 
     Args:
         problem: Data and standard parameters.
@@ -197,7 +199,7 @@ def predicts_as_well(problem: EstimationProblem, first: Estimator, second: Estim
             np.sum([_held_out(problem, method, part) for part in parts], axis=0) for method in (first, second)
         )
     except EstimationError:
-        return False
+        return None
     counted = (of_first > 0.0) & (of_second > 0.0)
     return not counted.any() or float(np.log(of_first[counted] / of_second[counted]).mean()) <= MARGIN
 

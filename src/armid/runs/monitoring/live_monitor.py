@@ -15,13 +15,10 @@ from numpy.typing import ArrayLike, NDArray
 from armid.checked_array import Array, array
 from armid.errors import ArmidError
 from armid.runs.callable_model import CallableMemory, CallableModel
-from armid.runs.monitoring.monitor import Monitor
+from armid.runs.monitoring.monitor import Monitor, require_rate
 from armid.runs.monitoring.observer import SETTLED, SLOW, LowPassStage
 from armid.runs.monitoring.thresholds import AFTER_REST, REST_SPEED, REST_TIME
 from armid.runs.monitoring.tip_wrench import TipWrench, tip_wrench
-
-RATE_RATIO = 1.1
-"""Largest ratio of the sample rate to that of the unseen motion, and its inverse; other noise passes otherwise."""
 
 LONG_AGO = 10**6
 """Number of samples since a rest above which they are not counted, because the allowance has long vanished."""
@@ -93,11 +90,7 @@ class LiveMonitor:
     """
 
     def __init__(self, monitor: Monitor, rate: float) -> None:
-        if not 1.0 / RATE_RATIO <= rate / monitor.rate <= RATE_RATIO:
-            raise ArmidError(
-                f"The samples come at {rate:g} Hz, but the thresholds are for {monitor.rate:.5g} Hz.",
-                remedy="make the monitor with reference recordings at this rate.",
-            )
+        require_rate(monitor.rate, rate)
         self.monitor, self.rate = monitor, rate
         self._model = CallableModel.of(monitor.run)
         corner, momentum = monitor.options.stage_at(rate), monitor.options.kind == "momentum"

@@ -18,7 +18,7 @@ from armid.estimation.estimate_record import torque_parameters
 from armid.maths.peaks_over_threshold import Tail
 from armid.measurement.recording import Recording
 from armid.model.motion import Motion
-from armid.runs.monitoring.observer import Observed, ObserverOptions
+from armid.runs.monitoring.observer import SETTLED, Observed, ObserverOptions
 from armid.runs.monitoring.thresholds import GAP, PROMISED, Thresholds, find_thresholds
 from armid.runs.monitoring.tip_wrench import TipWrench, tip_wrench
 from armid.runs.monitoring.unseen_residuals import (
@@ -28,6 +28,12 @@ from armid.runs.monitoring.unseen_residuals import (
     reference_residuals,
 )
 from armid.runs.run import Run
+
+RATE_RATIO = 1.1
+"""Largest ratio of the sample rate to that of the unseen motion, and its inverse; other noise passes otherwise."""
+
+WATCHED = 0.9
+"""Share of the time in which alarms are possible on a joint below which a finding says so."""
 
 NO_SAFETY = (
     "This is no safety function: it is neither certified nor redundant and stops nothing. Do not protect people with "
@@ -107,12 +113,23 @@ class Watched:
         thresholds: Thresholds along each part, shape (N, n) each [N·m or N].
         alarms: Alarms in the order of time.
         seconds: Time in which alarms were possible [s].
+        findings: Findings about times that were not watched.
     """
 
     parts: tuple[Observed, ...]
     thresholds: tuple[Array, ...]
     alarms: tuple[Alarm, ...]
     seconds: float
+    findings: tuple[Finding, ...] = ()
+
+
+def require_rate(expected: float, rate: float, source: str = "The samples") -> None:
+    """Raises an error if a sample rate [Hz] differs from that of the thresholds by more than `RATE_RATIO`."""
+    if not 1.0 / RATE_RATIO <= rate / expected <= RATE_RATIO:
+        raise ArmidError(
+            f"{source} come at {rate:.5g} Hz, but the thresholds are for {expected:.5g} Hz.",
+            remedy="give reference recordings at the rate of the samples with --reference.",
+        )
 
 
 def make_monitor(
@@ -152,6 +169,8 @@ def make_monitor(
             remedy="give longer recordings of motion without contact with --reference.",
         )
     rate = max(parts, key=lambda part: len(part.time)).rate
+    for part in parts:
+        require_rate(rate, part.rate, "Samples of a recording of unseen motion")
     friction = dry_friction(run, parts)
     found, tails = find_thresholds(parts, friction, LOWEST if false_alarms is None else false_alarms)
     for _ in range(SEARCHES if false_alarms is None else 0):
@@ -196,12 +215,49 @@ def watch(monitor: Monitor, recording: Recording) -> Watched:
         ArmidError: The recording cannot be observed.
     """
     parts = external_torque_of(monitor.run, monitor.options, recording, velocity=monitor.velocity)
+    for part in parts:
+        require_rate(monitor.rate, part.rate, f"Samples of {recording.source or 'the recording'}")
+    findings = _unwatched(monitor, parts, recording)
     thresholds = tuple(monitor.thresholds.along(part) for part in parts)
     alarms = [
         alarm for part, along in zip(parts, thresholds, strict=True) for alarm in find_alarms(monitor, part, along)
     ]
     seconds = sum(float(np.count_nonzero(part.usable.any(axis=1))) / part.rate for part in parts)
-    return Watched(parts, thresholds, tuple(alarms), seconds)
+    return Watched(parts, thresholds, tuple(alarms), seconds, findings)
+
+
+def _unwatched(monitor: Monitor, parts: Sequence[Observed], recording: Recording) -> tuple[Finding, ...]:
+    """Finding about joints that were not watched in a part of a recording; empty if there are none.
+
+    Raises:
+        ArmidError: No joint could be watched at any time.
+    """
+    rows = sum(len(part.time) for part in parts)
+    counts = np.sum([part.usable.sum(axis=0) for part in parts], axis=0) if parts else np.zeros(monitor.run.robot.n)
+    where = recording.source or "The recording"
+    if not counts.any():
+        raise ArmidError(
+            f"{where} cannot be watched: after the start and after each gap, the observer settles for {SETTLED:g} s, "
+            f"and none of its {len(parts)} parts is longer.",
+            remedy="give a recording without gaps that is longer.",
+        )
+    share = counts / (rows - min(rows - 1, int(SETTLED * monitor.rate)))
+    if (share >= WATCHED).all():
+        return ()
+    listed = ", ".join(
+        f"{name} {min(each, 1.0):.0%}"
+        for name, each in zip(monitor.run.robot.joint_names, share.tolist(), strict=True)
+        if each < WATCHED
+    )
+    return (
+        Finding(
+            "partly-watched",
+            "warning",
+            "",
+            f"{where}: because of gaps and invalid samples, alarms were possible in a share of the time: {listed}.",
+            "record without gaps; an alarm is not given within a second after one.",
+        ),
+    )
 
 
 def find_alarms(monitor: Monitor, part: Observed, thresholds: Array) -> list[Alarm]:

@@ -34,6 +34,9 @@ GAIN = 100.0
 GAIN_PER_RATE = 0.5
 """Largest gain divided by the sample rate. Above it, the filters are shorter than two samples."""
 
+LEAST_GAIN = 10.0
+"""Smallest gain [1/s]: with it the observer settles in the time `SETTLED`."""
+
 SLOW = 10.0
 """Corner of the high-pass that shows changes of the torque of the model [1/s]; reversals act for about 0.1 s."""
 
@@ -60,9 +63,10 @@ class ObserverOptions:
                 possible=", ".join(OBSERVERS),
                 remedy=did_you_mean(self.kind, OBSERVERS),
             )
-        if self.gain is not None and not 0.0 < self.gain < np.inf:
+        if self.gain is not None and not LEAST_GAIN <= self.gain < np.inf:
             raise ArmidError(
-                f"The gain of the observer must be positive; found {self.gain}.",
+                f"The gain of the observer must be at least {LEAST_GAIN:g} 1/s, because it has not settled otherwise "
+                f"when alarms begin; found {self.gain}.",
                 remedy="give for instance --gain 50.",
             )
 

@@ -202,11 +202,13 @@ def _fitted_scale(parts: Sequence[_Part]) -> Array:
     squares = np.concatenate([part.squares[::every] for part in parts])[~np.isnan(residual)]
     power = residual[~np.isnan(residual)] ** 2
     mean = max(float(power.mean()), 1e-12)
-    sizes = np.maximum(squares.mean(axis=0), 1e-12)
-    a = mean / sizes / 3.0
+    sizes = squares.mean(axis=0)
+    moving = sizes > 1e-12  # a joint that stands has no velocity to follow
+    a = np.where(moving, mean / np.where(moving, sizes, 1.0) / 3.0, 0.0)
     for _ in range(PASSES):
         variance = squares @ a
-        a = a * np.sqrt((squares.T @ (power / variance**2)) / (squares.T @ (1.0 / variance)))
+        ratio = (squares.T @ (power / variance**2))[moving] / (squares.T @ (1.0 / variance))[moving]
+        a[moving] *= np.sqrt(ratio)
         a[0] = max(a[0], SMALLEST_SHARE * mean)
     return a
 

@@ -163,10 +163,12 @@ def own_residuals(run: Run, options: ObserverOptions, data: Path | str | None = 
         count += 1
     if not parts:
         raise ArmidError(
-            f"The recordings of {run.folder} are too short to leave a part of them out.",
+            f"The recordings of {run.folder} are too short to leave a part of them out, or the other parts do not "
+            "determine the parameters.",
             remedy="give recordings of motion without contact with --reference.",
         )
-    return UnseenResiduals(tuple(parts), source, count)
+    files = len({sha256 for _, sha256 in pairs})  # parts of one file are one recording
+    return UnseenResiduals(tuple(parts), source if files > 1 else "parts", min(count, files))
 
 
 def _problem(run: Run, training: Sequence[ProcessedRecording]) -> EstimationProblem:

@@ -54,7 +54,9 @@ def one_sided_filter_finding(information: Information, problem: EstimationProble
     except EstimationError:
         return None  # the estimate itself says what the data do not determine
     change = np.abs(two_sided.values - one_sided.values)
-    half = {str(name): 0.5 * float(np.ptp(ends)) for name, ends in zip(fit.names, fit.intervals, strict=True)}
+    half: dict[str, float] = {}
+    for name, ends in zip(fit.names, fit.intervals, strict=True):  # copies of recordings
+        half[name.of_all] = min(half.get(name.of_all, np.inf), 0.5 * float(np.ptp(ends)))
     names = [str(name) for name in two_sided.whole.names]
     left = [name for name, by in zip(names, change, strict=True) if by > half.get(name, np.inf)]
     before, after = (float(np.linalg.norm(residual_deviation(each, each.whole))) for each in (one_sided, two_sided))

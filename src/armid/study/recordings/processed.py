@@ -69,15 +69,16 @@ def process_each(
         open_ends = choice.reading.stated_period is None and not (edges_required and choice.role == "train")
         try:
             processed[index] = _processed(choice, recording, processing, robot, index)
-        except RecordingError:
+        except RecordingError as error:
             if processing.edges != "periodic" or not open_ends:
                 raise
-            processed[index] = _with_dropped_edges(choice, recording, processing, robot, index)
+            processed[index] = _with_dropped_edges(choice, recording, processing, robot, index, error.problem)
     train = [index for choice, _, index in numbered if choice.role == "train"]
     if len({processed[index].observations.band for index in train}) > 1:  # one estimate has one band
         for choice, recording, index in numbered:
             if index in train and processed[index].observations.band.edges == "periodic":
-                processed[index] = _with_dropped_edges(choice, recording, processing, robot, index)
+                why = "Another of the recordings needs it."
+                processed[index] = _with_dropped_edges(choice, recording, processing, robot, index, why)
     return tuple(processed[index] for _, _, index in numbered)
 
 
@@ -97,7 +98,7 @@ def _processed(
 
 
 def _with_dropped_edges(
-    choice: RecordingChoice, recording: Recording, processing: ProcessingOptions, robot: Robot, index: int
+    choice: RecordingChoice, recording: Recording, processing: ProcessingOptions, robot: Robot, index: int, why: str
 ) -> ProcessedRecording:
     """Processes a recording whose motion does not close, without derivatives by Fourier series, which need that."""
     derivatives = "central" if processing.derivatives == "periodic" else processing.derivatives
@@ -107,8 +108,7 @@ def _with_dropped_edges(
         "edges-dropped",
         "info",
         "",
-        f"The motion of {choice.path} does not close with a whole number of periods, so the rows that its ends "
-        "influence are dropped, instead of the periodic edges of the other recordings.",
+        f"{choice.path} cannot have periodic edges, so the rows that its ends influence are dropped. {why}",
     )
     return replace(processed, findings=(*processed.findings, finding))
 
