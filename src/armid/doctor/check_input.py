@@ -37,7 +37,7 @@ INSTEAD = 0.5
 """Gain of the second strongest fault, relative to that of the strongest one, from which it is accepted instead if
 the log does not confirm the strongest one."""
 
-FURTHER_SHARE, CLEAR = 0.2, 0.1
+FURTHER_SHARE, CLEAR = 0.1, 0.1
 """Share of the gain of the first fault, and gain, one of which a further fault must have: what remains of a fault
 that is corrected only in part, and model error, look like a weak second fault. A first fault with less gain than
 `CLEAR` must lower the residual of all rows."""

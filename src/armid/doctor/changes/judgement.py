@@ -60,6 +60,10 @@ TILT, STRENGTH = np.radians(4.0), 0.25
 keeps its weight."""
 
 
+STILL = 1e-3
+"""Speed that a joint which never moves does not reach [rad/s or m/s]. Its torque may have any value within static
+friction, and that of a stuck encoder contradicts its position, so that parts of the log cannot be compared."""
+
 CONSTANT = 0.88
 """Share of a change's decrease of the squared residuals that a constant fault of the same kind gives, from which the
 fault is constant. A change of half a log gives 0.5."""
@@ -114,9 +118,11 @@ gravity 0.27 with a tilt of 2°."""
 def change_of(state: LogState) -> FittedChange | None:
     """The change that explains the misfit of a log best, if it is a fault.
 
-    The result is `None` if nothing changes, or if a change was corrected already.
+    The result is `None` if nothing changes, if a joint never moves, or if a change was corrected already.
     """
     if state.change_corrected or state.log.band.is_open:
+        return None
+    if (np.abs(state.rows.motion.dq).max(axis=0, initial=0.0) < STILL).any():
         return None
     found = [each for each in scan(state, alternatives_of(state))[:MOST] if each.gain > SCREENED]
     fitted = [FittedChange(state, each) for candidate in found for each in _variants(candidate)]
