@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from armid.runs.monitoring.observer import ObserverOptions, Stage
+from armid.runs.monitoring.observer import LowPassStage, ObserverOptions
 from armid.runs.monitoring.unseen_residuals import external_torque_of
 from armid.runs.run import load_run, save_run
 from armid.study.config import load_study
@@ -35,7 +35,7 @@ def test_the_residual_is_smaller_than_the_manufacturers(shared_data: Path, tmp_p
     stated = np.column_stack([table[f"tau_ext{j}"].to_numpy() for j in range(1, 8)])
     options = ObserverOptions()
     (part,) = external_torque_of(run, options, unseen)
-    stage = Stage.of(options.stage_at(part.rate), part.rate)
+    stage = LowPassStage.of(options.stage_at(part.rate), part.rate)
     stated = stage.along(stage.along(stated))[np.searchsorted(time, part.time - 1e-4)]
     used = part.usable.all(axis=1)
     ratio = np.sqrt(np.mean(part.external[used] ** 2, axis=0) / np.mean(stated[used] ** 2, axis=0))

@@ -127,8 +127,8 @@ def validation_disagreements(
     """Findings about validation recordings that contradict all training recordings together.
 
     Only recordings are compared on which the error of some joint is much larger than on the training recordings.
-    Friction and offsets may differ between the two sides. If training recordings contradict each other, nothing is
-    compared with them.
+    Friction and offsets may differ between the two sides. If there is an error in a recording already, as if training
+    recordings contradict each other, nothing is compared: the cause is told, and the verdict is `fail`.
 
     Args:
         model: Arm and torque terms.
@@ -136,9 +136,9 @@ def validation_disagreements(
         information: Factors of the training recordings.
         training: Torque error on each training recording.
         judged: Validation recordings with the torque error on each.
-        told: Findings on the training recordings.
+        told: Findings on the recordings.
     """
-    if any(finding.code == CODE for finding in told):
+    if any(finding.severity == "error" for finding in told):
         return []
     usual = np.max([each.rms for each in training], axis=0)
     together = replace(information, recording=np.zeros_like(information.recording))
