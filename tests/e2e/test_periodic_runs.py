@@ -68,8 +68,8 @@ def test_any_motion_is_read_for_a_periodic_run(armid: Armid):
         ):
             done = armid(*command)
             assert done.code == 0, (command, done.err)
-    said = armid("validate", "run", "open.csv")
-    assert re.search("edges-dropped", said.err)
+    for command in ("validate", "predict"):
+        assert re.search("edges-dropped", armid(command, "run", "open.csv").err)
 
 
 def test_period_and_edges_can_be_given_for_new_recordings(armid: Armid):

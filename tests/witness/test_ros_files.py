@@ -12,6 +12,7 @@ import pytest
 import yaml
 
 from armid.errors import OutputError
+from armid.export.ros.files import ur_description
 from armid.export.ros.write import export_for_ros
 from armid.export.write import export_run
 from armid.model.motion import Motion
@@ -136,6 +137,14 @@ def test_arms_that_are_not_of_the_package(tmp_path: Path):
         export_for_ros(run_of(tmp_path / "built_in", "iiwa14-r820", terms=TERMS), "ur-description")
     with pytest.raises(OutputError, match="did you mean 'ur-description'"):
         export_run(run, "ur-descriptoin")
+
+
+def test_links_without_inertia_are_named():
+    """The macros of the packages need the inertia of every link, so an entry must not be left out."""
+    inertial = described()
+    urdf = ur_arm(lambda link: "" if link == "wrist_3" else inertial(link), frictionless, head=">")
+    with pytest.raises(OutputError, match="has none of wrist_3_link"):
+        ur_description.write(urdf.encode(), "an arm")
 
 
 def test_a_heavier_tool_has_the_mass_and_the_files_of_the_package_do_not(tmp_path: Path):

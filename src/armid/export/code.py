@@ -19,8 +19,7 @@ from armid.codegen.functions import make_programs
 from armid.codegen.generation import generate
 from armid.errors import OutputError
 from armid.estimation.estimate_record import torque_parameters
-from armid.export.sidecar import refuse_overwriting
-from armid.hashes import digest
+from armid.export.sidecar import origin_line, refuse_overwriting
 from armid.model.base_parameters import BaseParameters
 from armid.model.dynamics_model import DynamicsModel
 from armid.model.equations_of_motion import bias_torque, slotine_li_regressor
@@ -112,11 +111,6 @@ def _heading(run: Run) -> tuple[str, ...]:
             else []
         ),
     )
-
-
-def origin_line(run: Run) -> str:
-    """Line in the head of the code by which armid recognises files that were exported from this run."""
-    return f"Inputs and options: sha256 {digest(*map(str, run.estimate.made_from))}."
 
 
 def _others(files: Mapping[Path, str], run: Run) -> list[Path]:

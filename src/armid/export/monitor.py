@@ -8,8 +8,8 @@ import numpy as np
 
 from armid.atomic_file import replace_file
 from armid.codegen.texts.monitor_code import MonitorNumbers, write_monitor
-from armid.export.code import export_code, origin_line
-from armid.export.sidecar import refuse_overwriting
+from armid.export.code import export_code
+from armid.export.sidecar import origin_line, refuse_overwriting
 from armid.runs.monitoring.monitor import Monitor
 from armid.runs.monitoring.observer import SETTLED, SLOW, LowPassStage
 from armid.runs.monitoring.thresholds import AFTER_REST, REST_SPEED, REST_TIME

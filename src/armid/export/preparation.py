@@ -6,7 +6,7 @@ import math
 from collections.abc import Generator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, TypedDict, Unpack
 
 from armid.checked_array import Array
 from armid.errors import Finding, OutputError
@@ -20,6 +20,25 @@ from armid.export.verification import places_of
 from armid.remedy import Remedy
 from armid.robot.robot import InertialParameters, Link, Robot
 from armid.runs.run import Run
+
+
+class ExportChoices(TypedDict, total=False):
+    """Choices of the content of an export; each may be left out.
+
+    Attributes:
+        limits: Limits for a new file, if the description has none. A key contains the name of a joint, which may be a
+            pattern, and `velocity`, `effort` or `position`; limits of position are a lower and an upper limit.
+        nearest: True to write, of all links with the estimated base parameters, those nearest to the description.
+        lumped: True to give the whole inertia of a link to its main body, and none to the attached bodies.
+        allow_unphysical: True if physically inconsistent links may be written.
+        allow_unidentified: True if links may be written whose mass neither the torque nor the description determines.
+    """
+
+    limits: Mapping[tuple[str, str], float | tuple[float, float]] | None
+    nearest: bool
+    lumped: bool
+    allow_unphysical: bool
+    allow_unidentified: bool
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -49,11 +68,7 @@ def prepare(
     source: DescriptionSource,
     *,
     edits: bool,
-    limits: Mapping[tuple[str, str], float | tuple[float, float]] | None = None,
-    nearest: bool = False,
-    lumped: bool = False,
-    allow_unphysical: bool = False,
-    allow_unidentified: bool = False,
+    **choices: Unpack[ExportChoices],
 ) -> PreparedExport:
     """Chooses the parameters that are written, and distributes them among the bodies of the description.
 
@@ -62,15 +77,13 @@ def prepare(
         exporter: Exporter of the format.
         source: Description of the run.
         edits: True if the description is edited; false for a new file.
-        limits: Limits for a new file, as for `armid.export.write.export_run`.
-        nearest: True to write, of all links with the estimated base parameters, those nearest to the description.
-        lumped: True to give the whole inertia of a link to its main body, and none to the attached bodies.
-        allow_unphysical: True if physically inconsistent links may be written.
-        allow_unidentified: True if links may be written whose mass neither the torque nor the description determines.
+        choices: Choices of the content.
 
     Raises:
         OutputError: An option has no effect, limits are missing, or links must not be written.
     """
+    limits, lumped = choices.get("limits"), choices.get("lumped", False)
+    allow_unphysical = choices.get("allow_unphysical", False)
     bodies = _bodies(exporter, source, run.robot) if edits else None
     _refuse_options(source, limits, bodies, lumped=lumped)
     placeless = set[int]() if bodies is None else set(range(run.robot.n)) - {body.link for body in bodies}
@@ -78,9 +91,9 @@ def prepare(
     robot = with_limits(run.robot, limits or {})
     with _beside(exporter.missing_limits(robot) if bodies is None else None):
         theta, kind, findings = values_to_write(
-            run, placeless, carried, nearest=nearest, allow_unphysical=allow_unphysical
+            run, placeless, carried, nearest=choices.get("nearest", False), allow_unphysical=allow_unphysical
         )
-        guessed = refuse_unidentified(run, theta, placeless, allowed=allow_unidentified)
+        guessed = refuse_unidentified(run, theta, placeless, allowed=choices.get("allow_unidentified", False))
         content, shared = _content(run, exporter, theta, source, bodies, robot, lumped=lumped)
         unphysical = unphysical_names(content, placeless, bodies or ())
         refused = refuse_unphysical(run, unphysical, allowed=allow_unphysical)

@@ -11,6 +11,7 @@ from armid.checked_array import Array
 from armid.errors import OutputError
 from armid.estimation.estimate_record import Estimate, collapse
 from armid.export.types import Content
+from armid.hashes import digest
 from armid.model.base_formulas import base_formulas
 from armid.runs.run import Run
 from armid.study.storage.records import finding_record
@@ -48,6 +49,11 @@ def side_record(run: Run, content: Content, theta: Array, data: bytes, name: str
         "load_parameters": model.load_parameters,
         "warnings": [finding_record(finding) for finding in estimate.findings],
     }
+
+
+def origin_line(run: Run) -> str:
+    """Line of a written file by which armid recognises an export of this run."""
+    return f"Inputs and options: sha256 {digest(*map(str, run.estimate.made_from))}."
 
 
 def refuse_overwriting(others: Sequence[Path], run: Run) -> None:

@@ -7,14 +7,14 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Unpack
 
 from armid.atomic_file import replace_file
 from armid.codegen.catalogue import LANGUAGES
 from armid.errors import Finding, OutputError, did_you_mean
 from armid.export.catalogue import EXPORTERS, Exporter
 from armid.export.input_digest_check import find_source, unseen_recordings
-from armid.export.preparation import prepare
+from armid.export.preparation import ExportChoices, prepare
 from armid.export.ros.catalogue import ROS_FILES
 from armid.export.sidecar import refuse_overwriting, side_record
 from armid.export.types import DescriptionSource
@@ -60,11 +60,7 @@ def export_run(
     *,
     description: Path | str | None = None,
     data: Path | str | None = None,
-    limits: Mapping[tuple[str, str], float | tuple[float, float]] | None = None,
-    nearest: bool = False,
-    lumped: bool = False,
-    allow_unphysical: bool = False,
-    allow_unidentified: bool = False,
+    **choices: Unpack[ExportChoices],
 ) -> Exported:
     """Writes the model of a run as a robot description, and a sidecar file with the whole model.
 
@@ -77,12 +73,7 @@ def export_run(
         out: Path of the file; `None` for a file in the folder of the run.
         description: Path of the description of the run, if it was moved after the identification.
         data: Folder of the recordings of the run, if they were moved after the identification.
-        limits: Limits for a new file, if the description has none. A key contains the name of a joint, which may be a
-            pattern, and `velocity`, `effort` or `position`; limits of position are a lower and an upper limit.
-        nearest: True to write, of all links with the estimated base parameters, those nearest to the description.
-        lumped: True to give the whole inertia of a link to its main body, and none to the attached bodies.
-        allow_unphysical: True if physically inconsistent links may be written.
-        allow_unidentified: True if links may be written whose mass neither the torque nor the description determines.
+        choices: Choices of the content.
 
     Raises:
         OutputError: A file of another origin exists, the file cannot be written, or its model would be wrong.
@@ -90,17 +81,7 @@ def export_run(
     exporter, source = _exporter(to), find_source(run, description)
     path = Path(out) if out is not None else _default(run, source, exporter)
     _refuse_target(path, source, None if out is None else run)
-    prepared = prepare(
-        run,
-        exporter,
-        source,
-        edits=source.format == to,
-        limits=limits,
-        nearest=nearest,
-        lumped=lumped,
-        allow_unphysical=allow_unphysical,
-        allow_unidentified=allow_unidentified,
-    )
+    prepared = prepare(run, exporter, source, edits=source.format == to, **choices)
     content, theta, kind, findings = prepared.content, prepared.theta, prepared.kind, prepared.findings
     written = exporter.write(content)
     unseen = unseen_recordings(run, data)

@@ -67,8 +67,8 @@ def validate_run(
     return contradicted(validate(run.robot.joint_names, scores, run.estimate), told), (*told, *found)
 
 
-def motion_of(run: Run, path: str, *, rate: float, reading: Mapping[str, Any]) -> Motion:
-    """Reads the motion of a plan, of a file for a controller, or of a recording as the run processes it.
+def motion_of(run: Run, path: str, *, rate: float, reading: Mapping[str, Any]) -> tuple[Motion, tuple[Finding, ...]]:
+    """Motion of a plan, of a file for a controller, or of a recording as the run processes it, and findings on it.
 
     Args:
         run: The run.
@@ -81,7 +81,7 @@ def motion_of(run: Run, path: str, *, rate: float, reading: Mapping[str, Any]) -
     """
     planned = motion_of_plan(path, run.robot, rate)
     if planned is not None:
-        return planned
+        return planned, ()
     how = format_of_new_recording(run, reading)
     raw = load_recording(path, how, run.robot)
     if raw.effort is None:  # only the motion is needed
@@ -99,7 +99,7 @@ def motion_of(run: Run, path: str, *, rate: float, reading: Mapping[str, Any]) -
     ]
     names = ("time", "q", "dq", "ddq", *(["memory"] if run.model.nodes else []))
     joined = [np.concatenate([getattr(motion, name) for motion in motions]) for name in names]
-    return Motion(*joined)
+    return Motion(*joined), processed.findings
 
 
 def predict(run: Run, motion: Motion) -> Array:

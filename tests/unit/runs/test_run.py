@@ -107,7 +107,7 @@ def test_shapes_memory_and_load_survive(folder: Path, tmp_path: Path):
     }
     found, _ = validate_run(run, [str(folder / "run2.csv")], {})
     np.testing.assert_allclose(found.recordings[0].rms, result.validation.recordings[0].rms, rtol=1e-12)
-    moved = motion_of(run, str(folder / "run2.csv"), rate=40.0, reading={})
+    moved, _ = motion_of(run, str(folder / "run2.csv"), rate=40.0, reading={})
     assert moved.memory is not None and np.array_equal(moved.memory, run.model.remember(moved).memory)
     unloaded = replace(result, model=replace(result.model, load_parameters=None))
     assert load_run(save_run(unloaded, tmp_path / "unloaded")).model.load_parameters is None
@@ -120,7 +120,7 @@ def test_memory_begins_anew_after_a_gap(folder: Path, tmp_path: Path):
     log = small_recording(2)
     there = np.delete(np.arange(log.samples), np.s_[600:700])
     rows = {name: getattr(log, name)[there] for name in ("time", "q", "effort", "valid")}
-    moved = motion_of(run, str(write_recording(replace(log, **rows), tmp_path / "gap.csv")), rate=40.0, reading={})
+    moved, _ = motion_of(run, str(write_recording(replace(log, **rows), tmp_path / "gap.csv")), rate=40.0, reading={})
     gap = int(np.argmax(np.diff(moved.time))) + 1
     assert gap == 600 and moved.memory is not None
     for part in (moved[:gap], moved[gap:]):
@@ -308,9 +308,9 @@ def test_what_was_cut_out_of_the_training_is_not_cut_out_of_others(folder: Path,
 def test_the_motion_of_plans_and_recordings(saved: Path, folder: Path, tmp_path: Path):
     run = load_run(saved)
     plan = small_plan(3)
-    along = motion_of(run, str(save_plan(plan, tmp_path / "plan.json")), rate=40.0, reading={})
+    along, _ = motion_of(run, str(save_plan(plan, tmp_path / "plan.json")), rate=40.0, reading={})
     np.testing.assert_array_equal(along.q, plan.sample(40.0).q)
-    recorded = motion_of(run, str(folder / "run2.csv"), rate=40.0, reading={})
+    recorded, _ = motion_of(run, str(folder / "run2.csv"), rate=40.0, reading={})
     inner = slice(100, -100)
     exact = small_plan(2).sample(100.0, 2)
     np.testing.assert_allclose(recorded.q[inner], exact.q[inner], atol=2e-4)
@@ -330,9 +330,9 @@ def test_a_motion_needs_no_torque_and_no_row_is_too_slow_for_it(saved: Path, tmp
     run = load_run(saved)
     slow = replace(run, processing=replace(run.processing, slow=50.0, saturation=0.5))
     driven = replace(slow, log_format=LogFormat(drive_gain=[2.0, 2.0, 2.0], drive_gain_deviation=0.1))
-    expected = motion_of(run, str(tmp_path / "motion.csv"), rate=1.0, reading={})
+    expected, _ = motion_of(run, str(tmp_path / "motion.csv"), rate=1.0, reading={})
     for each in (slow, driven):
-        found = motion_of(each, str(tmp_path / "motion.csv"), rate=1.0, reading={})
+        found, _ = motion_of(each, str(tmp_path / "motion.csv"), rate=1.0, reading={})
         np.testing.assert_array_equal(found.ddq, expected.ddq)
     assert expected.samples == recording.samples
 

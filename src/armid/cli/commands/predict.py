@@ -62,14 +62,14 @@ def predict(
         )
     loaded = with_edges(load_run(run), edges)
     reading = changed_reading(loaded.log_format, rate, torque_sign, columns, None, period, preset)
-    along = validation_and_prediction.motion_of(loaded, motion, rate=plan_rate, reading=reading)
+    along, findings = validation_and_prediction.motion_of(loaded, motion, rate=plan_rate, reading=reading)
     torque = validation_and_prediction.predict(loaded, along)
     width = validation_and_prediction.band(loaded, along) if band else None
     path = validation_and_prediction.write_torque(out, along, torque, loaded.robot.joint_names, band=width)
     sys.stdout.write(_summary(loaded, path, torque, width, json=json) + "\n")
     top_speed = np.max(np.abs(along.dq), axis=0, initial=0.0)
     beyond = speed_finding(loaded.robot, loaded.estimate.speeds, top_speed, Path(motion).name)
-    print_findings([] if beyond is None else [beyond])
+    print_findings([*findings, *([] if beyond is None else [beyond])])
 
 
 def _summary(run: Run, path: Path, torque: Array, width: Array | None, *, json: bool) -> str:

@@ -70,6 +70,22 @@ def link_numbers(root: ET.Element, name: str) -> LinkNumbers | None:
     return LinkNumbers(value, _three(origin, "xyz"), (about + about.T) / 2.0)
 
 
+def numbers_of_links(root: ET.Element, names: Sequence[str], package: str) -> list[LinkNumbers]:
+    """Inertias of links that a package needs.
+
+    Raises:
+        OutputError: The URDF has no inertia of some of them.
+    """
+    found = {name: link_numbers(root, name) for name in names}
+    missing = [name for name, numbers in found.items() if numbers is None]
+    if missing:
+        raise OutputError(
+            f"{package} needs an inertia of each link, and the URDF has none of {', '.join(missing)}.",
+            remedy="write an inertia of these links into the description, and identify again.",
+        )
+    return [numbers for numbers in found.values() if numbers is not None]
+
+
 def _three(origin: ET.Element | None, key: str) -> Array:
     text = "" if origin is None else origin.get(key, "")
     return np.array([float(word) for word in text.split()] or [0.0, 0.0, 0.0])

@@ -4,18 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Unpack
 
 from armid.atomic_file import replace_file
 from armid.errors import OutputError
 from armid.export.catalogue import EXPORTERS
 from armid.export.input_digest_check import find_source, unseen_recordings
-from armid.export.preparation import PreparedExport, prepare
+from armid.export.preparation import ExportChoices, PreparedExport, prepare
 from armid.export.ros.catalogue import ROS_FILES, RosFiles
-from armid.export.sidecar import refuse_overwriting, side_record
+from armid.export.sidecar import origin_line, refuse_overwriting, side_record
 from armid.export.types import DescriptionSource, WrittenDescription
 from armid.export.verification import verify
 from armid.export.write import SIDE, Exported, findings_on_sidecar
-from armid.hashes import digest
 from armid.runs.run import Run
 from armid.study.storage.records import to_json
 
@@ -27,11 +27,7 @@ def export_for_ros(
     *,
     description: Path | str | None = None,
     data: Path | str | None = None,
-    limits: Mapping[tuple[str, str], float | tuple[float, float]] | None = None,
-    nearest: bool = False,
-    lumped: bool = False,
-    allow_unphysical: bool = False,
-    allow_unidentified: bool = False,
+    **choices: Unpack[ExportChoices],
 ) -> Exported:
     """Writes the model of a run as files of a ROS description package, and a sidecar file with the whole model.
 
@@ -43,11 +39,7 @@ def export_for_ros(
         out: Folder for the files; `None` for a folder of this name in the folder of the run.
         description: Path of the description of the run, if it was moved after the identification.
         data: Folder of the recordings of the run, if they were moved after the identification.
-        limits: Limits for a new file, as for `export_run`.
-        nearest: True to write, of all links with the estimated base parameters, those nearest to the description.
-        lumped: True to give the whole inertia of a link to its main body, and none to the attached bodies.
-        allow_unphysical: True if physically inconsistent links may be written.
-        allow_unidentified: True if links may be written whose mass neither the torque nor the description determines.
+        choices: Choices of the content.
 
     Raises:
         OutputError: The description is not that of the package, files of another origin exist, or the model in the
@@ -57,17 +49,7 @@ def export_for_ros(
     edits = source.format == "urdf"
     if kind.NEEDS_DESCRIPTION and not edits:
         raise _foreign(to, source.path)
-    prepared = prepare(
-        run,
-        exporter,
-        source,
-        edits=edits,
-        limits=limits,
-        nearest=nearest,
-        lumped=lumped,
-        allow_unphysical=allow_unphysical,
-        allow_unidentified=allow_unidentified,
-    )
+    prepared = prepare(run, exporter, source, edits=edits, **choices)
     written = exporter.write(prepared.content)
     files, again = _made(kind, run, source, written)
     unseen, unphysical = unseen_recordings(run, data), prepared.is_unphysical
@@ -94,23 +76,18 @@ def _made(
     kind: RosFiles, run: Run, source: DescriptionSource, written: WrittenDescription
 ) -> tuple[Mapping[str, str], WrittenDescription]:
     """Files made from a written URDF, and the URDF to which the package expands them."""
-    about = f"{run.robot.name}, identified by armid ({run.estimate.method}). {_origin(run)}"
+    about = f"{run.robot.name}, identified by armid ({run.estimate.method}). {origin_line(run)}"
     files = kind.write(written.data, about)
     # Files of a package hold the arm only; all else is as in the description.
     rest = source.data if kind.NEEDS_DESCRIPTION else written.data
     return files, WrittenDescription(kind.expanded(files, rest), written.findings)
 
 
-def _origin(run: Run) -> str:
-    """Words by which armid recognises files that were exported from this run."""
-    return f"Inputs and options: sha256 {digest(*map(str, run.estimate.made_from))}."
-
-
 def _written(files: Mapping[str, str], folder: Path, run: Run) -> tuple[Path, ...]:
     """Writes the files, unless files exist that are not an export of this run."""
     paths = {folder / name: text for name, text in files.items()}
     present = {path: path.read_text(encoding="utf-8", errors="replace") for path in paths if path.is_file()}
-    refuse_overwriting([path for path, text in present.items() if _origin(run) not in text], run)
+    refuse_overwriting([path for path, text in present.items() if origin_line(run) not in text], run)
     return tuple(replace_file(path, text) for path, text in paths.items())
 
 

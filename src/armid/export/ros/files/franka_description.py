@@ -11,6 +11,7 @@ from armid.export.ros.package_yaml import (
     find_prefix,
     friction_of,
     link_numbers,
+    numbers_of_links,
     read_yaml,
     with_values,
     yaml_lines,
@@ -19,6 +20,7 @@ from armid.export.types import plain_number
 
 NEEDS_DESCRIPTION: bool = True
 
+PACKAGE = "franka_description"
 LINKS = tuple(f"link{i}" for i in range(8))
 INERTIALS, DYNAMICS = "inertials.yaml", "dynamics.yaml"
 
@@ -31,9 +33,10 @@ def write(urdf: bytes, about: str) -> dict[str, str]:
     root = ET.fromstring(urdf)
     prefix = _prefix(root)
     inertials: dict[str, Any] = {}
-    for link in LINKS:
-        numbers = link_numbers(root, prefix + link)
-        if numbers is None:
+    base = link_numbers(root, prefix + LINKS[0])
+    moving = numbers_of_links(root, [prefix + link for link in LINKS[1:]], PACKAGE)
+    for link, numbers in zip(LINKS, (base, *moving), strict=True):
+        if numbers is None:  # the base does not move, so the macro may have its own inertia
             continue
         inertials[link] = {
             "origin": {"xyz": " ".join(plain_number(x) for x in numbers.com), "rpy": "0 0 0"},
@@ -67,4 +70,4 @@ def expanded(files: Mapping[str, str], urdf: bytes) -> bytes:
 
 
 def _prefix(root: ET.Element) -> str:
-    return find_prefix(root, LINKS[1:], "franka_description")
+    return find_prefix(root, LINKS[1:], PACKAGE)

@@ -17,6 +17,7 @@ from armid.export.ros.package_yaml import (
     find_prefix,
     friction_of,
     link_numbers,
+    numbers_of_links,
     read_yaml,
     with_values,
     yaml_lines,
@@ -24,6 +25,7 @@ from armid.export.ros.package_yaml import (
 
 NEEDS_DESCRIPTION: bool = True
 
+PACKAGE = "ur_description"
 LINKS = ("shoulder", "upper_arm", "forearm", "wrist_1", "wrist_2", "wrist_3")
 JOINTS = ("shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3")
 PHYSICAL, DYNAMICS = "physical_parameters.yaml", "joint_dynamics.yaml"
@@ -33,8 +35,8 @@ def write(urdf: bytes, about: str) -> dict[str, str]:
     """Makes `physical_parameters.yaml` and `joint_dynamics.yaml`."""
     root = ET.fromstring(urdf)
     prefix = _prefix(root)
-    found = {link: link_numbers(root, f"{prefix}{link}_link") for link in LINKS}
-    numbers = {link: each for link, each in found.items() if each is not None}
+    names = [f"{prefix}{link}_link" for link in LINKS]
+    numbers = dict(zip(LINKS, numbers_of_links(root, names, PACKAGE), strict=True))
     base, radius, length = _base(root, prefix)
     inertia: dict[str, Any] = {"base_mass": base, **{f"{link}_mass": each.mass for link, each in numbers.items()}}
     inertia["links"] = {"base": {"radius": radius, "length": length}}
@@ -75,7 +77,7 @@ def expanded(files: Mapping[str, str], urdf: bytes) -> bytes:
 
 
 def _prefix(root: ET.Element) -> str:
-    return find_prefix(root, [f"{link}_link" for link in LINKS], "ur_description")
+    return find_prefix(root, [f"{link}_link" for link in LINKS], PACKAGE)
 
 
 def _base(root: ET.Element, prefix: str) -> tuple[float, float, float]:
