@@ -9,9 +9,13 @@ import typer
 
 from armid.cli import value_completion
 from armid.cli.command_list import COMMANDS
+from armid.cli.log_format_options import PRESET_NAMES
 from armid.cli.main import app
+from armid.cli.monitoring.monitor import OBSERVER_KINDS
 from armid.excitation.design.criteria import CRITERIA
 from armid.excitation.limits.joint_limits import KINDS
+from armid.measurement.log_format import PRESETS
+from armid.runs.monitoring.observer import OBSERVERS
 
 NAMES = [command.__name__.replace("_", "-") for command in COMMANDS]
 
@@ -21,8 +25,10 @@ NAMES = [command.__name__.replace("_", "-") for command in COMMANDS]
     [
         (value_completion.CRITERIA, CRITERIA),
         (value_completion.KINDS, KINDS),
+        (PRESET_NAMES, PRESETS),
+        (OBSERVER_KINDS, OBSERVERS),
     ],
-    ids=["criteria", "limits"],
+    ids=["criteria", "limits", "presets", "observers"],
 )
 def test_names_are_those_of_the_catalogue(said: tuple[str, ...], catalogue: object):
     assert len(said) == len(set(said)) and set(said) == set(catalogue)  # pyright: ignore

@@ -33,9 +33,9 @@ def moved(
     return replace(found, sha256=f"{seed}")
 
 
-def small_run(folder: Path, *terms: str) -> Run:
+def small_run(folder: Path, *terms: str, recording: Recording | None = None) -> Run:
     """The small arm, identified on one recording."""
-    path = write_recording(moved(1, 4), folder / "free.npz")
+    path = write_recording(recording or moved(1, 4), folder / "free.npz")
     shapes = {"coulomb": {"width": 0.0}} if "coulomb" in (terms or TERMS) else {}
     study = Study(
         RobotChoice(str(write_arm(folder))), ModelChoice(terms or TERMS, shapes), (RecordingChoice(str(path)),)

@@ -55,10 +55,10 @@ def test_in_closed_loop_the_links_get_drive_and_push(stiffness: np.ndarray | Non
     trace = found.trace
     rigid = kernel.inverse_dynamics(truth.robot.tree, truth.inertial, trace.q, trace.dq, trace.ddq)
     external = external_torque([PUSH], 3, trace.time)
-    if stiffness is None:
-        difference = rigid - trace.transmitted - external
-        scale = np.abs(rigid).max()
-        assert np.abs(difference).max() < 1e-4 * scale  # second order in the step, of 2 kHz
+    difference = rigid - trace.transmitted - external
+    scale = np.abs(rigid).max()
+    # Second order in the step, of 2 kHz; springs are faster than links. The push is a fifth of the scale.
+    assert np.abs(difference).max() < (1e-4 if stiffness is None else 2e-3) * scale
     free = simulate(truth, plan, lab()).trace
     during = (trace.time > 0.9) & (trace.time < 1.05)
     assert (trace.q - free.q)[during, 1].mean() > 1e-5

@@ -7,7 +7,7 @@ each fifth of it by an estimate from the others.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armid.checked_array import Array
-from armid.errors import ArmidError, Finding
+from armid.errors import ArmidError, EstimationError, Finding
 from armid.estimation.catalogue import Estimator, EstimatorWithPrior
 from armid.estimation.crossvalidation import FOLDS
 from armid.estimation.estimate_record import torque_parameters
@@ -150,25 +150,40 @@ def own_residuals(run: Run, options: ObserverOptions, data: Path | str | None = 
     problem = _problem(run, training)
     fixed = method.with_prior_of(_separated(run, study, problem), run.estimate.fit) \
         if isinstance(method, EstimatorWithPrior) else method  # fmt: skip
+    source, omitted = "recordings", list[str]()
     if len(training) > 1:
         for k, each in enumerate(training):
             theta = _parameters(run, _separated(run, study, _without(problem, k)), fixed)
-            if theta is not None:
-                parts += observed(each.recording, theta)
-                count += 1
-        source = "recordings"
-    else:
-        parts += _left_out_parts(run, observed, study, next(iter(training)), problem, fixed)
+            if theta is None:
+                omitted.append(each.choice.path)
+                continue
+            parts += observed(each.recording, theta)
+            count += 1
+    elif not study.processing.average:  # the mean of all repetitions leaves none of them unseen
+        found, failed = _left_out_parts(run, observed, study, next(iter(training)), problem, fixed)
+        parts += found
+        omitted += [f"{failed} of its parts"] * (failed > 0)
         source = "parts" if count == 0 else "recordings"
         count += 1
     if not parts:
         raise ArmidError(
-            f"The recordings of {run.folder} are too short to leave a part of them out, or the other parts do not "
-            "determine the parameters.",
+            f"The recordings of {run.folder} give no unseen motion: they are too short to leave a part of them out, "
+            "the mean of all repetitions was taken, or the other parts do not determine the parameters.",
             remedy="give recordings of motion without contact with --reference.",
         )
     files = len({sha256 for _, sha256 in pairs})  # parts of one file are one recording
-    return UnseenResiduals(tuple(parts), source if files > 1 else "parts", min(count, files))
+    findings = _omitted_finding(run, omitted) if omitted else ()
+    return UnseenResiduals(tuple(parts), source if files > 1 else "parts", min(count, files), findings)
+
+
+def _omitted_finding(run: Run, omitted: Sequence[str]) -> tuple[Finding, ...]:
+    """Finding about data that cannot be left out, because the other data do not determine all parameters."""
+    evidence = (
+        f"The thresholds do not contain {', '.join(omitted)}: the other data of {run.folder} do not determine all "
+        "parameters."
+    )
+    remedy = "give recordings of motion without contact with --reference."
+    return (Finding("unseen-omitted", "warning", "", evidence, remedy),)
 
 
 def _problem(run: Run, training: Sequence[ProcessedRecording]) -> EstimationProblem:
@@ -214,7 +229,7 @@ def _parameters(run: Run, problem: EstimationProblem, method: Estimator) -> Arra
     """Standard parameters (p,) of an estimate without some data; `None` if the other data do not determine them."""
     try:
         fit: Fit = method.solve(problem)
-    except (ArmidError, np.linalg.LinAlgError):
+    except (EstimationError, np.linalg.LinAlgError):
         return None
     return torque_parameters(run.estimate.base, fit)
 
@@ -226,13 +241,17 @@ def _left_out_parts(
     training: ProcessedRecording,
     problem: EstimationProblem,
     method: Estimator,
-) -> Iterator[Observed]:
-    """Residuals of the parts of the only training recording, each predicted by an estimate from the others."""
+) -> tuple[list[Observed], int]:
+    """Residuals of the parts of the only training recording, each predicted by an estimate from the others.
+
+    The second result is the number of parts without which the others do not determine the parameters.
+    """
     model, base, observations = problem.require_samples("monitoring")
     begin = min(float(each.motion.time[0]) for each in observations.runs)
     end = max(float(each.motion.time[-1]) for each in observations.runs)
     count = min(FOLDS, int((end - begin) / LEAST_PART))
     borders = np.linspace(begin, end, count + 1) if count > 1 else np.zeros(0)
+    parts, failed = list[Observed](), 0
     for k in range(len(borders) - 1):
         low, high = borders[k], borders[k + 1]
         kept = [_outside(each, low - MARGIN, high + MARGIN) for each in observations.runs]
@@ -241,12 +260,14 @@ def _left_out_parts(
             continue
         theta = _parameters(run, _separated(run, study, _again(problem, model, base, rest)), method)
         if theta is None:
+            failed += 1
             continue
         first, last = k == 0, k == len(borders) - 2
         for part in observed(training.recording, theta):
             own = ((part.time >= low) | first) & ((part.time < high) | last)
             if own.any():
-                yield _only(part, own)
+                parts.append(_only(part, own))
+    return parts, failed
 
 
 def _outside(observed: Any, low: float, high: float) -> Any:
