@@ -502,7 +502,7 @@ def test_predict_with_its_band(armid: Armid, run: Path, small: Path, suffix: str
         with np.load("torque.npz") as archive:
             torque, band = archive["torque"], archive["band95"]
     loaded = load_run(run)
-    motion = motion_of(loaded, str(small / "run2.csv"), rate=100.0, reading={})
+    motion, _ = motion_of(loaded, str(small / "run2.csv"), rate=100.0, reading={})
     np.testing.assert_array_equal(torque, predict(loaded, motion))
     np.testing.assert_array_equal(band, torque_band(loaded.model, loaded.estimate, motion))
     np.testing.assert_allclose(found["band95"], np.median(band, axis=0))

@@ -30,7 +30,15 @@ pytest.importorskip("sympy")
 
 PAGES = pages()
 
-GUIDES = {"code.md": 4, "doctor.md": 1, "export.md": 3, "payload.md": 5, "recursive.md": 2, "report.md": 3}
+GUIDES = {
+    "code.md": 5,
+    "doctor.md": 1,
+    "export.md": 3,
+    "monitor.md": 2,
+    "payload.md": 5,
+    "recursive.md": 2,
+    "report.md": 3,
+}
 """Pages that are followed as they stand, and how many blocks that is."""
 
 LONG = {"excitation.md": 2, "lab.md": 3}
@@ -100,7 +108,7 @@ def workshop(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("workshop")
     model = arm_of(folder)
     truth = truth_of(model)
-    for seed, name in enumerate(("run1", "run2", "other_tool"), 1):
+    for seed, name in enumerate(("run1", "run2", "other_tool", "free_1", "free_2"), 1):
         write_recording(record_as(model, truth, seed), folder / f"{name}.csv")
     for seed, name in enumerate(("autumn", "check", "shift"), 11):
         write_recording(record_as(model, truth_of(model, 1.3), seed), folder / f"{name}.csv")

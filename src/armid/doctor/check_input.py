@@ -42,6 +42,10 @@ FURTHER_SHARE, CLEAR = 0.1, 0.1
 that is corrected only in part, and model error, look like a weak second fault. A first fault with less gain than
 `CLEAR` must lower the residual of all rows."""
 
+TIE = 1e-9
+"""Difference between two costs that is rounding: the residual of all rows is the same with and without a correction,
+and other evidence decides, for example the position limits."""
+
 LESS_ALIKE = 0.01
 """Decrease of the correlation between the measured torque and the torque of an earlier run, averaged over the
 joints, from which the correction of a fault counts as contradicted by the run."""
@@ -103,7 +107,7 @@ def _matters(accepted: Sequence[tuple[LogState, Explanation]], before: LogState,
     comparable = _comparable_gain(before, each)
     if accepted:
         return comparable > min(CLEAR, FURTHER_SHARE * accepted[0][1].gain)
-    return comparable > 0.0 or each.gain > CLEAR
+    return comparable > -TIE or each.gain > CLEAR
 
 
 def _rank(before: LogState, each: Explanation) -> float:
@@ -233,7 +237,7 @@ class LogEvidence:
     def _is_confirmed(self, each: Explanation, further: bool, state: LogState) -> bool:
         """True if independent evidence confirms a fault; a fault after the first one must not raise the residual."""
         if further:
-            return (each.confirmed is None or not state.change_corrected) and _comparable_gain(state, each) >= 0.0
+            return (each.confirmed is None or not state.change_corrected) and _comparable_gain(state, each) > -TIE
         return each.confirmed is None or each.confirmed(self)
 
     def _holds(self, before: LogState, each: Explanation) -> bool:
