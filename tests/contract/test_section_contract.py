@@ -10,6 +10,7 @@ from armid.report.comparison import COMPARISON
 from armid.report.data.page_data import PageData, gather, stored
 from armid.report.page import assemble
 from armid.report.preflight_page import PREFLIGHT
+from armid.report.rollout_page import ROLLOUT
 from armid.report.section import Section
 from armid.report.sections import SECTIONS
 from reports import Page, make_run
@@ -34,7 +35,7 @@ section = pytest.mark.parametrize("name", SECTIONS)
 
 def test_every_template_belongs_to_a_section():
     named = {path.stem for path in TEMPLATES.glob("*.html")}
-    assert named == SHARED | set(SECTIONS) | set(COMPARISON) | set(PREFLIGHT)
+    assert named == SHARED | set(SECTIONS) | set(COMPARISON) | set(PREFLIGHT) | set(ROLLOUT)
 
 
 @section

@@ -91,8 +91,24 @@ def test_what_the_lab_writes_identifies_the_truth(armid, tmp_path: Path, mode: s
         )
         (score,) = json.loads(under.out)["motion"]["recordings"]
         assert score["seconds"] == 4.0 and max(score["rms"]) < np.deg2rad(0.1)
-        table = armid("validate", "run", "unseen/recording.csv", "--controller", "unseen/truth.json")
+        files = "--out", "motion.csv", "--page", "motion.html"
+        table = armid("validate", "run", "unseen/recording.csv", "--controller", "unseen/truth.json", *files)
         assert "under the same controller" in table.out and "joint_3" in table.out
+        assert "written to motion.csv" in table.out and "written to motion.html" in table.out
+        assert_written()
+
+
+def assert_written() -> None:
+    """The file has recorded and simulated motion and torque of all windows; the page has the plots of each joint."""
+    table = np.genfromtxt("motion.csv", delimiter=",", names=True)
+    assert np.unique(table["recording"]).tolist() == [1.0] and table["window"].max() == 29.0
+    for j in (1, 2, 3):
+        assert np.abs(table[f"q_{j}"] - table[f"recorded_q_{j}"]).max() < np.deg2rad(1.0)
+        difference = table[f"tau_{j}"] - table[f"recorded_tau_{j}"]
+        assert 0.0 < difference.std() < 0.1 * table[f"recorded_tau_{j}"].std()
+    page = Path("motion.html").read_text(encoding="utf-8")
+    assert all(f'"rollout-{plot}-1-{j}"' in page for plot in ("q", "error", "torque") for j in range(3))
+    assert "plus the feedback of the controller" in page
 
 
 @pytest.mark.parametrize("suffix", WRITERS)
@@ -148,6 +164,8 @@ def test_bad_input_of_a_roll_out_is_one_message(armid):
         (("--simulate", "--window", "100"), "The rollout needs a segment of 100 s"),
         (("--controller", "gains.json"), "gains for 1 joints"),
         (("--controller", "nowhere.json"), "nowhere.json"),
+        (("--out", "motion.txt"), "neither .csv nor .npz"),
+        (("--page", "gains.json"), "not an HTML page"),
     ):
         done = armid("validate", "run", "b/recording.csv", *arguments)
         assert done.code == 2 and message in done.err

@@ -53,8 +53,8 @@ def test_the_iiwa_is_identified_in_closed_loop_and_moves_as_it_did(tmp_path: Pat
     covered = float(np.mean((ends[:, 0] <= right) & (right <= ends[:, 1])))
     feedback = load_feedback(tmp_path / "thesis-a2" / "truth.json")
     unseen = [str(tmp_path / "thesis-a2" / "recording.npz")]
-    (score,), _ = roll_out_run(run, unseen, {}, seconds=10.0, feedback=feedback)
-    (free,), _ = roll_out_run(run, unseen, {}, seconds=0.3)
+    (score,) = roll_out_run(run, unseen, {}, seconds=10.0, feedback=feedback).scores
+    (free,) = roll_out_run(run, unseen, {}, seconds=0.3).scores
     for name, value in (
         ("base parameters off by", error),
         ("covered", covered),

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from armid.checked_array import Array
 from armid.errors import ArmidError, Finding, StudyError
 from armid.estimation.estimate_record import torque_parameters
 from armid.remedy import Remedy, setting
@@ -17,8 +18,10 @@ from armid.runs.run import Run, format_of_new_recording
 from armid.study.config import RecordingChoice
 from armid.study.recordings.processed import process_each
 from armid.study.recordings.reading import read_choice
+from armid.study.storage.array_files import by_joint, is_archive, write_archive, write_table
 from armid.validation.rollout import Feedback
 from armid.validation.rollout_score import MotionScore, score_motion
+from armid.validation.simulated_windows import SimulatedWindows, simulate_windows
 from armid.validation.torque_validation import Check, Validation
 
 MOST_LOST = 0.5
@@ -29,6 +32,29 @@ LOST, INDEFINITE = ROLL_OUT_CODES = ("roll-out-lost", "roll-out-indefinite")
 """Codes of findings about lost windows: the simulated motion diverged, or the mass matrix became indefinite."""
 
 GAINS = ("proportional", "derivative", "integral")
+
+SIMULATED = "Simulated motion"
+"""Content of the written file, for messages."""
+
+DIGITS = 10
+"""Significant digits of the written table, far more than those of the simulation."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class RunRollout:
+    """Rollout of the model of a run over recordings.
+
+    Attributes:
+        scores: Position errors on each recording.
+        simulated: Recorded and simulated motion and torque of each recording.
+        closed: True if the feedback of the recorded controller acted; otherwise only the recorded torque acted.
+        findings: Findings of the reader, of the processing, and on lost windows.
+    """
+
+    scores: tuple[MotionScore, ...]
+    simulated: tuple[SimulatedWindows, ...]
+    closed: bool
+    findings: tuple[Finding, ...]
 
 
 def load_feedback(path: Path | str) -> Feedback:
@@ -69,7 +95,7 @@ def roll_out_run(
     seconds: float = 0.5,
     tolerance: float = 0.01,
     feedback: Feedback | None = None,
-) -> tuple[tuple[MotionScore, ...], tuple[Finding, ...]]:
+) -> RunRollout:
     """Simulates the model of a run over windows of recordings, and compares the simulated with the recorded motion.
 
     Args:
@@ -94,6 +120,7 @@ def roll_out_run(
     parameters = torque_parameters(run.estimate.base, run.estimate.fit)
     every_row = replace(run.processing, slow=0.0, saturation="keep", standstill="keep")
     scores: list[MotionScore] = []
+    rollouts: list[SimulatedWindows] = []
     findings: list[Finding] = []
     for path in paths:
         choice = RecordingChoice(path, "validate", how)
@@ -101,18 +128,10 @@ def roll_out_run(
         (processed,) = process_each([(choice, recording)], every_row, run.robot, edges_required=False)
         observations = processed.observations
         findings += (*found, *processed.findings)
-        score = score_motion(
-            run.model,
-            parameters,
-            observations,
-            seconds=seconds,
-            tolerance=tolerance,
-            feedback=feedback,
-            path=path,
-        )
-        scores.append(score)
-        findings += _lost(score)
-    return tuple(scores), tuple(findings)
+        rollouts.append(simulate_windows(run.model, parameters, observations, seconds=seconds, feedback=feedback))
+        scores.append(score_motion(rollouts[-1], tolerance=tolerance, path=path))
+        findings += _lost(scores[-1])
+    return RunRollout(tuple(scores), tuple(rollouts), feedback is not None, tuple(findings))
 
 
 def judged_by_motion(validation: Validation, scores: Sequence[MotionScore], *, closed: bool) -> Validation:
@@ -120,7 +139,7 @@ def judged_by_motion(validation: Validation, scores: Sequence[MotionScore], *, c
 
     Args:
         validation: Validation of the torque.
-        scores: Scores of the rollout.
+        scores: Position errors of the rollout.
         closed: True if the feedback of the recorded controller acted; otherwise only the recorded torque acted.
     """
     lost = sum(score.lost for score in scores) / max(sum(score.windows for score in scores), 1)
@@ -183,4 +202,45 @@ def motion_record(scores: Sequence[MotionScore], *, closed: bool) -> dict[str, A
             }
             for score in scores
         ],
+    }
+
+
+def write_rollout(path: Path | str, rollout: RunRollout, joints: Sequence[str]) -> Path:
+    """Writes simulated and recorded motion and torque, as CSV or NPZ; the suffix decides.
+
+    Each row is a sample of a window of a recording, both numbered from 1, with the time in the recording [s]. Values
+    of a window that is lost are NaN after its end.
+
+    Args:
+        path: The file; it is written completely or not at all.
+        rollout: The rollout.
+        joints: Names of the joints.
+
+    Raises:
+        ArmidError: The suffix is neither `.csv` nor `.npz`, or the file cannot be written.
+    """
+    table = _table(rollout)
+    if is_archive(path, SIMULATED):
+        facts = {"joints": np.array(joints), "paths": np.array([score.path for score in rollout.scores])}
+        return write_archive(path, {**facts, **table})
+    columns = [{name: x} if x.ndim == 1 else by_joint(f"{name}_", x) for name, x in table.items()]
+    return write_table(path, {name: x for each in columns for name, x in each.items()}, DIGITS)
+
+
+def _table(rollout: RunRollout) -> dict[str, Array]:
+    """Columns of a file of simulated motion: shape (K,), or (K, n) for a value of each joint."""
+    parts = rollout.simulated
+    numbers = [np.broadcast_to(np.arange(1.0, len(s.time) + 1.0)[:, None], s.time.shape).ravel() for s in parts]
+    values = {
+        name: [getattr(getattr(s, source), quantity).reshape(s.time.size, -1) for s in parts]
+        for name, source, quantity in (
+            ("q", "found", "q"), ("dq", "found", "dq"), ("tau", "found", "torque"),
+            ("recorded_q", "windows", "q"), ("recorded_dq", "windows", "dq"), ("recorded_tau", "windows", "torque"),
+        )
+    }  # fmt: skip
+    return {
+        "recording": np.concatenate([np.full(s.time.size, k + 1.0) for k, s in enumerate(parts)]),
+        "window": np.concatenate(numbers),
+        "t": np.concatenate([s.time.ravel() for s in parts]),
+        **{name: np.concatenate(each) for name, each in values.items()},
     }

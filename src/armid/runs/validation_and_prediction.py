@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -10,9 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from armid.atomic_file import replace_file
 from armid.checked_array import Array
-from armid.errors import ArmidError, Finding, StudyError
+from armid.errors import Finding, StudyError
 from armid.estimation.estimate_record import torque_parameters
 from armid.information.hysteresis_states import with_hysteresis_states
 from armid.measurement.readers import load_recording
@@ -26,6 +24,7 @@ from armid.study.plausibility.recording_errors import contradicted
 from armid.study.recordings.processed import judged_without_memory, process_each
 from armid.study.recordings.reading import read_choice
 from armid.study.score_recordings import score_recordings
+from armid.study.storage.array_files import by_joint, is_archive, write_archive, write_table
 from armid.validation.prediction_interval import torque_band
 from armid.validation.torque_validation import Validation, validate
 
@@ -120,22 +119,9 @@ def write_torque(
     Raises:
         ArmidError: The suffix is neither `.csv` nor `.npz`.
     """
-    path = Path(path)
-    if path.suffix == ".npz":
-        buffer = io.BytesIO()
-        if band is None:
-            np.savez(buffer, time=motion.time, torque=torque, joints=np.array(joints))
-        else:
-            np.savez(buffer, time=motion.time, torque=torque, joints=np.array(joints), band95=band)
-        return replace_file(path, buffer.getvalue())
-    if path.suffix != ".csv":
-        raise ArmidError(
-            f"Torque cannot be written to {path}, because its suffix is neither .csv nor .npz.",
-            remedy="give a file with one of these suffixes.",
-        )
-    text = io.StringIO()
-    several = [torque] if band is None else [torque, band]
-    names = [f"{name}{j + 1}" for name in ("tau", "band95_")[: len(several)] for j in range(len(joints))]
-    columns = np.column_stack([motion.time, *several])
-    np.savetxt(text, columns, delimiter=",", header=",".join(["t", *names]), comments="", fmt="%.17g")
-    return replace_file(path, text.getvalue())
+    torques = {"torque": torque} if band is None else {"torque": torque, "band95": band}
+    if is_archive(path, "Torque"):
+        return write_archive(path, {"time": motion.time, "joints": np.array(joints), **torques})
+    named = zip(("tau", "band95_"), torques.values(), strict=False)
+    columns = [by_joint(name, values) for name, values in named]
+    return write_table(path, {"t": motion.time} | {key: each[key] for each in columns for key in each})

@@ -113,14 +113,20 @@ def sharpened(model: DynamicsModel) -> DynamicsModel:
 class RolledOut:
     """Simulated motion in W windows of a recording, of S samples each.
 
+    All values are NaN after the sample at which the simulation of a window ended early.
+
     Attributes:
-        q: Positions, shape (W, S, n) [rad or m]; NaN after the sample at which the simulation of a window ended
-            early.
+        q: Positions, shape (W, S, n) [rad or m].
+        dq: Velocities, shape (W, S, n) [rad/s or m/s].
+        torque: Torque that acted on the joints, shape (W, S, n) [N·m or N]: the recorded torque, plus the feedback
+            if there is one.
         ran_away: Mask of windows that diverged: a joint reached the speed `RUNAWAY`, shape (W,).
         indefinite: Mask of windows that ended early because the mass matrix was not positive definite, shape (W,).
     """
 
     q: Array
+    dq: Array
+    torque: Array
     ran_away: NDArray[np.bool_]
     indefinite: NDArray[np.bool_]
 
@@ -142,14 +148,15 @@ def roll_out(
         feedback: Feedback of the controller of the recording; if not given, only the recorded torque acts.
     """
     run = _Rollout(_Dynamics(sharpened(model), parameters), windows, feedback)
-    q = np.full_like(windows.q, np.nan)
+    q, dq, torque = np.full((3, *windows.q.shape), np.nan)
     for k in range(windows.q.shape[1]):
         if k:
             run.advance(k - 1)
-        q[run.alive, k] = run.state.q[run.alive]
+        at, control = run.alive, run.control(k * run.substeps)
+        q[at, k], dq[at, k], torque[at, k] = run.state.q[at], control.dq[at], control.torque[at]
     # A window that is lost in the very last step still has all its samples.
     alive = np.isfinite(q).all(axis=(1, 2))
-    return RolledOut(q, ~alive & ~run.indefinite, ~alive & run.indefinite)
+    return RolledOut(q, dq, torque, ~alive & ~run.indefinite, ~alive & run.indefinite)
 
 
 class _State(NamedTuple):
@@ -167,6 +174,20 @@ class _State(NamedTuple):
     half: Array
     ddq: Array
     memory: Array
+    integral: Array
+
+
+class _Control(NamedTuple):
+    """Velocities and torque of all windows at one instant.
+
+    Attributes:
+        dq: Velocities, extrapolated by half a step, shape (W, n) [rad/s or m/s].
+        torque: Torque that acts on the joints, shape (W, n) [N·m or N].
+        integral: Time integral of the position error of the feedback, shape (W, n).
+    """
+
+    dq: Array
+    torque: Array
     integral: Array
 
 
@@ -207,19 +228,25 @@ class _Rollout:
         k, share = step // self.substeps, step % self.substeps / self.substeps
         return values[:, k] if share == 0.0 else (1.0 - share) * values[:, k] + share * values[:, k + 1]
 
-    def _step(self, step: int) -> None:
-        dynamics, state, integral = self.dynamics, self.state, self.state.integral
-        h = self.windows.step / self.substeps
+    def control(self, step: int) -> _Control:
+        """Velocities and torque at an integration step: the recorded torque, plus the feedback if there is one."""
+        state, gain, h = self.state, self.feedback, self.windows.step / self.substeps
         torque = self._recorded(self.windows.torque, step)
         dq = state.half + 0.5 * h * state.ddq
+        if gain is None:
+            return _Control(dq, torque, state.integral)
+        error = self._recorded(self.windows.q, step) - state.q
+        rate = self._recorded(self.windows.dq, step) - dq
+        integral = state.integral + h * error
+        torque = torque + gain.proportional * error + gain.derivative * rate + gain.integral * integral
+        return _Control(dq, torque, integral)
+
+    def _step(self, step: int) -> None:
+        dynamics, state = self.dynamics, self.state
+        h = self.windows.step / self.substeps
+        dq, torque, integral = self.control(step)
         rest, slope, dry = dynamics.friction(state.q, dq, state.ddq, state.memory)
-        linear = slope
-        if self.feedback is not None:
-            error = self._recorded(self.windows.q, step) - state.q
-            rate = self._recorded(self.windows.dq, step) - dq
-            integral, gain = integral + h * error, self.feedback
-            torque = torque + gain.proportional * error + gain.derivative * rate + gain.integral * integral
-            linear = slope + gain.derivative
+        linear = slope if self.feedback is None else slope + self.feedback.derivative
         mass = dynamics.mass(state.q)
         if step % CHECK_EVERY == 0:
             self._check_definite(mass)

@@ -23,6 +23,7 @@ from armid.model.terms import Coulomb, Hysteresis, LoadCoulomb, RigidBody, Rotor
 from armid.runs.rollout import judged_by_motion, load_feedback
 from armid.validation.rollout import Feedback, Windows, roll_out, sharpened
 from armid.validation.rollout_score import Losses, MotionScore, score_motion
+from armid.validation.simulated_windows import simulate_windows
 from armid.validation.torque_validation import Validation
 from labs import small_model, small_truth
 from plants import short_plan, small_arm
@@ -139,6 +140,33 @@ def test_a_mass_matrix_that_is_not_positive_is_no_motion():
     assert np.isnan(found.q).all() and found.indefinite.all() and not found.ran_away.any()
 
 
+def test_the_velocity_and_the_torque_of_the_true_model_are_those_recorded():
+    windows = exact_windows(MODEL, TRUTH)
+    gains = Feedback(np.full(3, 400.0), np.full(3, 20.0), np.zeros(3))
+    alone, closed = roll_out(MODEL, TRUTH, windows), roll_out(MODEL, TRUTH, windows, gains)
+    np.testing.assert_array_equal(alone.torque, windows.torque)  # nothing else acts without a controller
+    inner = slice(5, None)  # the feedback settles within a few samples
+    # A sample of 2 ms at 20 rad/s², and the friction of 1 N·m that comes a sample late at reversals.
+    np.testing.assert_allclose(closed.dq[:, inner], windows.dq[:, inner], atol=0.05)
+    assert np.sqrt(np.mean((closed.torque - windows.torque)[:, inner] ** 2)) < 0.02 * windows.torque.std()
+
+
+def test_the_feedback_of_a_wrong_model_is_the_torque_that_it_lacks():
+    """In closed loop, the simulated torque of a model with a heavier arm holds the additional weight."""
+    windows = exact_windows(MODEL, TRUTH, length=501)
+    heavy = TRUTH.copy()
+    heavy[MODEL.inertial_columns] *= 1.2
+    gains = Feedback(np.full(3, 4000.0), np.full(3, 100.0), np.zeros(3))
+    found = roll_out(MODEL, heavy, windows, gains)
+    needed = MODEL.torque(
+        Motion(np.arange(501.0), *(getattr(windows, name)[0] for name in ("q", "dq", "ddq"))), heavy
+    )
+    lacking, feedback = needed - windows.torque[0], (found.torque - windows.torque)[0]
+    settled = slice(200, None)  # 0.4 s, many time constants of this stiff loop
+    error = np.sqrt(np.mean((feedback - lacking)[settled] ** 2, axis=0))
+    assert (error < 0.2 * np.sqrt(np.mean(lacking[settled] ** 2, axis=0))).all()
+
+
 def test_what_runs_away_ends_in_nothing():
     windows = exact_windows(MODEL, TRUTH)
     torque = windows.torque.copy()
@@ -159,13 +187,20 @@ def observed(**changes) -> Observations:
     return Observations((replace(run, **changes),), Band())
 
 
+def scored(
+    theta: np.ndarray, observations: Observations, *, tolerance: float = 0.01, path: str = "", **options: float
+) -> MotionScore:
+    simulated = simulate_windows(small_model(), theta, observations, **options)  # pyright: ignore[reportArgumentType]
+    return score_motion(simulated, tolerance=tolerance, path=path)
+
+
 def test_scores_say_how_far_and_how_long():
-    score = score_motion(small_model(), TRUTH, observed(), seconds=0.5, tolerance=0.01, path="log.csv")
+    score = scored(TRUTH, observed(), seconds=0.5, tolerance=0.01, path="log.csv")
     assert (score.windows, score.lost, score.path) == (15, 0, "log.csv")
     assert (score.rms < 2e-3).all() and (score.rms <= score.peak).all() and (score.peak < score.travelled).all()
     assert (score.held == 0.5).all() and score.seconds == pytest.approx(0.5)
     assert score.prior_rms is not None and (score.prior_rms > 5.0 * score.rms).all()
-    strict = score_motion(small_model(), TRUTH, observed(), seconds=0.5, tolerance=1e-7)
+    strict = scored(TRUTH, observed(), seconds=0.5, tolerance=1e-7)
     assert (strict.held < 0.3).all()
 
 
@@ -173,12 +208,12 @@ def test_windows_leave_out_masked_rows():
     rows = observed().runs[0].motion.samples
     mask = np.ones((rows, 3), dtype=bool)
     mask[1001:1100, 2] = False  # after 2.0 s, where a window ends
-    score = score_motion(small_model(), TRUTH, observed(mask=mask), seconds=0.5)
+    score = scored(TRUTH, observed(mask=mask), seconds=0.5)
     assert score.windows == 14
 
 
 def test_lost_windows_are_counted():
-    score = score_motion(small_model(), -TRUTH, observed(), seconds=1.0)
+    score = scored(-TRUTH, observed(), seconds=1.0)
     assert score.lost == score.windows == 7 and np.isnan(score.rms).all() and (score.held == 0.0).all()
     assert score.losses == Losses(ran_away=0, indefinite=7, nominal=0)
 
@@ -193,12 +228,12 @@ def test_lost_windows_are_counted():
 )
 def test_what_cannot_be_scored_is_refused(wrong):
     with pytest.raises(ArmidError):
-        score_motion(small_model(), TRUTH, observed(), **wrong)
+        scored(TRUTH, observed(), **wrong)
 
 
 def test_rows_that_do_not_follow_each_other_are_no_motion():
     with pytest.raises(ArmidError, match="needs a segment"):
-        score_motion(small_model(), TRUTH, observed(consecutive=False))
+        scored(TRUTH, observed(consecutive=False))
 
 
 def test_gains_come_from_a_file(tmp_path: Path):
@@ -247,7 +282,7 @@ def test_a_description_that_runs_away_is_not_flattered_by_its_beginnings():
     """Under a torque far too large every model is soon faster than any arm."""
     run = observed().runs[0]
     strong = replace(run, torque=run.torque + 3e3)
-    score = score_motion(small_model(), TRUTH, Observations((strong,), Band()), seconds=0.5)
+    score = scored(TRUTH, Observations((strong,), Band()), seconds=0.5)
     assert score.lost == score.windows and score.prior_rms is not None and np.isnan(score.prior_rms).all()
     assert score.losses == Losses(ran_away=score.windows, indefinite=0, nominal=score.windows)
     table = motion_table(small_model().robot, [score], closed=False)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -20,12 +21,36 @@ from armid.cli.log_format_options import (
 )
 from armid.cli.options import Json
 
+if TYPE_CHECKING:
+    from armid.runs.rollout import RunRollout
+    from armid.runs.run import Run
+    from armid.validation.torque_validation import Validation
+
 Controller = Annotated[
     Path | None,
     typer.Option(
         metavar="FILE",
         help="JSON file with the gains of the controller, such as a truth.json; the simulation has this feedback.",
     ),
+]
+
+Simulate = Annotated[
+    bool,
+    typer.Option("--simulate", help="Also simulate the model from the torque in short windows; compare the motion."),
+]
+
+Window = Annotated[float, typer.Option(metavar="S", help="Length of a simulated window, s.")]
+
+Tolerance = Annotated[float, typer.Option(help="Largest tolerated position error of a simulated joint, rad or m.")]
+
+Out = Annotated[
+    Path | None,
+    typer.Option(metavar="FILE", help="Write simulated and recorded motion and torque, .csv or .npz; simulates."),
+]
+
+Page = Annotated[
+    Path | None,
+    typer.Option(metavar="FILE.html", help="Write a page that plots them for each joint; simulates."),
 ]
 
 
@@ -39,17 +64,12 @@ def validate(
     period: Period = None,
     preset: Preset = None,
     edges: Edges = None,
-    simulate: Annotated[
-        bool,
-        typer.Option(
-            "--simulate", help="Also simulate the model from the torque in short windows, and compare the motion."
-        ),
-    ] = False,
-    window: Annotated[float, typer.Option(metavar="S", help="Length of a simulated window, s.")] = 0.5,
-    tolerance: Annotated[
-        float, typer.Option(help="Largest tolerated position error of a simulated joint, rad or m.")
-    ] = 0.01,
+    simulate: Simulate = False,
+    window: Window = 0.5,
+    tolerance: Tolerance = 0.01,
     controller: Controller = None,
+    out: Out = None,
+    page: Page = None,
     json: Json = False,
 ) -> None:
     """Validate a run on held-out recordings, which are read and processed like those of the run.
@@ -58,9 +78,11 @@ def validate(
         armid validate runs/today next_week.csv
 
         armid validate runs/today next_week.csv --simulate --window 0.3
+
+        armid validate runs/today next_week.csv --controller gains.json --window 10 --page simulation.html
     """
-    from armid.cli.commands.validate_rollout import motion_table, roll_out
-    from armid.cli.console import output_console, print_findings, print_verdict, validation_table
+    from armid.cli.commands.validate_rollout import check_files, roll_out, write_files
+    from armid.cli.console import print_findings
     from armid.runs.rollout import judged_by_motion, motion_record
     from armid.runs.run import load_run, with_edges
     from armid.runs.validation_and_prediction import validate_run
@@ -68,24 +90,36 @@ def validate(
 
     loaded = with_edges(load_run(run), edges)
     reading = changed_reading(loaded.log_format, rate, torque_sign, columns, reading_lines, period, preset)
-    closed = controller is not None
+    check_files(out, page)
     validation, findings = validate_run(loaded, recordings, reading)
-    simulate |= closed
-    motion = roll_out(loaded, recordings, reading, window, tolerance, controller) if simulate else ()
-    if motion:
-        validation = judged_by_motion(validation, motion, closed=closed)
+    simulate |= any(each is not None for each in (controller, out, page))
+    rollout = roll_out(loaded, recordings, reading, window, tolerance, controller) if simulate else None
+    written: list[Path] = []
+    if rollout is not None:
+        validation = judged_by_motion(validation, rollout.scores, closed=rollout.closed)
+        written = write_files(loaded, rollout, out, page)
     if json:
         record = validation_record(validation)
-        if motion:
-            record["motion"] = motion_record(motion, closed=closed)
+        if rollout is not None:
+            record["motion"] = motion_record(rollout.scores, closed=rollout.closed)
+            record["files"] = [str(path) for path in written]
         sys.stdout.write(to_json(record) + "\n")
     else:
-        console = output_console()
-        units = [joint.effort_unit for joint in loaded.robot.joints]
-        console.print(validation_table(validation, (), units))
-        if motion:
-            console.print(motion_table(loaded.robot, motion, closed=closed))
-        print_verdict(console, validation)
+        _print(loaded, validation, rollout, written)
     print_findings(findings)
     if validation.verdict == "fail":
         raise typer.Exit(1)
+
+
+def _print(run: Run, validation: Validation, rollout: RunRollout | None, written: Sequence[Path]) -> None:
+    """Print the tables, the verdict and the written files."""
+    from armid.cli.commands.validate_rollout import motion_table
+    from armid.cli.console import output_console, print_verdict, validation_table
+
+    console = output_console()
+    console.print(validation_table(validation, (), [joint.effort_unit for joint in run.robot.joints]))
+    if rollout is not None:
+        console.print(motion_table(run.robot, rollout.scores, closed=rollout.closed))
+    print_verdict(console, validation)
+    for path in written:
+        sys.stdout.write(f"simulated motion and torque written to {path}\n")

@@ -12,6 +12,7 @@ from rich.table import Table
 
 if TYPE_CHECKING:
     from armid.robot.robot import Robot
+    from armid.runs.rollout import RunRollout
     from armid.runs.run import Run
     from armid.validation.rollout_score import MotionScore
 
@@ -23,19 +24,46 @@ def roll_out(
     window: float,
     tolerance: float,
     controller: Path | None,
-) -> tuple[MotionScore, ...]:
-    """Simulate the model of a run over recordings, print the findings on standard error, and return the scores."""
+) -> RunRollout:
+    """Simulate the model of a run over recordings, and print the findings on standard error."""
     from armid.cli.console import print_findings
     from armid.runs.rollout import ROLL_OUT_CODES, load_feedback, roll_out_run
 
     feedback = None if controller is None else load_feedback(controller)
-    scores, findings = roll_out_run(run, recordings, reading, seconds=window, tolerance=tolerance, feedback=feedback)
-    print_findings([finding for finding in findings if finding.code in ROLL_OUT_CODES])
-    return scores
+    rollout = roll_out_run(run, recordings, reading, seconds=window, tolerance=tolerance, feedback=feedback)
+    print_findings([finding for finding in rollout.findings if finding.code in ROLL_OUT_CODES])
+    return rollout
+
+
+def write_files(run: Run, rollout: RunRollout, out: Path | None, page: Path | None) -> list[Path]:
+    """Write simulated and recorded motion to a file and a page, where they are asked for."""
+    from armid.runs.rollout import write_rollout
+
+    written = [] if out is None else [write_rollout(out, rollout, run.robot.joint_names)]
+    if page is not None:
+        from armid.report.rollout_page import write_rollout_page
+
+        written.append(write_rollout_page(run, rollout, page))
+    return written
+
+
+def check_files(out: Path | None, page: Path | None) -> None:
+    """Check, before anything is simulated, that the files can be written."""
+    if out is not None:
+        from armid.runs.rollout import SIMULATED
+        from armid.study.storage.array_files import is_archive
+
+        is_archive(out, SIMULATED)
+    if page is not None:
+        from armid.report.rendering import require_extra
+
+        require_extra()
 
 
 def motion_table(robot: Robot, scores: Sequence[MotionScore], *, closed: bool) -> Table:
     """Table of the position errors of a rollout, joint by joint, averaged over the recordings."""
+    from armid.notebook_display import plural
+
     first = scores[0]
     condition = "under the same controller" if closed else "under the recorded torque alone"
     table = Table(title=f"Position error of the rolled-out model, {condition}", header_style="bold")
@@ -54,7 +82,7 @@ def motion_table(robot: Robot, scores: Sequence[MotionScore], *, closed: bool) -
         )
     count = sum(score.windows for score in scores)
     table.caption = (
-        f"{count} windows of {first.seconds:g} s; moved: RMS distance from a window's start; until: median "
+        f"{plural(count, 'window')} of {first.seconds:g} s; moved: RMS distance from a window's start; until: median "
         "time until the error exceeds the tolerance in rad or m; CAD RMS: error with the masses of the description "
         f"and without friction{_missing_nominal(scores, count)}"
     )
