@@ -85,7 +85,8 @@ def test_the_page_of_a_plan_folds_what_is_long_and_names_joints(small, tmp_path,
     run([small, *QUICK, "--out", tmp_path / "plan"], capsys)
     html = (tmp_path / "plan" / "preflight.html").read_text(encoding="utf-8")
     assert "Pre-flight check" in html and "efore the flight" not in html
-    folded = html.split('<details class="fold"')[1].split("</details>")[0]
+    series, folded = (part.split("</details>")[0] for part in html.split('<details class="fold"')[1:3])
+    assert 'id="table-series"' in series and all(f">{name}</th>" in series for name in ("q₀", "a₁", "b₁"))
     assert 'id="table-expected-parameters"' in folded and "Predicted standard deviation" in folded
     assert folded.index("joint 1 · first") < folded.index("FV_1") < folded.index("joint 2 · second")
 

@@ -17,7 +17,9 @@ from armid.model.motion import Motion
 from armid.report.data.joint_names import heading_of
 from armid.report.data.number_format import short
 from armid.report.plots.plot_specification import Plot, PlotTrace, line
-from armid.report.section import Section
+from armid.report.section import Section, one_of
+from armid.report.series_table import coefficient_table
+from armid.report.tables import Table
 
 PLOT_RATE = 100.0
 """Sampling rate of the plots [Hz]; a period of the fastest harmonic that arms can follow has 40 samples."""
@@ -43,7 +45,25 @@ def motion_section(
     rows = tuple(
         (heading_of(model.robot.joints, j), tuple(_plots(motion, torque, model, limits, j))) for j in range(model.n)
     )
-    return Section("Motion", content or {}, (), rows, (("measured", "plan"), ("limit", "limit")))
+    return Section("Motion", content or {}, _tables(plan, model), rows, (("measured", "plan"), ("limit", "limit")))
+
+
+def _tables(plan: Plan | Moves, model: DynamicsModel) -> tuple[Table, ...]:
+    """Table of the Fourier coefficients; empty for a motion between poses, which has none."""
+    if not isinstance(plan, Plan):
+        return ()
+    units = [joint.unit for joint in model.robot.joints]
+    table = coefficient_table(
+        "series",
+        "Fourier coefficients",
+        plan.excitation,
+        f"q₀ in {one_of(units)}. The same numbers at full precision are in plan.json.",
+        unit=one_of([f"{unit}/s" for unit in units]),
+        text=lambda value: short(value, 5),
+        offsets=True,
+        folded=True,
+    )
+    return (table,)
 
 
 def _plots(motion: Motion, torque: Array | None, model: DynamicsModel, limits: Limits, j: int) -> list[Plot]:

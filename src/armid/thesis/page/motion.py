@@ -8,6 +8,7 @@ from armid.excitation.fourier import Excitation
 from armid.report.data.number_format import fixed, short
 from armid.report.plots.plot_specification import Plot, PlotTrace, line
 from armid.report.section import Section
+from armid.report.series_table import coefficient_table
 from armid.report.tables import Column, Table, TableCell
 from armid.thesis.design_trials import DesignTrial
 from armid.thesis.page.chapter_elements import Block, Figures, Text, chapter, counted, number, subscripts
@@ -55,16 +56,16 @@ def show_excitation(thesis: Thesis) -> Section:
         Text(_kept(thesis)),
         Text(_other_families(thesis)),
         _families(thesis),
-        coefficients("table-a-1-new", f"Fourier coefficients of the one that is kept ({best.name})", best.plan),
+        coefficient_table("table-a-1-new", f"Fourier coefficients of the one that is kept ({best.name})", best.plan),
         Figures(
             f"The trajectory that is kept ({best.name}), {best.plan.period:g} s",
             (positions("kept", best.plan),), 1, joint_legend(),
         ),
-        coefficients(
+        coefficient_table(
             "table-a-1", "Table A.1: Fourier coefficients of the used trajectory", setting.train.stretched(20.0),
             "The row b₁₀ is missing in print; it follows from (3.55c).",
         ),
-        coefficients(
+        coefficient_table(
             "table-a-2", "Table A.2: Fourier coefficients of the feasibility test trajectory",
             setting.unseen.stretched(20.0),
         ),
@@ -181,19 +182,6 @@ def positions(key: str, plan: Excitation) -> Plot:
         traces.append(PlotTrace(role, motion.time[marked], degrees[marked, j], name, cloud=True))
     peaks = ", ".join(fixed(x, 0) for x in np.abs(degrees).max(axis=0))
     return Plot(key, "Joint positions.", f"largest angles {peaks}°", "time [s]", "position [°]", traces)
-
-
-def coefficients(key: str, caption: str, plan: Excitation, note: str = "") -> Table:
-    """Table of Fourier coefficients as in the thesis: one row for each a_l and b_l, one column for each joint."""
-    columns = [Column(" ", words=True), *(Column(f"q{subscripts(f'_{j + 1}')}") for j in range(plan.n))]
-    rows = [
-        [TableCell(subscripts(f"{letter}_{k + 1}"), f"{letter}_{k + 1}", f"${letter}_{{{k + 1}}}$"),
-         *(number(x, fixed(x, 5)) for x in values[:, k])]
-        for letter, values in (("a", plan.a), ("b", plan.b))
-        for k in range(plan.harmonics)
-    ]  # fmt: skip
-    period = f"In rad/s, for {plan.period:g} s: q = Σ aₗ / (ω l) sin(ω l t) − bₗ / (ω l) cos(ω l t)."
-    return Table(key, caption, columns, rows, f"{period} {note}".strip())
 
 
 def _conditions(thesis: Thesis) -> Table:
