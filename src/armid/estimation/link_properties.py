@@ -130,6 +130,15 @@ def link_table(model: DynamicsModel, estimate: Estimate) -> LinkTable:
     return LinkTable(estimate.robot, estimate.method, tuple(bodies), note)
 
 
+def bodies_of(model: DynamicsModel, fit: StandardFit) -> Array | None:
+    """Estimated values of `QUANTITIES` of each link, shape (n, 10); `None` if the model has no rigid bodies."""
+    if not model.has_rigid_bodies:
+        return None
+    columns = model.inertial_columns.reshape(-1, 10)
+    index = [[fit.names.index(model.parameters[k].name) for k in own] for own in columns]
+    return np.array([about_com(fit.values[own]) for own in index])
+
+
 def link_record(table: LinkTable) -> list[dict[str, Any]]:
     """Records of the links for JSON: described and estimated values of `QUANTITIES`, with intervals."""
 

@@ -19,8 +19,9 @@ from armid.estimation.friction.selection import SelectionEvidence
 from armid.estimation.uncertainty.prediction_error import ExpectedError
 from armid.measurement.log_format import LogFormat
 from armid.measurement.processing.options import ProcessingOptions
+from armid.model.parameter_name import ParameterName
 from armid.runs.run import Run
-from armid.study.compare_methods import MethodScore, MethodTable
+from armid.study.compare_methods import MethodEstimate, MethodScore, MethodTable
 from armid.study.config import EstimationChoice, ModelChoice, RecordingChoice, Study, parse_robot
 from armid.study.identify import Result
 from armid.study.storage.records import SelectionSummary, selection_summary
@@ -194,12 +195,22 @@ def _methods(record: Mapping[str, Any]) -> MethodTable:
         for each in record["methods"]
     )
     share = None if record.get("share") is None else _numbers(record["share"])
-    return MethodTable(tuple(record["joints"]), record["unseen"], scores, record["seconds"], share)
+    estimates = tuple(
+        MethodEstimate(each["name"], _numbers(each["base"]), _bodies(each["bodies"]))
+        for each in record.get("estimates", ())
+    )
+    names = tuple(ParameterName.read(name) for name in record.get("base_parameters", ()))
+    return MethodTable(tuple(record["joints"]), record["unseen"], scores, record["seconds"], share, names, estimates)
 
 
 def _number(value: float | None) -> float:
     """Number in a record; null becomes NaN."""
     return np.nan if value is None else float(value)
+
+
+def _bodies(values: Any) -> Array | None:
+    """Properties of the links in a record as an array (n, 10); `None` for a method that does not estimate links."""
+    return None if values is None else np.array([_numbers(row) for row in values])
 
 
 def _numbers(values: Any) -> Array:

@@ -21,9 +21,11 @@ from armid.estimation.catalogue import ESTIMATORS, Estimator, MultiStartEstimato
 from armid.estimation.crossvalidation import held_out_squares, rms_by_joint
 from armid.estimation.estimate_record import collapse
 from armid.estimation.fit_result import Fit
+from armid.estimation.link_properties import bodies_of
 from armid.estimation.problem import EstimationProblem
 from armid.information.accumulate import accumulate_information
 from armid.information.information import Information, total
+from armid.model.parameter_name import ParameterName
 from armid.study.config import build_estimator
 from armid.study.prepare import Prepared, stated_problem
 from armid.study.progress import Progress
@@ -77,6 +79,21 @@ class MethodScore:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
+class MethodEstimate:
+    """Values that one method estimates.
+
+    Attributes:
+        method: Name of the method.
+        base: Base parameters π_b, shape (b,).
+        bodies: `QUANTITIES` of each link, shape (n, 10), of a method that estimates links; otherwise `None`.
+    """
+
+    method: str
+    base: Array
+    bodies: Array | None = None
+
+
+@dataclass(frozen=True, eq=False, slots=True)
 class MethodTable:
     """Scores of all estimation methods on one data set.
 
@@ -87,6 +104,8 @@ class MethodTable:
         seconds: Computing time of the comparison, without the estimate of the run [s].
         share: Share of the rows of the validation recordings that count for each joint, the same rows for all
             methods, shape (n,); `None` without validation recordings.
+        names: Names of the base parameters, shape (b,).
+        estimates: Values of each method that succeeded.
     """
 
     joints: tuple[str, ...]
@@ -94,6 +113,8 @@ class MethodTable:
     scores: tuple[MethodScore, ...]
     seconds: float
     share: Array | None = None
+    names: tuple[ParameterName, ...] = ()
+    estimates: tuple[MethodEstimate, ...] = ()
 
     @property
     def note(self) -> str:
@@ -132,13 +153,16 @@ def compare_methods(
         kind, unseen = "none", _no_error  # terms, load and prior depend on all training data already
     else:
         kind, unseen = "cross-validation", _on_folds(problem)
-    names, scores = tuple(methods or ESTIMATORS), list[MethodScore]()
+    names, scores, estimates = tuple(methods or ESTIMATORS), list[MethodScore](), list[MethodEstimate]()
     for k, name in enumerate(names):
         if progress is not None:
             progress("comparison", k / len(names))
-        scores.append(_score(prepared, problem, name, unseen))
+        score, estimate = _score(prepared, problem, name, unseen)
+        scores.append(score)
+        estimates += [] if estimate is None else [estimate]
     seconds = time.perf_counter() - began
-    return MethodTable(prepared.model.robot.joint_names, kind, tuple(scores), seconds, share)
+    joints, base = prepared.model.robot.joint_names, prepared.base.names
+    return MethodTable(joints, kind, tuple(scores), seconds, share, base, tuple(estimates))
 
 
 def compare_record(table: MethodTable) -> dict[str, Any]:
@@ -164,12 +188,16 @@ def compare_record(table: MethodTable) -> dict[str, Any]:
             }
             for each in table.scores
         ],
+        "base_parameters": table.names,
+        "estimates": [{"name": each.method, "base": each.base, "bodies": each.bodies} for each in table.estimates],
         "seconds": table.seconds,
     }
 
 
-def _score(prepared: Prepared, problem: EstimationProblem, name: str, unseen: UnseenError) -> MethodScore:
-    """Scores of the method with a given name; if the method fails, the scores contain the reason."""
+def _score(
+    prepared: Prepared, problem: EstimationProblem, name: str, unseen: UnseenError
+) -> tuple[MethodScore, MethodEstimate | None]:
+    """Scores and values of the method with a given name; if the method fails, only the reason."""
     model, base = prepared.model, prepared.base
     nothing = np.full(model.n, np.nan)
     began = time.perf_counter()
@@ -177,7 +205,8 @@ def _score(prepared: Prepared, problem: EstimationProblem, name: str, unseen: Un
         method = _quick(build_estimator(replace(prepared.study.estimation, method=name)))
         fit = method.solve(problem)
     except (ArmidError, np.linalg.LinAlgError) as error:
-        return MethodScore(name, nothing, nothing, seconds=time.perf_counter() - began, failure=_reason(error))
+        seconds = time.perf_counter() - began
+        return MethodScore(name, nothing, nothing, seconds=seconds, failure=_reason(error)), None
     seconds = time.perf_counter() - began
     failure, error_unseen = "", nothing
     consistency: tuple[bool | None, float, float] = (None, np.nan, np.nan)
@@ -189,7 +218,9 @@ def _score(prepared: Prepared, problem: EstimationProblem, name: str, unseen: Un
         failure = _reason(error)
     eigenvalue = None if fit.standard is None else fit.standard.proof.smallest_eigenvalue
     dropped = len(fit.dropped)
-    return MethodScore(name, fit.residual_rms, error_unseen, *consistency, eigenvalue, dropped, seconds, failure)
+    score = MethodScore(name, fit.residual_rms, error_unseen, *consistency, eigenvalue, dropped, seconds, failure)
+    bodies = None if fit.standard is None else bodies_of(model, fit.standard)
+    return score, MethodEstimate(name, collapse(base.names, fit), bodies)
 
 
 def _quick(method: Estimator) -> Estimator:

@@ -82,6 +82,21 @@ def test_a_row_is_what_the_run_says():
     np.testing.assert_allclose(row.unseen, result.validation.recordings[0].rms, rtol=0.005)
 
 
+def test_the_values_of_each_method_are_kept():
+    given = prepared()
+    table = compare_methods(given, ("wls", "physical", "thesis-nlp"))
+    assert table.names == given.base.names and [each.method for each in table.estimates] == [
+        "wls", "physical", "thesis-nlp",
+    ]  # fmt: skip
+    wls, physical, _ = table.estimates
+    np.testing.assert_array_equal(wls.base, conclude(given).estimate.fit.values)
+    assert wls.bodies is None and physical.bodies is not None and physical.bodies.shape == (3, 10)
+    assert (physical.bodies[:, 0] > 0.0).all()
+    # The bodies and the base parameters are one estimate: masses and moments of the links give the base parameters.
+    error = np.linalg.norm(physical.base - wls.base) / np.linalg.norm(wls.base)
+    assert 0.0 < error < 0.05  # both are near the truth, and the constraints and the prior move the values
+
+
 def test_without_validation_every_fold_is_left_out_once():
     given = prepared(validated=False)
     table = compare_methods(given, ("wls", "robust"))
