@@ -8,6 +8,7 @@ import pytest
 
 from armid.report.comparison import COMPARISON
 from armid.report.data.page_data import PageData, gather, stored
+from armid.report.monitor_page import MONITOR
 from armid.report.page import assemble
 from armid.report.preflight_page import PREFLIGHT
 from armid.report.rollout_page import ROLLOUT
@@ -35,7 +36,7 @@ section = pytest.mark.parametrize("name", SECTIONS)
 
 def test_every_template_belongs_to_a_section():
     named = {path.stem for path in TEMPLATES.glob("*.html")}
-    assert named == SHARED | set(SECTIONS) | set(COMPARISON) | set(PREFLIGHT) | set(ROLLOUT)
+    assert named == SHARED | set(SECTIONS) | set(COMPARISON) | set(PREFLIGHT) | set(ROLLOUT) | set(MONITOR)
 
 
 @section

@@ -44,8 +44,12 @@ def test_a_push_is_told_and_written(armid: Armid, run: Run, logs: tuple[str, str
     assert record["observer"] == "residual" and record["unseen"]["source"] == "reference"
     alarms = record["recordings"][0]["alarms"]
     assert any(each["joint"] == "joint_2" and abs(each["start"] - PUSH.start) < 0.1 for each in alarms)
-    armid("monitor", run.folder, logs[0], "--false-alarms", 60, "--out", tmp_path / "alarms.json")
+    page = tmp_path / "alarms.html"
+    armid("monitor", run.folder, logs[0], "--false-alarms", 60, "--out", tmp_path / "alarms.json", "--page", page)
     assert json.loads((tmp_path / "alarms.json").read_text())["false_alarms_per_hour"] == 60.0
+    html = page.read_text(encoding="utf-8")
+    assert "no safety function" in html and "This rate is extrapolated" in html and "rate-not-promised" in html
+    assert all(f'"external-{j}"' in html for j in range(3)) and 'id="table-alarms"' in html
 
 
 def test_help_says_what_it_is_not(armid: Armid):
@@ -58,6 +62,7 @@ def test_wrong_requests_are_refused(armid: Armid, run: Run, logs: tuple[str, str
         (["--false-alarms", "-1"], "must be positive"),
         (["--out", str(tmp_path / "alarms.txt")], "suffix"),
         (["--reference", logs[0]], "new recording"),
+        (["--page", logs[0]], "not an HTML page"),
     ):
         refused = armid("monitor", run.folder, logs[0], *more)
         assert refused.code == 2 and words in " ".join(refused.err.split())

@@ -67,6 +67,10 @@ OutFile = Annotated[
         "--out", metavar="FILE", help="File to write: .csv for torque and thresholds over time, .json for alarms."
     ),
 ]
+PageFile = Annotated[
+    Path | None,
+    typer.Option("--page", metavar="FILE.html", help="Page to write, with plots of external torque and thresholds."),
+]
 Code = Annotated[
     Path | None,
     typer.Option("--code", metavar="FOLDER", help="Folder to write the monitor to, as C code for a controller."),
@@ -86,6 +90,7 @@ def monitor(
     columns: Columns = None,
     reading_lines: ReadingLines = None,
     out: OutFile = None,
+    page: PageFile = None,
     code: Code = None,
     json: Json = False,
 ) -> None:
@@ -101,6 +106,7 @@ def monitor(
         armid monitor runs/today shift.csv --reference free_1.csv --reference free_2.csv --out external.csv
     """
     from armid.cli.console import print_findings
+    from armid.report.rendering import require_extra
     from armid.runs.monitoring.monitor import make_monitor, watch
     from armid.runs.monitoring.observer import ObserverOptions
     from armid.runs.new_recordings import read_new_recordings
@@ -111,6 +117,8 @@ def monitor(
             f"{out} cannot be written, because its suffix is neither .csv nor .json.",
             remedy="give a file with one of these suffixes.",
         )
+    if page is not None:
+        require_extra()
     loaded = load_run(run)
     options = ObserverOptions(observer, gain)  # pyright: ignore[reportArgumentType]
     reading = changed_reading(loaded.log_format, rate, torque_sign, columns, reading_lines)
@@ -119,7 +127,7 @@ def monitor(
     given = [each for _, each in references]
     made = make_monitor(loaded, false_alarms=false_alarms, options=options, references=given, data=data)
     watched = watch(made, watched_recording)
-    written = _written(made, recording, watched, out, code)
+    written = [*_written(made, recording, watched, out, code), *_written_page(made, recording, watched, page)]
     print_findings([*(finding for each in findings for finding in each), *made.findings, *watched.findings])
     _show(made, recording, watched, written, json=json)
 
@@ -139,6 +147,15 @@ def _written(made: Monitor, path: str, watched: Watched, out: Path | None, code:
             text = to_json(monitor_record(made, [(path, watched)])) + "\n"
         written.append(replace_file(out, text))
     return written if code is None else [*written, *export_monitor(made, code)]
+
+
+def _written_page(made: Monitor, path: str, watched: Watched, page: Path | None) -> list[Path]:
+    """Write the page if it is asked for; its path."""
+    if page is None:
+        return []
+    from armid.report.monitor_page import write_monitor_page
+
+    return [write_monitor_page(made, watched, Path(path).name, page)]
 
 
 def _show(made: Monitor, path: str, watched: Watched, written: list[Path], *, json: bool) -> None:
