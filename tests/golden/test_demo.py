@@ -47,6 +47,7 @@ def test_the_plain_demo_is_the_default_with_periodic_edges():
     assert (study.estimation.method, study.robot.gravity) == ("wls", (0.0, 0.0, 9.81))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("processing", "times"), [("default", (5.0, 50.0)), ("thesis", (1.02, 1.5))])
 def test_padded_edges_are_worse(record_property, processing: str, times: tuple[float, float]):
     """The edges are most of what is left where both sides are filtered; where one is, its bias hides them."""
@@ -75,6 +76,7 @@ def test_errors_are_those_of_estimate_and_truth():
     assert dict(zip(names, truth, strict=True))["MYR_2"] == pytest.approx(3.9695)
 
 
+@pytest.mark.long
 def test_the_noise_follows_the_seed():
     one, two = demo("default", "periodic", 1), demo("default", "periodic", 2)
     assert not np.array_equal(one.result.estimate.fit.values, two.result.estimate.fit.values)

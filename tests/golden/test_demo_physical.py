@@ -48,6 +48,7 @@ def smallest(fit: Fit) -> float:
     return fit.standard.proof.smallest_eigenvalue
 
 
+@pytest.mark.long
 def test_bodies_cost_nothing_on_well_excited_data():
     fit = fit_of(PhysicallyConsistent(), biased=False)
     assert fit.standard is not None
@@ -58,6 +59,7 @@ def test_bodies_cost_nothing_on_well_excited_data():
     assert 5.0 < masses.sum() < 40.0  # of which torques say little; the true links weigh 17.5 kg
 
 
+@pytest.mark.long
 def test_consistency_takes_half_of_the_inertial_bias_away():
     fit = fit_of(PhysicallyConsistent(), biased=True)
     plain = errors(demo(biased=True).result.estimate.fit, biased=True)

@@ -67,7 +67,7 @@ def test_stiction_is_no_error_where_its_residual_is_smallest_upside_down(tmp_pat
     assert not [f for f in diagnose_recording(robot, log, LogFormat()) if f.severity == "error"]
 
 
-@pytest.mark.parametrize("size", [0.2, 0.4])
+@pytest.mark.parametrize("size", [0.2, pytest.param(0.4, marks=pytest.mark.long)])
 def test_stiction_is_no_other_gravity(tmp_path: Path, size: float):
     """Stiction left a residual that is up to 2 % smaller with gravity along another axis."""
     robot = pendulum(tmp_path, 0.1)
