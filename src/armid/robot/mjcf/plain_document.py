@@ -148,7 +148,7 @@ def plain_mjcf(root: ET.Element, source: str, locked: Mapping[str, float], *, fo
     passed_over = check_equalities(root, source, locked)
     settings = settings_of(root, source)
     meshes = mesh_assets(root, settings, Path(source).resolve().parent if folder is None else folder)
-    writer = _Writer(root, source, locked, settings, meshes)
+    writer = _Writer(source, locked, settings, meshes)
     writer.findings += passed_over
     plain = ET.Element("mujoco", model=root.get("model") or "robot")
     ET.SubElement(plain, "compiler", angle="radian")
@@ -187,7 +187,6 @@ def plain_mjcf(root: ET.Element, source: str, locked: Mapping[str, float], *, fo
 class _Writer:
     """Conversion of bodies to plain form; it also collects the limits of their joints."""
 
-    root: ET.Element
     source: str
     locked: Mapping[str, float]
     settings: Settings
