@@ -6,13 +6,19 @@
 
 #include <cmath>
 #include <cstdint>
-#include <cstdlib>
 #include <cstring>
 #include <limits>
 #include <new>
 
 // For what must be inlined to keep its vectors in registers.
 #define ARMID_INLINE [[gnu::always_inline]] inline
+
+// Lanes of a and b by index, those of b counted after those of a; GCC before 12 has no name for it that Clang knows.
+#ifdef __clang__
+#define ARMID_SHUFFLE(a, b, ...) __builtin_shufflevector(a, b, __VA_ARGS__)
+#else
+#define ARMID_SHUFFLE(a, b, ...) __builtin_shuffle(a, b, I{__VA_ARGS__})
+#endif
 
 namespace armid::ARMID_ISA {
 
@@ -53,11 +59,10 @@ class Buffer {
  public:
   explicit Buffer(std::size_t size) : data_(nullptr) {
     const std::size_t bytes = (size * sizeof(T) + 63) / 64 * 64 + 64;
-    data_ = static_cast<T*>(std::aligned_alloc(64, bytes));
-    if (data_ == nullptr) throw std::bad_alloc();
+    data_ = static_cast<T*>(::operator new(bytes, std::align_val_t{64}));  // Windows has no aligned_alloc
     std::memset(static_cast<void*>(data_), 0, bytes);
   }
-  ~Buffer() { std::free(data_); }
+  ~Buffer() { ::operator delete(data_, std::align_val_t{64}); }
   Buffer(const Buffer&) = delete;
   Buffer& operator=(const Buffer&) = delete;
   T& operator[](std::size_t i) { return data_[i]; }
@@ -88,11 +93,11 @@ inline double sum(V v) {
 // [a0+a1, b0+b1, a2+a3, b2+b3, ...]: halves the number of values still to be summed in each of a and b.
 inline V pair_sums(V a, V b) {
 #if ARMID_LANES == 8
-  return __builtin_shuffle(a, b, I{0, 8, 2, 10, 4, 12, 6, 14}) + __builtin_shuffle(a, b, I{1, 9, 3, 11, 5, 13, 7, 15});
+  return ARMID_SHUFFLE(a, b, 0, 8, 2, 10, 4, 12, 6, 14) + ARMID_SHUFFLE(a, b, 1, 9, 3, 11, 5, 13, 7, 15);
 #elif ARMID_LANES == 4
-  return __builtin_shuffle(a, b, I{0, 4, 2, 6}) + __builtin_shuffle(a, b, I{1, 5, 3, 7});
+  return ARMID_SHUFFLE(a, b, 0, 4, 2, 6) + ARMID_SHUFFLE(a, b, 1, 5, 3, 7);
 #else
-  return __builtin_shuffle(a, b, I{0, 2}) + __builtin_shuffle(a, b, I{1, 3});
+  return ARMID_SHUFFLE(a, b, 0, 2) + ARMID_SHUFFLE(a, b, 1, 3);
 #endif
 }
 
@@ -102,26 +107,26 @@ inline void exchange(V& a, V& b) {
   const V x = a, y = b;
 #if ARMID_LANES == 8
   if constexpr (D == 4) {
-    a = __builtin_shuffle(x, y, I{0, 1, 2, 3, 8, 9, 10, 11});
-    b = __builtin_shuffle(x, y, I{4, 5, 6, 7, 12, 13, 14, 15});
+    a = ARMID_SHUFFLE(x, y, 0, 1, 2, 3, 8, 9, 10, 11);
+    b = ARMID_SHUFFLE(x, y, 4, 5, 6, 7, 12, 13, 14, 15);
   } else if constexpr (D == 2) {
-    a = __builtin_shuffle(x, y, I{0, 1, 8, 9, 4, 5, 12, 13});
-    b = __builtin_shuffle(x, y, I{2, 3, 10, 11, 6, 7, 14, 15});
+    a = ARMID_SHUFFLE(x, y, 0, 1, 8, 9, 4, 5, 12, 13);
+    b = ARMID_SHUFFLE(x, y, 2, 3, 10, 11, 6, 7, 14, 15);
   } else {
-    a = __builtin_shuffle(x, y, I{0, 8, 2, 10, 4, 12, 6, 14});
-    b = __builtin_shuffle(x, y, I{1, 9, 3, 11, 5, 13, 7, 15});
+    a = ARMID_SHUFFLE(x, y, 0, 8, 2, 10, 4, 12, 6, 14);
+    b = ARMID_SHUFFLE(x, y, 1, 9, 3, 11, 5, 13, 7, 15);
   }
 #elif ARMID_LANES == 4
   if constexpr (D == 2) {
-    a = __builtin_shuffle(x, y, I{0, 1, 4, 5});
-    b = __builtin_shuffle(x, y, I{2, 3, 6, 7});
+    a = ARMID_SHUFFLE(x, y, 0, 1, 4, 5);
+    b = ARMID_SHUFFLE(x, y, 2, 3, 6, 7);
   } else {
-    a = __builtin_shuffle(x, y, I{0, 4, 2, 6});
-    b = __builtin_shuffle(x, y, I{1, 5, 3, 7});
+    a = ARMID_SHUFFLE(x, y, 0, 4, 2, 6);
+    b = ARMID_SHUFFLE(x, y, 1, 5, 3, 7);
   }
 #else
-  a = __builtin_shuffle(x, y, I{0, 2});
-  b = __builtin_shuffle(x, y, I{1, 3});
+  a = ARMID_SHUFFLE(x, y, 0, 2);
+  b = ARMID_SHUFFLE(x, y, 1, 3);
 #endif
 }
 
@@ -143,12 +148,11 @@ inline void sum4(V a, V b, V c, V d, double* out) {
   store(out + 2, cd);
 #elif ARMID_LANES == 4
   const V ab = pair_sums(a, b), cd = pair_sums(c, d);  // a01 b01 a23 b23
-  store(out, __builtin_shuffle(ab, cd, I{0, 1, 4, 5}) + __builtin_shuffle(ab, cd, I{2, 3, 6, 7}));
+  store(out, ARMID_SHUFFLE(ab, cd, 0, 1, 4, 5) + ARMID_SHUFFLE(ab, cd, 2, 3, 6, 7));
 #else
   const V ab = pair_sums(a, b), cd = pair_sums(c, d);
-  const V s =
-      __builtin_shuffle(ab, cd, I{0, 1, 8, 9, 4, 5, 12, 13}) + __builtin_shuffle(ab, cd, I{2, 3, 10, 11, 6, 7, 14, 15});
-  const V t = s + __builtin_shuffle(s, I{4, 5, 6, 7, 0, 1, 2, 3});
+  const V s = ARMID_SHUFFLE(ab, cd, 0, 1, 8, 9, 4, 5, 12, 13) + ARMID_SHUFFLE(ab, cd, 2, 3, 10, 11, 6, 7, 14, 15);
+  const V t = s + ARMID_SHUFFLE(s, s, 4, 5, 6, 7, 0, 1, 2, 3);
   std::memcpy(out, &t, 4 * sizeof(double));
 #endif
 }

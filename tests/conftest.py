@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import tempfile
 from collections.abc import Iterator
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
@@ -19,12 +20,22 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--long", action="store_true", help="run the tests marked long, too")
 
 
+OPTIONAL = {"witness": ("pinocchio", "pin"), "collision": ("coal", "coal")}
+"""Module that tests with a marker need, and the package that contains it."""
+
+
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    if config.getoption("--long"):
-        return
+    reasons = {
+        mark: f"the package {package} is not installed"
+        for mark, (module, package) in OPTIONAL.items()
+        if find_spec(module) is None
+    }
+    if not config.getoption("--long"):
+        reasons["long"] = "takes more than half a minute; run with --long"
     for item in items:
-        if item.get_closest_marker("long") is not None:
-            item.add_marker(pytest.mark.skip(reason="takes more than half a minute; run with --long"))
+        for mark, reason in reasons.items():
+            if item.get_closest_marker(mark) is not None:
+                item.add_marker(pytest.mark.skip(reason=reason))
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:

@@ -78,6 +78,7 @@ def test_a_recording_reads_and_fits_its_robot(shared_data, run):
     assert not {"position-offset", "channel-dead", "rows-not-consecutive"} & {f.code for f in result.findings}
 
 
+@pytest.mark.witness
 @pytest.mark.parametrize("run", [run for run in RUNS if "tx40" not in run])
 def test_the_effort_has_the_sign_of_the_description(shared_data, run):
     """Joint 2 of every arm mostly carries weight, so its effort follows the description's gravity torque."""

@@ -10,6 +10,7 @@ import pytest
 from armid.robot import forward_kinematics, frame_pose, load_robot
 from armid.robot.loading import ARMS
 from armid.robot.readers import dh
+from pinocchio_descriptions import compare
 
 pytestmark = pytest.mark.real
 
@@ -115,3 +116,10 @@ def test_ur_arms_turn_as_the_urdf_does(shared_data, arm, urdf):
     half_turn = np.diag([-1.0, -1.0, 1.0])
     agree((half_turn @ R, p @ half_turn), frame_pose(theirs, states(6)), 1e-14)
     assert mine.joint_names == theirs.joint_names
+
+
+@pytest.mark.witness
+@pytest.mark.parametrize("name", DESCRIPTIONS)
+def test_joints_inertias_torques_and_base_parameters_are_those_of_pinocchio(shared_data, name):
+    found = compare(shared_data / name)
+    assert found.holds and found.base is not None, found

@@ -6,13 +6,15 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
-import pinocchio as pin
 import pytest
 
 from armid import kernel
 from armid.export.write import export_run
 from armid.robot import load_robot
 from exports import LOCKED, MJCF, URDF, run_of
+
+pin = pytest.importorskip("pinocchio", reason="the package pin is not installed")
+pytestmark = pytest.mark.witness
 
 TOLERANCE = 1e-12
 """On torque of a hundred newton metres at most: the rounding of three independent recursions."""

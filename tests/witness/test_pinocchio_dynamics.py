@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import pinocchio as pin
 import pytest
 
 from armid import kernel
@@ -15,6 +14,9 @@ from armid.model.motion import Motion
 from armid.model.terms import RigidBody
 from armid.runs.callable_model import CallableModel
 from trees import pinocchio_model, random_inertial, random_states, random_tree, robot_of, structured_tree
+
+pin = pytest.importorskip("pinocchio", reason="the package pin is not installed")
+pytestmark = pytest.mark.witness
 
 TOLERANCE = 1e-12
 """Relative to the largest entry: two orders of recursion over at most 30 joints differ by rounding."""

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-import pinocchio as pin
 import pytest
 
 from armid.maths.inertia import inertia_matrix
 from armid.robot import forward_kinematics, frame_pose, load_robot
+
+pin = pytest.importorskip("pinocchio", reason="the package pin is not installed")
+pytestmark = pytest.mark.witness
 
 TOLERANCE = 1e-12
 """Relative to arms of some metres: products of up to a dozen rotations differ by rounding."""

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pinocchio as pin
 import pytest
 import yaml
 
@@ -22,6 +21,9 @@ from armid.runs.run import Run
 from armid.runs.validation_and_prediction import predict
 from exports import LOCKED, URDF, run_of
 from ros_packages import described, franka_arm, franka_package, frictionless, ur_arm, ur_package
+
+pin = pytest.importorskip("pinocchio", reason="the package pin is not installed")
+pytestmark = pytest.mark.witness
 
 pytest.importorskip("xacrodoc")
 

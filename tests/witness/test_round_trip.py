@@ -13,6 +13,8 @@ from armid.robot import builtin_arms, load_robot
 from exports import MJCF, URDF
 from round_trips import formats_of, round_trip, without_edited
 
+pytestmark = pytest.mark.witness
+
 ARMS = Path(__file__).parents[1] / "contract" / "arms"
 MESH = '<mesh name="shell" file="shell.stl"/>', '<mesh name="shell" vertex="0 0 0 1 0 0 0 1 0 0 0 1"/>'
 

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import importlib
 import math
+import os
+import tempfile
 from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from armid.checked_array import Array
-from armid.errors import RobotError
 from armid.export.types import Content, Witness
-from armid.robot.pinocchio_conversion import build, pinocchio
 
 SOURCE = "the written file"
 
@@ -31,11 +32,15 @@ def pinocchio_witness(
         ddq: Accelerations, shape (N, n).
         reads: Names of the terms whose parameters Pinocchio reads from this format.
     """
-    pin = pinocchio()
     try:
-        model = build(lambda: make(pin), SOURCE)
-    except RobotError as error:
-        return Witness("pinocchio", None, {}, error.problem)
+        pin: Any = importlib.import_module("pinocchio")
+    except ImportError:
+        return Witness(
+            "pinocchio", None, {}, "the package pin is not installed (pip install 'armid[witness]')", is_absent=True
+        )
+    model, complaint = _built(lambda: make(pin))
+    if complaint:
+        return Witness("pinocchio", None, {}, f"{SOURCE} cannot be read as a robot description: {complaint}")
     start = pin.neutral(model)
     for name, value in content.locked.items():
         if model.existJointName(name):
@@ -56,6 +61,39 @@ def pinocchio_witness(
     return Witness("pinocchio", torque, _by_joint(names, at, found, reads))
 
 
+def model_of_mjcf(pin: Any, text: str) -> Any:
+    """Model that Pinocchio builds from the text of an MJCF in plain form.
+
+    Args:
+        pin: The module `pinocchio`.
+        text: The text; Pinocchio reads files only.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "plain.xml"
+        path.write_text(text, encoding="utf-8")
+        return pin.buildModelFromMJCF(str(path))
+
+
+def _built(make: Callable[[], Any]) -> tuple[Any, str]:
+    """Model that a function makes with Pinocchio, and what the parser says against it; empty if it says nothing."""
+    result, reason = None, ""
+    # urdfdom prints errors to the C++ standard error only, and continues without an inertia that it cannot read.
+    with tempfile.TemporaryFile() as stderr:
+        saved = os.dup(2)
+        os.dup2(stderr.fileno(), 2)
+        try:
+            result = make()
+        except (ValueError, RuntimeError) as error:
+            reason = str(error).strip().splitlines()[-1].removeprefix("message:").strip()
+        finally:
+            os.dup2(saved, 2)
+            os.close(saved)
+        stderr.seek(0)
+        lines = [line.strip() for line in stderr.read().decode(errors="replace").splitlines()]
+    messages = [line.removeprefix("Error:").strip() for line in lines if line.startswith("Error:")]
+    return result, "; ".join(messages) or reason
+
+
 def mujoco_witness(text: str, content: Content, q: Array, dq: Array, ddq: Array, *, reads: Sequence[str]) -> Witness:
     """Rigid-body torque of the file, computed by MuJoCo without contacts, limits, springs and friction.
 
@@ -70,7 +108,9 @@ def mujoco_witness(text: str, content: Content, q: Array, dq: Array, ddq: Array,
     try:
         mj: Any = importlib.import_module("mujoco")
     except ImportError:
-        return Witness("mujoco", None, {}, "the package mujoco is not installed", is_absent=True)
+        return Witness(
+            "mujoco", None, {}, "the package mujoco is not installed (pip install 'armid[lab]')", is_absent=True
+        )
     try:
         with _without_log(mj):
             model = mj.MjModel.from_xml_string(text)

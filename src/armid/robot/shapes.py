@@ -128,7 +128,8 @@ def _listed(bodies: Sequence[str]) -> str:
 
 def rotation_with_z(direction: Array) -> Array:
     """Smallest rotation (3, 3) that turns z to a non-zero direction (3,); if this is -z, a rotation about x."""
-    x, y, z = direction / np.linalg.norm(direction)
+    with np.errstate(invalid="ignore"):
+        x, y, z = direction / np.linalg.norm(direction)
     if x == y == 0.0:
         return np.diag([1.0, np.sign(z), np.sign(z)])
     across = np.hypot(x, y)

@@ -19,7 +19,7 @@ import numpy as np
 
 from armid import kernel
 from armid.checked_array import Array
-from armid.errors import ArmidError
+from armid.errors import ArmidError, MissingExtraError
 from armid.estimation.estimators.ols import OrdinaryLeastSquares
 from armid.estimation.problem import build_problem
 from armid.excitation.design.objective import CriterionGoal, Objective, along
@@ -96,10 +96,21 @@ def _result(
     return {"name": name, "peer": peer, "armid_seconds": a, "peer_seconds": b, "ratio": b / a}
 
 
+def _module() -> Any:
+    """The module pinocchio.
+
+    Raises:
+        MissingExtraError: It is not installed.
+    """
+    try:
+        return import_module("pinocchio")
+    except ImportError as error:
+        raise MissingExtraError("pin", "The comparison with Pinocchio", "witness") from error
+
+
 def _pinocchio(model: DynamicsModel) -> tuple[Any, Any]:
     """Model and data of the arm in Pinocchio."""
-    pin: Any = import_module("pinocchio")
-
+    pin = _module()
     arm: Any = pin.Model()
     for i, joint in enumerate(model.robot.joints):
         placement = pin.SE3(joint.placement[:3, :3].copy(), joint.placement[:3, 3].copy())
@@ -110,8 +121,7 @@ def _pinocchio(model: DynamicsModel) -> tuple[Any, Any]:
 
 def _regressor(model: DynamicsModel, base: BaseParameters, motion: Motion) -> dict[str, Any]:
     """Times of the base regressor: in tiles that fit the processor cache, and by a loop of Pinocchio calls."""
-    pin: Any = import_module("pinocchio")
-
+    pin = _module()
     source = column_source(model, base)
     part = motion[slice(0, TILE)]
     torque, terms = np.zeros((TILE, model.n)), source.term_rows(part)
@@ -133,8 +143,7 @@ def _regressor(model: DynamicsModel, base: BaseParameters, motion: Motion) -> di
 
 def _least_squares(model: DynamicsModel, base: BaseParameters, motion: Motion, torque: Array) -> list[dict[str, Any]]:
     """Times of least squares: armid and NumPy without a filter, and armid with and without a filter."""
-    pin: Any = import_module("pinocchio")
-
+    pin = _module()
     arm, data = _pinocchio(model)
     rate = (motion.samples - 1) / float(motion.time[-1] - motion.time[0])
 
@@ -185,8 +194,7 @@ def _design_gradient(model: DynamicsModel, base: BaseParameters) -> dict[str, An
     For Pinocchio, the time of one value is multiplied by 141, because a gradient by forward differences needs one
     value, and one more for each of the 140 coefficients.
     """
-    pin: Any = import_module("pinocchio")
-
+    pin = _module()
     arm, data = _pinocchio(model)
     plan = builtin_plan("thesis-a1")
     goal = CriterionGoal(model, base, "condition")

@@ -6,7 +6,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import pinocchio as pin
 import pytest
 
 from armid.checked_array import Array
@@ -31,8 +30,11 @@ def table(text: str = CRANE, *, bodies: bool = True, seed: int = 0) -> LinkTable
     return link_table(model(text), estimate(problem(text, seed), bodies=bodies))
 
 
+@pytest.mark.witness
 @pytest.mark.parametrize("seed", range(5))
 def test_a_body_is_what_pinocchio_makes_of_the_same_parameters(seed: int):
+    import pinocchio as pin
+
     vector = random_inertial(np.random.default_rng(seed), 1)[0]
     # Pinocchio's order of the six entries is the same: xx, xy, yy, xz, yz, zz.
     body = pin.Inertia.FromDynamicParameters(vector)

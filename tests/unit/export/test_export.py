@@ -301,6 +301,7 @@ def test_a_file_that_says_something_else_is_not_written(tmp_path: Path, monkeypa
     assert not (tmp_path / "run" / "odd.urdf").exists()
 
 
+@pytest.mark.witness
 def test_a_wrong_friction_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     run = run_of(tmp_path / "run", write(tmp_path, URDF), locked=LOCKED)
     monkeypatch.setattr(urdf, "ATTRIBUTES", {"viscous": "friction", "coulomb": "damping"})

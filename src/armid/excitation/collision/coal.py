@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armid.checked_array import Array
-from armid.errors import ArmidError
+from armid.errors import ArmidError, MissingExtraError
 from armid.robot.collada_unit import collada_unit
 from armid.robot.shapes import Shape
 
@@ -43,7 +43,15 @@ def telling_of_meshes(tell: Tell) -> Generator[None]:
 
 
 def _coal() -> Any:
-    return import_module("coal")
+    """The module coal, imported at the first use.
+
+    Raises:
+        MissingExtraError: It is not installed.
+    """
+    try:
+        return import_module("coal")
+    except ImportError as error:
+        raise MissingExtraError("coal", "Measuring distances of bodies and reading meshes", "collision") from error
 
 
 def stamp(path: str) -> tuple[int, int]:

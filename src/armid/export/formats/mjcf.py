@@ -8,12 +8,10 @@ of their include elements, so that the result is one file.
 from __future__ import annotations
 
 import math
-import tempfile
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
 from itertools import count
 from pathlib import Path
-from typing import Any
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
@@ -22,7 +20,7 @@ from scipy.spatial.transform import Rotation
 from armid.checked_array import Array
 from armid.errors import Finding, OutputError, RobotError
 from armid.export.body_split import placed
-from armid.export.other_programs import mujoco_witness, pinocchio_witness
+from armid.export.other_programs import model_of_mjcf, mujoco_witness, pinocchio_witness
 from armid.export.types import (
     Body,
     Content,
@@ -36,7 +34,7 @@ from armid.export.types import (
 )
 from armid.export.xml_edit import Document, XmlNode, element_text
 from armid.robot.mjcf.plain_document import IGNORED_COMPILER, Plain, flatten, plain_mjcf
-from armid.robot.pinocchio_conversion import build, pinocchio
+from armid.robot.mjcf.tree import tree_of_mjcf
 from armid.robot.readers import mjcf as reader
 from armid.robot.robot import InertialParameters, Robot
 from armid.robot.xml import parse_xml
@@ -108,21 +106,20 @@ def whole(path: Path, data: bytes, folder: Path | None = None) -> tuple[bytes, t
 def bodies(source: DescriptionSource, raw: Robot, robot: Robot) -> list[Body]:
     """Bodies of an MJCF that move; parents come before their children."""
     plain = _plain(source.data, source.locked, Path(source.path).resolve().parent)
-    model = _model(plain)
-    frames = {f.name: f for f in model.frames if f.type.name == "BODY"}
+    tree = tree_of_mjcf(plain)
+    frames = {frame.name: frame for _, frame in tree.bodies()}
     # The plain form splits a body with several joints; only the last part is a body of the file.
     there = {name for node, name in _names(Document(source.data).root).items() if node.tag == "body"}
     found: list[Body] = []
-    for element in ET.fromstring(plain.text).iter("body"):
-        name = element.get("name", "")
-        frame = frames.get(name)
-        if frame is None or frame.parentJoint == 0 or name not in there:
+    for name, frame in frames.items():
+        if frame.joint < 0 or name not in there:
             continue
-        pose = np.array(frame.placement.homogeneous)
-        joint = raw.joint_index(model.names[frame.parentJoint])
-        link, placement, welded = placed(raw, source.locked, robot, joint, pose)
+        joint = raw.joint_index(tree.joints[frame.joint].name)
+        link, placement, welded = placed(raw, source.locked, robot, joint, frame.placement)
         if link >= 0:
-            found.append(Body(name, link, placement, _nominal(element), welded, name in plain.uncomputed))
+            vector = plain.inertias.get(name)
+            nominal = None if vector is None else InertialParameters.from_vector(vector)
+            found.append(Body(name, link, placement, nominal, welded, name in plain.uncomputed))
     return found
 
 
@@ -156,13 +153,13 @@ def witnesses(data: bytes, content: Content, q: Array, dq: Array, ddq: Array) ->
     """Models that Pinocchio and MuJoCo read from a written MJCF; Pinocchio reads the plain form."""
     plain = _plain(data, content.locked)
     return [
-        pinocchio_witness(lambda _: _model(plain), content, q, dq, ddq, reads=()),
+        pinocchio_witness(lambda pin: model_of_mjcf(pin, plain.text), content, q, dq, ddq, reads=()),
         mujoco_witness(_without_meshes(data), content, q, dq, ddq, reads=PLACES),
     ]
 
 
 def _plain(data: bytes, locked: Mapping[str, float], folder: Path | None = None) -> Plain:
-    """Converts an MJCF to the plain form that Pinocchio reads correctly.
+    """Converts an MJCF to its plain form.
 
     Args:
         data: Text of the MJCF.
@@ -171,29 +168,6 @@ def _plain(data: bytes, locked: Mapping[str, float], folder: Path | None = None)
     """
     root = flatten(parse_xml(data.decode(), "the description"), "the description")
     return plain_mjcf(root, "the description", locked, folder=folder)
-
-
-def _model(plain: Plain) -> Any:
-    """Model that Pinocchio builds from the plain form of an MJCF."""
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "plain.xml"
-        path.write_text(plain.text, encoding="utf-8")
-        return build(lambda: pinocchio().buildModelFromMJCF(str(path)), "the description")
-
-
-def _nominal(element: ET.Element) -> InertialParameters | None:
-    """Inertia of a body in its own frame, which Pinocchio reads from a plain form with this body alone."""
-    said = [child for child in element if child.tag in ("inertial", "geom")]
-    if not said:
-        return None
-    root = ET.Element("mujoco")
-    ET.SubElement(root, "compiler", angle="radian")
-    world = ET.SubElement(ET.SubElement(root, "worldbody"), "body", name="world")
-    alone = ET.SubElement(world, "body", name="alone")
-    ET.SubElement(alone, "joint", name="joint")
-    alone.extend(said)
-    model = _model(Plain(ET.tostring(root, encoding="unicode"), {}, (), ()))
-    return InertialParameters.from_vector(np.array(model.inertias[1].toDynamicParameters()))
 
 
 def _names(root: XmlNode) -> dict[XmlNode, str]:

@@ -23,6 +23,9 @@ SIZES = {"sphere": 1, "capsule": 2, "ellipsoid": 3, "cylinder": 2, "box": 3}
 
 MASSLESS = ("plane", "hfield")
 
+POINT = np.eye(10)[0]
+"""Inertial parameters of a point mass of 1 kg at the origin."""
+
 DENSITY = 1000.0
 """Density of a geom that states none [kg/m³, or kg/m² for a shell]."""
 
@@ -48,7 +51,7 @@ def heavy_geoms(body: ET.Element, childclass: str, settings: Settings) -> list[E
 
 
 def is_solid(geom: ET.Element) -> bool:
-    """Tests whether a geom is a solid primitive, whose inertia Pinocchio computes."""
+    """Tests whether a geom is a solid primitive."""
     return geom.get("type", "sphere") in SIZES and "mesh" not in geom.attrib and geom.get("shellinertia") != "true"
 
 
@@ -74,6 +77,8 @@ def inertia_of_geoms(geoms: Sequence[ET.Element], meshes: MeshAssets, settings: 
     for geom in geoms:
         unit, pose = _unit_inertia(geom, meshes, settings, where)
         mass, density = (_number(geom, key, settings) for key in ("mass", "density"))
+        if mass is not None and not unit[0]:
+            unit = POINT  # a primitive without volume, which MuJoCo would refuse
         scale = (DENSITY if density is None else density) if mass is None else mass / unit[0]
         total += transform(scale * unit, pose[:3, :3], pose[:3, 3])
     return total
@@ -90,7 +95,8 @@ def _unit_inertia(geom: ET.Element, meshes: MeshAssets, settings: Settings, wher
     if kind not in SIZES or geom.get("shellinertia") == "true":
         what = "a shell" if kind in SIZES else f"a geom of the type {kind!r}"
         raise UncomputableError(f"it has {what}, whose inertia is not computed")
-    size = [float(word) for word in geom.get("size", "").split()]
+    given = numbers(geom, "size", len(geom.get("size", "").split()), settings.source, where)
+    size = given or [0.0]
     ends = numbers(geom, "fromto", 6, settings.source, where)
     if ends is not None and kind != "sphere":
         along = np.subtract(ends[3:], ends[:3])

@@ -7,8 +7,8 @@ import xml.etree.ElementTree as ET
 from collections.abc import Collection, Mapping
 
 from armid.errors import Finding, RobotError
+from armid.robot.described_limits import DescribedLimits
 from armid.robot.joint_selection import Follows, JointOutline, SelectedJoint
-from armid.robot.pinocchio_conversion import DescribedLimits
 from armid.robot.xml import numbers
 
 COUPLINGS = ("flex", "flexvert", "flexstrain")

@@ -1,9 +1,10 @@
-"""Conversion of an MJCF to a plain form that Pinocchio reads correctly.
+"""Conversion of an MJCF to a plain form.
 
-Pinocchio's parser ignores includes, gravity, all trees except the first, disabled limits and some forms of
-orientation. If an inertia must be computed from a mesh, it assumes a unit mass. This conversion resolves includes and
-default classes, converts angles to radians, computes inertias from meshes, splits bodies with several joints into
-bodies with one joint each, and puts all bodies below one root body.
+The conversion resolves includes and default classes, converts angles to radians, computes inertias from geoms and
+meshes, splits bodies with several joints into bodies with one joint each, and puts all bodies below one root body.
+Other programs read the plain form correctly, too: the parser of Pinocchio, with which written files are checked,
+ignores includes, gravity, all trees except the first, disabled limits and some forms of orientation, and assumes a
+unit mass where an inertia must be computed from a mesh.
 """
 
 from __future__ import annotations
@@ -14,16 +15,19 @@ from dataclasses import dataclass, field
 from itertools import count
 from pathlib import Path
 
+import numpy as np
+
 from armid.checked_array import Array
 from armid.errors import Finding, RobotError
-from armid.maths.inertia import vector_to_com_inertia
+from armid.maths.inertia import com_inertia_to_vector, vector_to_com_inertia
 from armid.robot.described_drive import DescribedDrive, drive_of
+from armid.robot.described_limits import DescribedLimits, limits_of
 from armid.robot.mjcf.geom_inertia import heavy_geoms, inertia_of_geoms, is_solid, stated_mass
 from armid.robot.mjcf.joints import check_equalities, joints_of
 from armid.robot.mjcf.mesh_assets import MeshAssets, mesh_assets
 from armid.robot.mjcf.mesh_reading import UncomputableError
+from armid.robot.mjcf.poses import placement_of
 from armid.robot.mjcf.settings import POSE, Settings, settings_of
-from armid.robot.pinocchio_conversion import DescribedLimits, limits_of
 from armid.robot.robot import EARTH_GRAVITY
 from armid.robot.xml import floating, identity_only, numbers, parse_xml
 
@@ -51,32 +55,39 @@ class Uncomputed:
 
 @dataclass(slots=True)
 class Plain:
-    """MJCF in plain form, which Pinocchio reads correctly.
+    """MJCF in plain form.
 
     Attributes:
-        text: The converted MJCF, for Pinocchio.
+        root: The converted document.
         limits: Limits of the joints, by name.
         gravity: Acceleration of gravity [m/s²].
         findings: Findings of the conversion.
-        geoms: Every geom with the attributes of its defaults and a pose that Pinocchio reads correctly, together with
-            the name of its body, which is empty for the world.
-        sites: Named sites, in the same form as `geoms`. They are not in `text`, because Pinocchio misplaces sites of
+        geoms: Every geom with the attributes of its defaults and a pose in plain form, together with the name of its
+            body, which is empty for the world.
+        sites: Named sites, in the same form as `geoms`. They are not in `root`, because Pinocchio misplaces sites of
             fixed bodies.
-        uncomputed: Bodies whose inertia must be computed from geoms, but could not be computed; their inertia is not
-            in `text`.
+        uncomputed: Bodies whose inertia must be computed from geoms, but could not be computed.
+        inertias: Inertial parameters (10,) of bodies in their own frames, by name; bodies without inertia are not
+            contained.
         drives: Rotor inertia and friction of the joints, by name.
         meshes: Meshes of the document.
     """
 
-    text: str
+    root: ET.Element
     limits: dict[str, DescribedLimits]
     gravity: tuple[float, ...]
     findings: tuple[Finding, ...]
     geoms: tuple[tuple[str, ET.Element], ...] = ()
     sites: tuple[tuple[str, ET.Element], ...] = ()
     uncomputed: Mapping[str, Uncomputed] = field(default_factory=dict[str, Uncomputed])
+    inertias: Mapping[str, Array] = field(default_factory=dict[str, Array])
     drives: Mapping[str, DescribedDrive] = field(default_factory=dict[str, DescribedDrive])
     meshes: MeshAssets | None = None
+
+    @property
+    def text(self) -> str:
+        """Text of the converted document."""
+        return ET.tostring(self.root, encoding="unicode")
 
 
 def flatten(root: ET.Element, source: str) -> ET.Element:
@@ -137,7 +148,7 @@ def plain_mjcf(root: ET.Element, source: str, locked: Mapping[str, float], *, fo
     passed_over = check_equalities(root, source, locked)
     settings = settings_of(root, source)
     meshes = mesh_assets(root, settings, Path(source).resolve().parent if folder is None else folder)
-    writer = _Writer(root, source, locked, settings, meshes)
+    writer = _Writer(source, locked, settings, meshes)
     writer.findings += passed_over
     plain = ET.Element("mujoco", model=root.get("model") or "robot")
     ET.SubElement(plain, "compiler", angle="radian")
@@ -157,16 +168,25 @@ def plain_mjcf(root: ET.Element, source: str, locked: Mapping[str, float], *, fo
         limits[name], finding = limits_of(name, position=position, velocity=0.0, effort=effort, turns=turns)
         if finding is not None:
             writer.findings.append(finding)
-    text = ET.tostring(plain, encoding="unicode")
     geoms, sites = (tuple(each for each in writer.placed if each[1].tag == tag) for tag in ("geom", "site"))
-    return Plain(text, limits, gravity, tuple(writer.findings), geoms, sites, writer.uncomputed, drives, meshes)
+    return Plain(
+        plain,
+        limits,
+        gravity,
+        tuple(writer.findings),
+        geoms,
+        sites,
+        uncomputed=writer.uncomputed,
+        inertias=writer.inertias,
+        drives=drives,
+        meshes=meshes,
+    )
 
 
 @dataclass(slots=True)
 class _Writer:
     """Conversion of bodies to plain form; it also collects the limits of their joints."""
 
-    root: ET.Element
     source: str
     locked: Mapping[str, float]
     settings: Settings
@@ -176,6 +196,7 @@ class _Writer:
     bodies: set[str] = field(default_factory=lambda: {"world"})
     placed: list[tuple[str, ET.Element]] = field(default_factory=list[tuple[str, ET.Element]])
     uncomputed: dict[str, Uncomputed] = field(default_factory=dict[str, Uncomputed])
+    inertias: dict[str, Array] = field(default_factory=dict[str, Array])
 
     def __post_init__(self) -> None:
         ignored = [key for key in IGNORED_COMPILER if key in self.settings.compiler]
@@ -259,7 +280,7 @@ class _Writer:
         return ET.Element("joint", {"name": name, "type": kind, **plain})
 
     def _mass(self, body: ET.Element, childclass: str, name: str) -> list[ET.Element]:
-        """Element <inertial> of a body, or the geoms from which Pinocchio computes the inertia."""
+        """Element <inertial> of a body, or the geoms from which the inertia follows; the inertia is stored."""
         source_of_mass = self.settings.compiler.get("inertiafromgeom", "auto")
         inertial = body.find("inertial")
         if inertial is not None and source_of_mass != "true":
@@ -267,17 +288,21 @@ class _Writer:
             kept = self.settings.checked(inertial, INERTIAL, where)
             if "mass" not in kept:
                 raise RobotError(f"{self.source}: {where} has no mass.", remedy="add the attribute mass [kg].")
-            return [ET.Element("inertial", {**kept, **self.settings.pose(inertial, where)})]
+            plain = ET.Element("inertial", {**kept, **self.settings.pose(inertial, where)})
+            self.inertias[name] = _stated_inertia(plain)
+            return [plain]
         heavy = heavy_geoms(body, childclass, self.settings) if source_of_mass != "false" else []
         where = f"a geom of {name!r}"
-        if all(is_solid(geom) for geom in heavy):
-            return [self._geom(geom, where) for geom in heavy]
+        if not heavy:
+            return []
         try:
-            vector = inertia_of_geoms(heavy, self.meshes, self.settings, where)
+            self.inertias[name] = inertia_of_geoms(heavy, self.meshes, self.settings, where)
         except UncomputableError as error:
             self.uncomputed[name] = Uncomputed(stated_mass(heavy, self.settings), error.problem)
             return []
-        return [_inertial(vector)]
+        if all(is_solid(geom) for geom in heavy):
+            return [self._geom(geom, where) for geom in heavy]  # so other programs compute the inertia anew
+        return [_inertial(self.inertias[name])]
 
     def _geom(self, geom: ET.Element, where: str) -> ET.Element:
         """Primitive geom with the attributes that determine its mass and inertia."""
@@ -301,6 +326,22 @@ class _Writer:
                 position, _, turns, drive = self.stated[name]
                 effort = abs((gear or [1.0])[0]) * min(map(abs, ranges[0]))
                 self.stated[name] = (position, effort, turns, drive)
+
+
+def _stated_inertia(inertial: ET.Element) -> Array:
+    """Ten inertial parameters (10,) in the frame of the body, from an element <inertial> in plain form."""
+
+    def given(key: str) -> list[float]:
+        return [float(word) for word in inertial.get(key, "").split()]
+
+    (mass,) = given("mass")
+    about_com = np.diag(given("diaginertia") or [0.0] * 3)
+    if "fullinertia" in inertial.attrib:
+        xx, yy, zz, xy, xz, yz = given("fullinertia")
+        about_com = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    pose = placement_of(inertial)
+    turned = pose[:3, :3] @ about_com @ pose[:3, :3].T
+    return com_inertia_to_vector(mass, pose[:3, 3], turned)
 
 
 def _inertial(vector: Array) -> ET.Element:

@@ -12,7 +12,7 @@ from armid.robot.shapes import rotation_with_z
 
 
 def placement_of(element: ET.Element) -> Array:
-    """Pose (4, 4) of a geom or site in the frame of its body."""
+    """Pose (4, 4) of a body, inertial, geom or site in the frame around it; NaN if its orientation is no rotation."""
 
     def given(key: str) -> Array:
         return np.array([float(x) for x in element.get(key, "").split()])
@@ -23,9 +23,11 @@ def placement_of(element: ET.Element) -> Array:
         turned = rotation_of_quaternion(given("quat"))
     elif "xyaxes" in element.attrib:
         x, y = given("xyaxes").reshape(2, 3)
-        x = x / np.linalg.norm(x)
-        y = y - (y @ x) * x
-        turned = np.column_stack([x, y / np.linalg.norm(y), np.cross(x, y / np.linalg.norm(y))])
+        with np.errstate(invalid="ignore"):
+            x = x / np.linalg.norm(x)
+            y = y - (y @ x) * x
+            y = y / np.linalg.norm(y)
+        turned = np.column_stack([x, y, np.cross(x, y)])
     elif "zaxis" in element.attrib:
         turned = rotation_with_z(given("zaxis"))
     return homogeneous(turned, position)
@@ -33,7 +35,8 @@ def placement_of(element: ET.Element) -> Array:
 
 def rotation_of_quaternion(quaternion: Array) -> Array:
     """Rotation matrix (3, 3) of a quaternion (4,) of any length, real part first."""
-    w, x, y, z = quaternion / np.linalg.norm(quaternion)
+    with np.errstate(invalid="ignore"):
+        w, x, y, z = quaternion / np.linalg.norm(quaternion)
     return np.array(
         [
             [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],

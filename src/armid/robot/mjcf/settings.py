@@ -15,7 +15,7 @@ from armid.maths.rotations import axis_rotation, rotation_x, rotation_y, rotatio
 from armid.robot.xml import numbers
 
 POSE = {"pos": 3, "quat": 4, "xyaxes": 6, "zaxis": 3}
-"""Attributes of a pose that Pinocchio reads correctly, with their numbers of values."""
+"""Attributes of a pose in plain form, with their numbers of values."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +54,7 @@ class Settings:
         return ET.Element(element.tag, attributes)
 
     def pose(self, element: ET.Element, where: str) -> dict[str, str]:
-        """Attributes of the pose of an element; an orientation that Pinocchio misreads is written as two axes."""
+        """Attributes of the pose of an element; Euler angles and an angle about an axis are written as two axes."""
         pose = self.checked(element, POSE, where)
         euler = numbers(element, "euler", 3, self.source, where)
         axisangle = numbers(element, "axisangle", 4, self.source, where)
@@ -68,10 +68,7 @@ class Settings:
         return pose
 
     def checked(self, element: ET.Element, counts: Mapping[str, int], where: str) -> dict[str, str]:
-        """Those attributes in `counts` that an element has, after a check of their numbers of values.
-
-        Pinocchio does not check these numbers.
-        """
+        """Those attributes in `counts` that an element has, after a check of their numbers of values."""
         there = [key for key, n in counts.items() if numbers(element, key, n, self.source, where) is not None]
         return {key: element.get(key, "") for key in there}
 

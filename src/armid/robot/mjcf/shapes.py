@@ -11,16 +11,15 @@ from __future__ import annotations
 import xml.etree.ElementTree as ET
 from collections import Counter
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 
 from armid.checked_array import Array
 from armid.errors import ArmidError, Finding
+from armid.robot.body_tree import BodyTree
 from armid.robot.collision_body_names import BodyName
 from armid.robot.mjcf.plain_document import Plain
 from armid.robot.mjcf.poses import placement_of
-from armid.robot.pinocchio_conversion import pinocchio
 from armid.robot.shapes import (
     Kind,
     Shape,
@@ -39,24 +38,9 @@ MARKER = 0.1
 """Extent below which a primitive without contacts that belongs to no robot of a scene is taken for a marker [m]."""
 
 
-def carriers_of(model: Any) -> dict[str, tuple[int, Array]]:
+def carriers_of(tree: BodyTree) -> dict[str, tuple[int, Array]]:
     """For each body, by name: index of the joint that moves it (-1 for none), and its pose in the link frame."""
-    return {
-        frame.name: (frame.parentJoint - 1, np.array(frame.placement.homogeneous))
-        for frame in model.frames
-        if frame.type.name == "BODY"
-    }
-
-
-def add_sites(model: Any, plain: Plain) -> None:
-    """Adds a frame to a `pinocchio.Model` for each site, fixed to the frame of its body."""
-    pin = pinocchio()
-    bodies = {frame.name: k for k, frame in enumerate(model.frames) if frame.type.name == "BODY"}
-    for body, site in plain.sites:
-        k = bodies[body]
-        on = model.frames[k]
-        place = on.placement * pin.SE3(placement_of(site))
-        model.addFrame(pin.Frame(site.get("name"), on.parentJoint, k, place, pin.FrameType.OP_FRAME))
+    return {frame.name: (frame.joint, frame.placement) for _, frame in tree.bodies()}
 
 
 def shapes_of_mjcf(
@@ -132,7 +116,7 @@ def _is_small(shape: Shape) -> bool:
         "cylinder": max(2.0 * radius, length),
         "capsule": 2.0 * radius + length,
     }
-    return extent.get(shape.kind, MARKER) < MARKER
+    return bool(extent.get(shape.kind, MARKER) < MARKER)
 
 
 def _shape(name: str, geom: ET.Element, meshes: Mapping[str, tuple[str, Array, Array]]) -> Shape | None:

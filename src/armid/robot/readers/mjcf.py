@@ -1,4 +1,4 @@
-"""Reader of MJCF: converts a file to a plain form for Pinocchio; meshes are opened if inertia depends on them.
+"""Reader of MJCF by way of its plain form; meshes are opened if inertia depends on them.
 
 Bodies with several hinges or slides become a chain of massless links. If a joint has no effort limit, the effort
 limit of its actuator is used. The acceleration of gravity is read from the file.
@@ -7,20 +7,18 @@ limit of its actuator is used. The acceleration of gravity is read from the file
 from __future__ import annotations
 
 import hashlib
-import tempfile
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 from dataclasses import replace
-from pathlib import Path
-from typing import Any
 
 from armid.errors import Finding, RobotError
+from armid.robot.body_tree import robot_from_tree
 from armid.robot.collision_from_visual import with_bodies
 from armid.robot.joint_selection import JointOutline
 from armid.robot.mjcf.joints import joint_names, outline_of
 from armid.robot.mjcf.plain_document import Uncomputed, flatten, plain_mjcf
-from armid.robot.mjcf.shapes import WORLD, add_sites, carriers_of, shapes_of_mjcf
-from armid.robot.pinocchio_conversion import build, pinocchio, robot_from_model
+from armid.robot.mjcf.shapes import WORLD, carriers_of, shapes_of_mjcf
+from armid.robot.mjcf.tree import tree_of_mjcf
 from armid.robot.robot import Robot
 from armid.robot.xml import check_locked, parse_xml, root_tag
 
@@ -53,20 +51,13 @@ def read(text: str, *, source: str, locked: Mapping[str, float], tip: str | None
     check_locked(locked, joint_names(root), source)
     plain = plain_mjcf(root, source, locked)
 
-    def make() -> object:
-        with tempfile.TemporaryDirectory() as folder:
-            path = Path(folder) / "plain.xml"
-            path.write_text(plain.text, encoding="utf-8")
-            return pinocchio().buildModelFromMJCF(str(path))
-
-    model = build(make, source)
-    add_sites(model, plain)
-    carriers = carriers_of(model)
-    still = {body for body, (joint, _) in carriers.items() if not _is_moved(model, joint + 1, locked)}
+    tree = tree_of_mjcf(plain)
+    carriers = carriers_of(tree)
+    still = {body for body, (joint, _) in carriers.items() if not tree.is_moved(joint, locked)}
     unknown = {body: why for body, why in plain.uncomputed.items() if body not in still}
     shapes, visuals, markers, missing = shapes_of_mjcf(root, plain, carriers)
-    robot = robot_from_model(
-        model,
+    robot = robot_from_tree(
+        tree,
         name=root.get("model") or "robot",
         limits=plain.limits,
         source=source,
@@ -110,15 +101,8 @@ def outline(text: str, *, source: str) -> JointOutline:
     """
     root = flatten(_root(text, source), source)
     plain = plain_mjcf(root, source, dict.fromkeys(joint_names(root), 0.0))
-    drawn = {joint.get("name", ""): float(joint.get("ref", "0")) for joint in ET.fromstring(plain.text).iter("joint")}
+    drawn = {joint.get("name", ""): float(joint.get("ref", "0")) for joint in plain.root.iter("joint")}
     return outline_of(root, source, plain.limits, drawn)
-
-
-def _is_moved(model: Any, joint: int, locked: Mapping[str, float]) -> bool:
-    """Tests whether a joint of the model, or one that carries it, moves; joint 0 is the base, which does not move."""
-    while joint > 0 and model.names[joint] in locked:
-        joint = model.parents[joint]
-    return joint > 0
 
 
 def _unknown_inertia(bodies: Mapping[str, Uncomputed]) -> tuple[Finding, ...]:

@@ -1,13 +1,7 @@
-"""Reader of URDF with Pinocchio; meshes are not opened.
-
-Joint kinds, mimic tags, axes and limits are checked first, because urdfdom, the parser of Pinocchio, ignores some
-faults and reports others without the element that contains them. Fixed joints are merged into the link that carries
-them.
-"""
+"""Reader of URDF; meshes are not opened. Fixed joints are merged into the link that carries them."""
 
 from __future__ import annotations
 
-import copy
 import math
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping
@@ -15,12 +9,14 @@ from dataclasses import replace
 from pathlib import Path
 
 from armid.errors import Finding, RobotError
+from armid.robot.body_tree import robot_from_tree
 from armid.robot.collision_from_visual import with_bodies
 from armid.robot.described_drive import DescribedDrive, drive_of
+from armid.robot.described_limits import DescribedLimits, limits_of
 from armid.robot.joint_selection import Follows, JointOutline, SelectedJoint
-from armid.robot.pinocchio_conversion import DescribedLimits, build, limits_of, pinocchio, robot_from_model
 from armid.robot.robot import Robot
-from armid.robot.urdf_shapes import shapes_of_urdf
+from armid.robot.urdf.shapes import shapes_of_urdf
+from armid.robot.urdf.tree import axis_of, tree_of_urdf
 from armid.robot.xml import check_locked, floating, identity_only, numbers, parse_xml, root_tag
 
 ONE_DEGREE = ("revolute", "continuous", "prismatic")
@@ -59,15 +55,9 @@ def read(text: str, *, source: str, locked: Mapping[str, float], tip: str | None
     for joint in _joints(root):
         limits[joint.get("name", "")], found = _prepare(joint, locked, source)
         findings.extend(found)
-    bare = copy.deepcopy(root)
-    bare.set("name", root.get("name") or Path(source).stem)  # urdfdom requires one
-    for link in bare.iter("link"):
-        for drawn in [*link.findall("visual"), *link.findall("collision")]:
-            link.remove(drawn)
-
-    robot = robot_from_model(
-        build(lambda: pinocchio().buildModelFromXML(ET.tostring(bare, encoding="unicode")), source),
-        name=bare.get("name", ""),
+    robot = robot_from_tree(
+        tree_of_urdf(root, source),
+        name=root.get("name") or Path(source).stem,
         limits=limits,
         source=source,
         locked=locked,
@@ -159,7 +149,7 @@ def _joints(root: ET.Element) -> list[ET.Element]:
 def _prepare(
     joint: ET.Element, locked: Mapping[str, float], source: str
 ) -> tuple[DescribedLimits, tuple[Finding, ...]]:
-    """Checks a joint, changes it so that urdfdom accepts it, and returns its limits and findings."""
+    """Checks a joint and returns its limits and findings; a locked joint of another kind is made fixed."""
     name, kind = joint.get("name", ""), joint.get("type", "")
     if kind in REFUSED and name in locked:
         identity_only(name, kind, locked[name])
@@ -170,8 +160,7 @@ def _prepare(
     if kind not in ONE_DEGREE:
         raise floating(source, name, kind, ", ".join((*ONE_DEGREE, "fixed")))
     _check_mimic(joint, locked, source)
-    axis = joint.find("axis")
-    if axis is not None and not any(numbers(axis, "xyz", 3, source, f"the axis of joint {name!r}") or [1.0]):
+    if not axis_of(joint, source).any():
         raise RobotError(
             f"{source}: joint {name!r} has an axis of zero length.",
             remedy="give the direction of the axis in the attribute xyz of <axis>.",
@@ -190,43 +179,36 @@ def _drive(joint: ET.Element, source: str) -> DescribedDrive:
 
 
 def _check_mimic(joint: ET.Element, locked: Mapping[str, float], source: str) -> None:
-    """Raises an error for a mimic joint that is not locked, and removes the tag <mimic> of a locked one."""
+    """Raises an error for a mimic joint that is not locked."""
     name, mimic = joint.get("name", ""), joint.find("mimic")
-    if mimic is None:
-        return
-    if name not in locked:
+    if mimic is not None and name not in locked:
         leader = mimic.get("joint")
         raise RobotError(
             f"{source}: {name!r} is a mimic joint: its position depends on that of {leader!r}.",
             remedy=f"lock {name!r} (and also {leader!r} if it does not move), or remove <mimic>.",
         )
-    joint.remove(mimic)
 
 
 def _read_limit(joint: ET.Element, kind: str, source: str) -> tuple[DescribedLimits, Finding | None]:
-    """Limits of a joint from its tag <limit>, which is replaced by a tag that urdfdom accepts."""
+    """Limits of a joint from its tag <limit>."""
     name, limit = joint.get("name", ""), joint.find("limit")
     where = f"the limit of joint {name!r}"
     values = {key: numbers(limit, key, 1, source, where) if limit is not None else None for key in LIMIT_KEYS}
     lower, upper, velocity, effort = ((values[key] or [0.0])[0] for key in LIMIT_KEYS)
     stated = values["lower"] is not None or values["upper"] is not None
-    found = limits_of(
+    return limits_of(
         name,
         position=(lower, upper) if stated and kind != "continuous" else None,
         velocity=velocity,
         effort=effort,
         turns=kind != "prismatic",
     )
-    if limit is None:
-        limit = ET.SubElement(joint, "limit")
-    limit.attrib.update(dict.fromkeys(LIMIT_KEYS, "0"))
-    return found
 
 
 def _with_soft_limits(
     joint: ET.Element, kind: str, limits: DescribedLimits, source: str
 ) -> tuple[DescribedLimits, Finding | None]:
-    """Limits of a joint with the soft limits of its tag <safety_controller>, which is removed.
+    """Limits of a joint with the soft limits of its tag <safety_controller>.
 
     Soft limits are used only if both are given and their range overlaps with that of the position limits; otherwise a
     finding reports the soft limits that do not overlap. A continuous joint has no soft limits.
@@ -234,7 +216,6 @@ def _with_soft_limits(
     controller = joint.find("safety_controller")
     if controller is None:
         return limits, None
-    joint.remove(controller)
     name = joint.get("name", "")
     where = f"the safety_controller of joint {name!r}"
     low, high = (numbers(controller, key, 1, source, where) for key in SOFT_KEYS)

@@ -13,11 +13,12 @@ import numpy as np
 
 from armid.checked_array import Array
 from armid.errors import Finding, RobotError
-from armid.maths.rotations import axis_rotation, homogeneous, rpy_rotation
+from armid.maths.rotations import axis_rotation, homogeneous
 from armid.robot.collision_body_names import BodyName
 from armid.robot.packages import file_of, option_for, split_reference
 from armid.robot.robot import Robot
 from armid.robot.shapes import Kind, Shape, looks_missing, meshes_missing
+from armid.robot.urdf.tree import axis_of, pose_of
 from armid.robot.xml import numbers
 
 
@@ -53,7 +54,11 @@ def shapes_of_urdf(
                 if form == "mesh" and not path:
                     missing[label] = geometry[0].get("filename", "")
                     continue
-                shapes.append(Shape(label, joint, form, size, placement @ _pose(body, source), path))
+                shapes.append(
+                    Shape(
+                        label, joint, form, size, placement @ pose_of(body, f"the {kind} of {label!r}", source), path
+                    )
+                )
             except RobotError as error:
                 if kind == "collision":
                     raise
@@ -82,27 +87,15 @@ def _carrier(
         name = joint.get("name", "")
         if name in names:
             return names.index(name), placement
-        step = _pose(joint, source)
+        step = pose_of(joint, f"joint {name!r}", source)
         if locked.get(name):
-            axis = numbers(joint.find("axis"), "xyz", 3, source, name) if joint.find("axis") is not None else None  # pyright: ignore[reportArgumentType]
-            direction = np.array(axis or [1.0, 0.0, 0.0])
+            direction = axis_of(joint, source)
             sliding = joint.get("type") == "prismatic"
             turn = np.eye(3) if sliding else axis_rotation(direction, np.asarray(locked[name]))
             step = step @ homogeneous(turn, locked[name] * direction if sliding else np.zeros(3))
         placement = step @ placement
         link = joint.find("parent").get("link", "")  # pyright: ignore[reportOptionalMemberAccess]
     return -1, placement
-
-
-def _pose(element: ET.Element, source: str) -> Array:
-    """Transform that is given by a tag <origin>."""
-    origin = element.find("origin")
-    if origin is None:
-        return np.eye(4)
-    where = "an origin"
-    xyz = numbers(origin, "xyz", 3, source, where) or [0.0] * 3
-    rpy = numbers(origin, "rpy", 3, source, where) or [0.0] * 3
-    return homogeneous(rpy_rotation(rpy), xyz)
 
 
 def _geometry(shape: ET.Element, source: str, where: str) -> tuple[Kind, Array, str]:

@@ -1,0 +1,1 @@
+"""URDF descriptions: tree of bodies, geometry."""
