@@ -17,8 +17,8 @@ from pathlib import Path
 LIMIT = 200.0
 """Largest size of all installed packages [MB]."""
 
-TOOLS = ("pip", "setuptools", "wheel", "_distutils_hack", "distutils-precedence.pth")
-"""What an environment contains before anything is installed."""
+TOOLS = ("pip", "setuptools", "pkg_resources", "wheel", "_distutils_hack", "distutils-precedence.pth")
+"""Packages of an environment into which nothing was installed yet."""
 
 ABSENT = ("pinocchio", "coal", "mujoco", "plotly")
 """Modules that only extras install."""

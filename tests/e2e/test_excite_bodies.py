@@ -8,7 +8,6 @@ import re
 from dataclasses import replace
 from pathlib import Path
 
-import coal
 import numpy as np
 import pytest
 
@@ -20,6 +19,9 @@ from armid.robot import load_robot
 from armid.robot.collision_body_names import BodyPair
 from armid.robot.kinematics import forward_kinematics
 from reports import Page
+
+coal = pytest.importorskip("coal", reason="the package coal is not installed")
+pytestmark = pytest.mark.collision
 
 QUICK = ["--budget", "1", "--workers", "0", "--harmonics", "4", "--duration", "8", "--format", "csv"]
 

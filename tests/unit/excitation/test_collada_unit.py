@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from armid.checked_array import Array
-from armid.errors import RobotError
+from armid.errors import MissingExtraError, RobotError
 from armid.excitation.collision.coal import mesh_faces
 from armid.excitation.collision.mesh_hulls import outline_of
 from armid.robot.collada_unit import collada_unit
@@ -66,3 +67,11 @@ def test_other_and_damaged_files_have_no_unit(tmp_path: Path):
     late = tmp_path / "late.dae"
     late.write_text(f"<COLLADA><asset/><library><asset>{INCH}</asset></library></COLLADA>")
     assert collada_unit(str(late)) == 1.0
+
+
+def test_without_coal_the_extra_to_install_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    path = tmp_path / "body.dae"
+    path.write_text(collada(*prism()))
+    monkeypatch.setitem(sys.modules, "coal", None)
+    with pytest.raises(MissingExtraError, match=r"armid\[collision\]"):
+        corners_of(path)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -375,6 +376,14 @@ def test_a_body_of_nothing_on_a_locked_joint_gets_a_speck(tmp_path: Path):
     assert "rigid-body torque in mujoco" in {found.name for found in exported.checks}
 
 
+def test_a_witness_that_is_not_installed_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    run = run_of(tmp_path / "run", write(tmp_path, URDF), locked=LOCKED)
+    monkeypatch.setitem(sys.modules, "pinocchio", None)
+    said = codes(export_run(run, "urdf"))["not-checked"]
+    assert said == "pinocchio: the package pin is not installed (pip install 'armid[witness]')"
+
+
+@pytest.mark.witness
 def test_a_program_that_takes_the_description_must_take_the_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     run = run_of(tmp_path / "run", write(tmp_path, URDF), locked=LOCKED)
     taken = urdf.witnesses

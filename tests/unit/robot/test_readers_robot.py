@@ -676,3 +676,11 @@ def test_bad_tables_are_named(text, message):
 def test_an_unknown_tip_lists_the_frames():
     with pytest.raises(RobotError, match=r"no frame 'hand'(.|\n)*tip, link_1"):
         read_dh(ROW, tip="hand")
+
+
+def test_a_box_that_is_only_drawn_beside_the_arm():
+    """A box without contacts in the world may be a marker; its size decides."""
+    box = '<geom type="box" size="{0} {0} {0}" contype="0" conaffinity="0"/>'
+    arm = f'<body name="a"><joint name="j"/>{MASS}<geom size="0.1"/></body>'
+    for edge in (0.01, 1.0):
+        assert len(read_mjcf(mjcf_xml(box.format(edge) + arm)).visuals) == 2
