@@ -49,11 +49,11 @@ def shapes_of_urdf(
             joint, placement = _carrier(name, above, robot, locked, source)
             label = BodyName(name, number)
             try:
-                form, size, path = _geometry(geometry[0], source, f"the {kind} of {label!r}")
+                form, size, path = geometry_of(geometry[0], source, f"the {kind} of {label!r}")
                 if form == "mesh" and not path:
                     missing[label] = geometry[0].get("filename", "")
                     continue
-                shapes.append(Shape(label, joint, form, size, placement @ _pose(body, source), path))
+                shapes.append(Shape(label, joint, form, size, placement @ pose_of(body, source), path))
             except RobotError as error:
                 if kind == "collision":
                     raise
@@ -82,7 +82,7 @@ def _carrier(
         name = joint.get("name", "")
         if name in names:
             return names.index(name), placement
-        step = _pose(joint, source)
+        step = pose_of(joint, source)
         if locked.get(name):
             axis = numbers(joint.find("axis"), "xyz", 3, source, name) if joint.find("axis") is not None else None  # pyright: ignore[reportArgumentType]
             direction = np.array(axis or [1.0, 0.0, 0.0])
@@ -94,7 +94,7 @@ def _carrier(
     return -1, placement
 
 
-def _pose(element: ET.Element, source: str) -> Array:
+def pose_of(element: ET.Element, source: str) -> Array:
     """Transform that is given by a tag <origin>."""
     origin = element.find("origin")
     if origin is None:
@@ -105,7 +105,7 @@ def _pose(element: ET.Element, source: str) -> Array:
     return homogeneous(rpy_rotation(rpy), xyz)
 
 
-def _geometry(shape: ET.Element, source: str, where: str) -> tuple[Kind, Array, str]:
+def geometry_of(shape: ET.Element, source: str, where: str) -> tuple[Kind, Array, str]:
     """Kind, size and file of the shape inside a tag <geometry>."""
 
     def value(key: str, count: int, default: float) -> list[float]:
