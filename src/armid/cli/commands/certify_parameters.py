@@ -88,8 +88,7 @@ def certify(
     from armid.runs import consistency_check as stage
     from armid.runs.run import load_run
     from armid.study.config import load_choice
-    from armid.study.storage.records import to_json
-    from armid.validation.inertial_checks.findings import check_inertials, check_record
+    from armid.validation.inertial_checks.findings import check_inertials
 
     along = None if motion is None else stage.read_plan(motion)
     if values is None and Path(subject).is_dir():
@@ -99,15 +98,24 @@ def certify(
         named = stage.described_values(robot) if values is None else stage.read_values(values)
         shapes = check_inertials(robot) if values is None else None
         verdict = stage.certify_named(robot, named, motion=along, heaviest=heaviest)
-    if shapes is not None:
-        verdict = replace(verdict, findings=(*verdict.findings, *shapes.findings))
-    if json:
-        shown = {} if shapes is None else {"shapes": check_record(shapes)}
-        sys.stdout.write(to_json(stage.verdict_record(verdict) | shown) + "\n")
-    else:
-        _report(verdict, motion, shapes)
+    _show(verdict, shapes, motion, as_json=json)
     if not verdict.certificate.feasible:
         raise typer.Exit(1)
+
+
+def _show(verdict: Verdict, shapes: InertialCheck | None, motion: str | None, *, as_json: bool) -> None:
+    """Print a verdict and, if there is one, the comparison of the bodies with their shapes."""
+    from armid.runs.consistency_check import verdict_record
+    from armid.study.storage.records import to_json
+    from armid.validation.inertial_checks.findings import check_record
+
+    if shapes is not None:
+        verdict = replace(verdict, findings=(*verdict.findings, *shapes.findings))
+    if as_json:
+        shown = {} if shapes is None else {"shapes": check_record(shapes)}
+        sys.stdout.write(to_json(verdict_record(verdict) | shown) + "\n")
+    else:
+        _report(verdict, motion, shapes)
 
 
 def _report(verdict: Verdict, motion: str | None, shapes: InertialCheck | None = None) -> None:

@@ -29,7 +29,7 @@ principal axis."""
 
 
 @dataclass(frozen=True, slots=True)
-class Cause:
+class InertialMistake:
     """Mistake that explains the numbers of a body.
 
     Attributes:
@@ -59,12 +59,12 @@ class UnitMistake:
     com: float
     inertia: float
     shapes: float
-    cause: Cause
+    cause: InertialMistake
 
 
 def _unit(mass: float, com: float, inertia: float, shapes: float, words: str, remedy: str) -> UnitMistake:
     code = "mesh-unit" if shapes != 1.0 else "inertial-unit"
-    return UnitMistake(mass, com, inertia, shapes, Cause(code, words, remedy))
+    return UnitMistake(mass, com, inertia, shapes, InertialMistake(code, words, remedy))
 
 
 UNIT_MISTAKES = (
@@ -94,7 +94,7 @@ ORDER = (0.15, 6.0)
 """Ratios of inertia that count as agreeing after a unit is corrected."""
 
 
-def unit_mistake(body: DescribedBody, shape: FilledShape) -> Cause | None:
+def unit_mistake(body: DescribedBody, shape: FilledShape) -> InertialMistake | None:
     """Mistake of a unit after whose correction the body agrees with its shapes; `None` if there is none.
 
     Args:
@@ -128,8 +128,8 @@ def scaled(shape: FilledShape, factor: float) -> FilledShape:
     )
 
 
-def about_origin(body: DescribedBody, shape: FilledShape, measures: Measures) -> Cause | None:
-    """Cause that the inertia is stated about the origin of the link instead of the centre of mass, if it is one.
+def about_origin(body: DescribedBody, shape: FilledShape, measures: Measures) -> InertialMistake | None:
+    """InertialMistake that the inertia is stated about the origin of the link instead of the centre of mass, if it is one.
 
     The parallel-axis term adds |com|² to the second moment along the line from origin to centre of mass, and nothing
     across it.
@@ -157,7 +157,7 @@ def about_origin(body: DescribedBody, shape: FilledShape, measures: Measures) ->
         f"term m·c² the second moment along that line is {rest:.2g} times that of the filled shape, with it "
         f"{along / usual:.2g} times"
     )
-    return Cause("inertia-about-origin", words, "take the parallel-axis term m (c²·1 - c cᵀ) off its inertia")
+    return InertialMistake("inertia-about-origin", words, "take the parallel-axis term m (c²·1 - c cᵀ) off its inertia")
 
 
 def _possible(moment: Array) -> bool:

@@ -11,7 +11,7 @@ from armid.errors import Finding
 from armid.robot.described_bodies.body import DescribedBody
 from armid.robot.described_bodies.reading import described_bodies
 from armid.robot.robot import Robot
-from armid.validation.inertial_checks.causes import Cause, about_origin, unit_mistake
+from armid.validation.inertial_checks.causes import InertialMistake, about_origin, unit_mistake
 from armid.validation.inertial_checks.copies import copied, is_placeholder
 from armid.validation.inertial_checks.filled_shape import FilledShape, filled_shape
 from armid.validation.inertial_checks.measures import HEAVIEST, LARGEST, LIGHTEST, SMALLEST, Measures, measures_of
@@ -137,7 +137,7 @@ def _state(own: Measures) -> str:
     )
 
 
-def _explained(body: DescribedBody, own: Measures, cause: Cause) -> Finding:
+def _explained(body: DescribedBody, own: Measures, cause: InertialMistake) -> Finding:
     """Finding with the cause of all numbers of a body."""
     evidence = f"{cause.words[0].upper()}{cause.words[1:]}: {_state(own)}; {TORQUE}"
     return Finding(cause.code, "warning", body.name, evidence, f"{cause.remedy}.")
