@@ -142,18 +142,17 @@ def main() -> int:
             sys.exit(f"{options.folder} has no {arm}")
         bodies = described_bodies(load_robot(path))
         found = check_bodies(bodies)
-        channels = {name for f in found.findings if f.severity == "warning" for name in f.channel.split(", ")}
         for body in bodies:
             if body.name not in found.measures:
                 continue
             where = f"{arm} {body.name}"
             if body.name in mistakes:
                 wrong += 1
-                left_out += [where] * (body.name not in channels)
+                left_out += [where] * (body.name not in found.named)
             else:
                 sound.append((arm, body))
                 shapes[id(body)] = filled_shape(body)[0]  # pyright: ignore[reportArgumentType]
-                named += [where] * (body.name in channels)
+                named += [where] * (body.name in found.named)
     rng = np.random.default_rng(0)
     tried: Counter[str] = Counter()
     caught: Counter[str] = Counter()

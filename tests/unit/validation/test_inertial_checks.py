@@ -136,6 +136,7 @@ def test_copied_numbers_are_named_where_shapes_differ():
     one, small = box("one"), box("small", edges=0.5 * EDGES, at=0.1)
     copy = replace(small, mass=one.mass, com=one.com, inertia=one.inertia)
     assert [f.channel for f in warnings(one, copy) if f.code == "inertial-copied"] == ["one, small"]
+    assert check_bodies([one, copy, box("sound", edges=2.0 * EDGES)]).named == ("one", "small")
     assert not warnings(one, replace(one, name="other side"))
 
 

@@ -73,8 +73,7 @@ def certify(
 ) -> None:
     """Certify parameters: physical consistency, mass matrix in all poses, rules of thumb for each link.
 
-    Without VALUES.json, mass, centre of mass and inertia of each body of the description are also compared with its
-    shapes, which finds wrong units, copied values and placeholders.
+    Without VALUES.json, each body of the description is compared with its shapes, to find wrong units and copies.
 
     Exit code 1: the parameters are not physically consistent, that is, no links with positive density can have them.
 
@@ -90,9 +89,9 @@ def certify(
     from armid.study.config import load_choice
     from armid.validation.inertial_checks.findings import check_inertials
 
-    along = None if motion is None else stage.read_plan(motion)
+    along, shapes = None if motion is None else stage.read_plan(motion), None
     if values is None and Path(subject).is_dir():
-        shapes, verdict = None, stage.certify_run(load_run(subject), motion=along, heaviest=heaviest)
+        verdict = stage.certify_run(load_run(subject), motion=along, heaviest=heaviest)
     else:
         robot = load_choice(robot_choice(subject, gravity, lock, only, tip, package))
         named = stage.described_values(robot) if values is None else stage.read_values(values)
@@ -155,7 +154,7 @@ def _shapes(check: InertialCheck) -> str:
     if not check.measures:
         return "shapes: no body of the description could be compared with its shapes"
     densities = sorted(each.density for each in check.measures.values())
-    named = {name for each in check.findings if each.severity == "warning" for name in each.channel.split(", ")}
+    named = [name for name in check.named if name in check.measures]
     found = f"{len(named)} {'does' if len(named) == 1 else 'do'} not agree" if named else "all agree"
     return (
         f"shapes: {len(check.measures)} of {check.bodies} bodies compared with the hull of their shapes, which their "

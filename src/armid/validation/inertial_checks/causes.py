@@ -129,7 +129,7 @@ def scaled(shape: FilledShape, factor: float) -> FilledShape:
 
 
 def about_origin(body: DescribedBody, shape: FilledShape, measures: Measures) -> InertialMistake | None:
-    """InertialMistake that the inertia is stated about the origin of the link instead of the centre of mass, if it is one.
+    """Mistake that the inertia is about the origin of the link instead of the centre of mass; `None` if it is not.
 
     The parallel-axis term adds |com|² to the second moment along the line from origin to centre of mass, and nothing
     across it.
@@ -157,7 +157,9 @@ def about_origin(body: DescribedBody, shape: FilledShape, measures: Measures) ->
         f"term m·c² the second moment along that line is {rest:.2g} times that of the filled shape, with it "
         f"{along / usual:.2g} times"
     )
-    return InertialMistake("inertia-about-origin", words, "take the parallel-axis term m (c²·1 - c cᵀ) off its inertia")
+    return InertialMistake(
+        "inertia-about-origin", words, "take the parallel-axis term m (c²·1 - c cᵀ) off its inertia"
+    )
 
 
 def _possible(moment: Array) -> bool:

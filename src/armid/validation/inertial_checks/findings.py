@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -36,6 +36,7 @@ class InertialCheck:
         measures: Comparison of each body that has readable shapes, by name.
         unread: Files of meshes that are missing or cannot be read, by the name of the body.
         without_shapes: Names of bodies that have no solid shape.
+        named: Names of the bodies that a warning names.
         findings: Findings.
     """
 
@@ -43,6 +44,7 @@ class InertialCheck:
     measures: Mapping[str, Measures]
     unread: Mapping[str, tuple[str, ...]]
     without_shapes: tuple[str, ...]
+    named: tuple[str, ...]
     findings: tuple[Finding, ...]
 
 
@@ -58,9 +60,7 @@ def check_inertials(robot: Robot, *, packages: Mapping[str, str] | None = None) 
     """
     found = check_bodies(described_bodies(robot, packages=packages))
     if all(joint.drive.rotor_inertia == 0.0 for joint in robot.joints):
-        return InertialCheck(
-            found.bodies, found.measures, found.unread, found.without_shapes, (*found.findings, _no_rotors(robot))
-        )
+        return replace(found, findings=(*found.findings, _no_rotors(robot)))
     return found
 
 
@@ -83,10 +83,13 @@ def check_bodies(bodies: Sequence[DescribedBody]) -> InertialCheck:
             shapes[body.name] = shape
     measures = {body.name: measures_of(body, shapes[body.name]) for body in bodies if body.name in shapes}
     groups = copied(bodies, shapes)
-    findings = [finding for body in bodies for finding in _body_findings(body, shapes, measures)]
+    alone = {body.name: _body_findings(body, shapes, measures) for body in bodies}
+    findings = [finding for of_body in alone.values() for finding in of_body]
     findings += [_copy_finding(group) for group in groups]
     findings += _not_examined(unread, bare)
-    return InertialCheck(len(bodies), measures, unread, tuple(bare), tuple(findings))
+    wrong = {*(name for name, own in alone.items() if own), *(body.name for group in groups for body in group)}
+    named = tuple(body.name for body in bodies if body.name in wrong)
+    return InertialCheck(len(bodies), measures, unread, tuple(bare), named, tuple(findings))
 
 
 def _body_findings(
@@ -240,4 +243,5 @@ def check_record(check: InertialCheck) -> dict[str, object]:
         },
         "unread": {name: list(files) for name, files in check.unread.items()},
         "without_shapes": list(check.without_shapes),
+        "named": list(check.named),
     }

@@ -2,7 +2,7 @@
 
 With the second moment S = ½ tr(I)·1 - I of a body of mass m, uᵀSu / m is the mean square distance of its mass from
 the centre of mass along a unit vector u. If all mass lies between two planes at distances a and b from the centre of
-mass, it is at most a·b [BhatiaDavis2000].
+mass, it is at most a·b [Bhatia2000].
 """
 
 from __future__ import annotations
