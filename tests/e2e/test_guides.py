@@ -31,6 +31,7 @@ pytest.importorskip("sympy")
 PAGES = pages()
 
 GUIDES = {
+    "certify.md": 2,
     "code.md": 5,
     "doctor.md": 1,
     "export.md": 3,

@@ -63,7 +63,7 @@ def load_robot(
     asked = _values(lock if locked is None else locked)
     given = give_packages(packages or {})
     try:
-        text, source, reader = _expanded(description)
+        text, source, reader = expanded(description)
         held = held_joints(reader.outline(text, source=source), source, asked, _names(only), tip)
         robot = reader.read(text, source=source, locked=held.at, tip=tip)
     finally:
@@ -78,7 +78,7 @@ def held_of(
     description: str | Path, *, lock: Locked = (), only: str | Sequence[str] = (), tip: str | None = None
 ) -> dict[str, float]:
     """Positions [rad or m] by name of all joints that `load_robot` would lock with the same arguments."""
-    text, source, reader = _expanded(description)
+    text, source, reader = expanded(description)
     outline = reader.outline(text, source=source)
     return dict(held_joints(outline, source, _values(lock), _names(only), tip).at)
 
@@ -104,7 +104,7 @@ def _names(given: str | Iterable[str]) -> tuple[str, ...]:
     return (given,) if isinstance(given, str) else tuple(given)
 
 
-def _expanded(description: str | Path) -> tuple[str, str, DescriptionReader]:
+def expanded(description: str | Path) -> tuple[str, str, DescriptionReader]:
     """Text, source (path or name of a built-in arm) and reader of a description; xacro is expanded to URDF."""
     text, source, form = _find(description)
     if form is READERS["xacro"]:

@@ -1,9 +1,10 @@
-"""`armid certify`: physical consistency of parameters and the mass matrix over all poses."""
+"""`armid certify`: physical consistency of parameters, mass matrix over all poses, bodies beside their shapes."""
 
 from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -15,6 +16,7 @@ if TYPE_CHECKING:
     from armid.checked_array import Array
     from armid.runs.consistency_check import Verdict
     from armid.validation.distance_to_consistency import Certificate
+    from armid.validation.inertial_checks.findings import InertialCheck
     from armid.validation.thesis_constraints import Constraint
 
 RULES = {
@@ -71,6 +73,8 @@ def certify(
 ) -> None:
     """Certify parameters: physical consistency, mass matrix in all poses, rules of thumb for each link.
 
+    Without VALUES.json, each body of the description is compared with its shapes, to find wrong units and copies.
+
     Exit code 1: the parameters are not physically consistent, that is, no links with positive density can have them.
 
     Examples:
@@ -83,24 +87,37 @@ def certify(
     from armid.runs import consistency_check as stage
     from armid.runs.run import load_run
     from armid.study.config import load_choice
-    from armid.study.storage.records import to_json
+    from armid.validation.inertial_checks.findings import check_inertials
 
-    along = None if motion is None else stage.read_plan(motion)
+    along, shapes = None if motion is None else stage.read_plan(motion), None
     if values is None and Path(subject).is_dir():
         verdict = stage.certify_run(load_run(subject), motion=along, heaviest=heaviest)
     else:
         robot = load_choice(robot_choice(subject, gravity, lock, only, tip, package))
         named = stage.described_values(robot) if values is None else stage.read_values(values)
+        shapes = check_inertials(robot) if values is None else None
         verdict = stage.certify_named(robot, named, motion=along, heaviest=heaviest)
-    if json:
-        sys.stdout.write(to_json(stage.verdict_record(verdict)) + "\n")
-    else:
-        _report(verdict, motion)
+    _show(verdict, shapes, motion, as_json=json)
     if not verdict.certificate.feasible:
         raise typer.Exit(1)
 
 
-def _report(verdict: Verdict, motion: str | None) -> None:
+def _show(verdict: Verdict, shapes: InertialCheck | None, motion: str | None, *, as_json: bool) -> None:
+    """Print a verdict and, if there is one, the comparison of the bodies with their shapes."""
+    from armid.runs.consistency_check import verdict_record
+    from armid.study.storage.records import to_json
+    from armid.validation.inertial_checks.findings import check_record
+
+    if shapes is not None:
+        verdict = replace(verdict, findings=(*verdict.findings, *shapes.findings))
+    if as_json:
+        shown = {} if shapes is None else {"shapes": check_record(shapes)}
+        sys.stdout.write(to_json(verdict_record(verdict) | shown) + "\n")
+    else:
+        _report(verdict, motion, shapes)
+
+
+def _report(verdict: Verdict, motion: str | None, shapes: InertialCheck | None = None) -> None:
     """Print the verdict on the parameters on standard output, and the findings on standard error."""
     from armid.cli.console import output_console, print_findings
 
@@ -127,7 +144,22 @@ def _report(verdict: Verdict, motion: str | None) -> None:
             f"  smallest eigenvalue along {motion}: {verdict.along.min_eigenvalue:.5g} {verdict.along.unit}"
         )
     _report_rules([each for each in verdict.constraints if not each.ok])
+    if shapes is not None:
+        console.print(_shapes(shapes))
     print_findings(verdict.findings)
+
+
+def _shapes(check: InertialCheck) -> str:
+    """Text with the number of bodies that were compared with their shapes, and the range of their densities."""
+    if not check.measures:
+        return "shapes: no body of the description could be compared with its shapes"
+    densities = sorted(each.density for each in check.measures.values())
+    named = [name for name in check.named if name in check.measures]
+    found = f"{len(named)} {'does' if len(named) == 1 else 'do'} not agree" if named else "all agree"
+    return (
+        f"shapes: {len(check.measures)} of {check.bodies} bodies compared with the hull of their shapes, which their "
+        f"mass fills with {densities[0]:.0f} to {densities[-1]:.0f} kg/m³; {found}"
+    )
 
 
 def _change(certificate: Certificate) -> str:

@@ -66,7 +66,7 @@ def shapes_of_mjcf(
         touches = (geom.get("contype", "1"), geom.get("conaffinity", "1")) != ("0", "0")
         count[body, touches] += 1
         name = BodyName(body or WORLD, count[body, touches])
-        shape = _shape(name, geom, meshes)
+        shape = shape_of(name, geom, meshes)
         if shape is None:
             (missing if touches else unseen)[name] = geom.get("mesh", "")
             continue
@@ -119,7 +119,7 @@ def _is_small(shape: Shape) -> bool:
     return bool(extent.get(shape.kind, MARKER) < MARKER)
 
 
-def _shape(name: str, geom: ET.Element, meshes: Mapping[str, tuple[str, Array, Array]]) -> Shape | None:
+def shape_of(name: str, geom: ET.Element, meshes: Mapping[str, tuple[str, Array, Array]]) -> Shape | None:
     """Geom as a shape in the frame of its body; `None` if its kind is not supported."""
     kind = geom.get("type", "mesh" if "mesh" in geom.attrib else "sphere")
     pose = placement_of(geom)

@@ -50,7 +50,7 @@ def shapes_of_urdf(
             joint, placement = _carrier(name, above, robot, locked, source)
             label = BodyName(name, number)
             try:
-                form, size, path = _geometry(geometry[0], source, f"the {kind} of {label!r}")
+                form, size, path = geometry_of(geometry[0], source, f"the {kind} of {label!r}")
                 if form == "mesh" and not path:
                     missing[label] = geometry[0].get("filename", "")
                     continue
@@ -98,7 +98,7 @@ def _carrier(
     return -1, placement
 
 
-def _geometry(shape: ET.Element, source: str, where: str) -> tuple[Kind, Array, str]:
+def geometry_of(shape: ET.Element, source: str, where: str) -> tuple[Kind, Array, str]:
     """Kind, size and file of the shape inside a tag <geometry>."""
 
     def value(key: str, count: int, default: float) -> list[float]:
