@@ -34,7 +34,7 @@ GUIDES = {
     "certify.md": 2,
     "code.md": 5,
     "doctor.md": 1,
-    "export.md": 3,
+    "export.md": 4,
     "monitor.md": 2,
     "payload.md": 5,
     "recursive.md": 2,

@@ -103,6 +103,48 @@ def prepare(
     return PreparedExport(content, theta, kind, findings, tuple(far), bool(unphysical))
 
 
+def contents_of(
+    run: Run,
+    exporter: Exporter,
+    source: DescriptionSource,
+    draws: Array,
+    *,
+    edits: bool,
+    **choices: Unpack[ExportChoices],
+) -> Generator[Content]:
+    """Yields the content of a file for each vector of standard parameters, distributed among bodies as in `prepare`.
+
+    Args:
+        run: The run.
+        exporter: Exporter of the format.
+        source: Description of the run.
+        draws: Standard parameters, shape (N, p).
+        edits: True if the description is edited; false for a new file.
+        choices: Choices of the content.
+
+    Raises:
+        OutputError: The description has no body for a link, or its bodies cannot have the inertias of a vector.
+    """
+    lumped = choices.get("lumped", False)
+    robot = with_limits(run.robot, choices.get("limits") or {})
+    bodies = _bodies(exporter, source, run.robot) if edits else None
+    placeless = set[int]() if bodies is None else set(range(run.robot.n)) - {body.link for body in bodies}
+    if placeless:
+        names = ", ".join(run.robot.links[k].name for k in sorted(placeless))
+        raise OutputError(
+            f"An ensemble cannot be written as {source.path}, because it has no body for these links: {names}.",
+            remedy="choose another format with --to, for which a new file is written.",
+        )
+    for theta in draws:
+        content, _ = _content(run, exporter, theta, source, bodies, robot, lumped=lumped)
+        if unphysical := unphysical_names(content, placeless, bodies or ()):
+            raise OutputError(
+                f"The bodies of the description cannot have the inertias of a draw: {', '.join(unphysical)}.",
+                remedy="give each link one body with --lumped, or choose another format with --to.",
+            )
+        yield content
+
+
 @contextmanager
 def _beside(missing: OutputError | None) -> Generator[None]:
     """Context that adds missing limits to an error raised inside it, so that one message names all missing data."""

@@ -176,9 +176,7 @@ def _nearest(
     steps = np.zeros((0, basis.shape[1]))
     if anchor is not None:
         there = [own for own in standard.inertial if not np.isin(own, empty).any()]
-        particular, basis, steps = _in_even_steps(
-            _relative_change(standard, anchor, there), particular, basis, anchor
-        )
+        particular, basis, steps = _in_even_steps(relative_change(standard, anchor, there), particular, basis, anchor)
     z = basis.shape[1]
     cones: list[Cone] = []
     i, j = upper_triangle(4)
@@ -226,7 +224,7 @@ def _in_even_steps(measure: Array, particular: Array, basis: Array, anchor: Arra
     return particular + steps[:, seen] @ back, steps, np.diag(seen.astype(np.float64))
 
 
-def _relative_change(standard: StandardParameters, anchor: Array, there: list[NDArray[np.intp]]) -> Array:
+def relative_change(standard: StandardParameters, anchor: Array, there: list[NDArray[np.intp]]) -> Array:
     """Matrix (16 n, p) that maps a change of θ to the relative changes of the pseudo-inertias of the n links."""
     rows = np.zeros((16 * len(there), len(anchor)))
     least = LIGHTEST * max(float(anchor[standard.inertial[:, 0]].mean()), 1.0)
@@ -278,7 +276,7 @@ def distance_to_description(run: Run, theta: Array) -> float:
     standard = standard_of(run.model, run.estimate.base)
     if standard.nominal is None:
         return float("nan")
-    rows = _relative_change(standard, standard.nominal, list(standard.inertial))
+    rows = relative_change(standard, standard.nominal, list(standard.inertial))
     return float(np.linalg.norm(rows @ (theta - standard.nominal)))
 
 

@@ -78,8 +78,8 @@ def export_run(
     Raises:
         OutputError: A file of another origin exists, the file cannot be written, or its model would be wrong.
     """
-    exporter, source = _exporter(to), find_source(run, description)
-    path = Path(out) if out is not None else _default(run, source, exporter)
+    exporter, source = exporter_of(to), find_source(run, description)
+    path = Path(out) if out is not None else default_path(run, source, exporter)
     _refuse_target(path, source, None if out is None else run)
     prepared = prepare(run, exporter, source, edits=source.format == to, **choices)
     content, theta, kind, findings = prepared.content, prepared.theta, prepared.kind, prepared.findings
@@ -93,7 +93,7 @@ def export_run(
     return Exported(path, side, to, edited, kind, verified.checks, verified.predictions, findings)
 
 
-def _exporter(to: str) -> Exporter:
+def exporter_of(to: str) -> Exporter:
     """Exporter of the format with a given name."""
     if to not in EXPORTERS:
         raise OutputError(
@@ -119,7 +119,7 @@ def export_record(exported: Exported) -> dict[str, Any]:
     }
 
 
-def _default(run: Run, source: DescriptionSource, exporter: Exporter) -> Path:
+def default_path(run: Run, source: DescriptionSource, exporter: Exporter) -> Path:
     """Path of the file if the user gives none: in the folder of the run, with the name of description or arm."""
     stem = Path(source.path).stem if source.format != "dh" else run.robot.name
     return Path(run.folder) / (re.sub(r"[^\w.+-]+", "-", stem).strip(".-") + exporter.SUFFIX)

@@ -57,6 +57,29 @@ def torque_band(model: DynamicsModel, estimate: Estimate, motion: Motion) -> Arr
     return np.concatenate(widths)
 
 
+def parameter_covariance(estimate: Estimate) -> Array:
+    """Covariance (b, b) of the base parameters on another recording.
+
+    It is the part of the prediction interval that comes from parameters: their uncertainty, and the change from one
+    recording to another where the training recordings show it.
+
+    Args:
+        estimate: The estimate.
+    """
+    return np.sum(_covariances(estimate), axis=0)
+
+
+def _covariances(estimate: Estimate) -> list[Array]:
+    """Covariance (b, b) of the uncertainty of the base parameters, and that of their change if it is known."""
+    base, fit, training = estimate.base, estimate.fit, estimate.prediction
+    if training is not None:
+        fit = replace(fit, covariance=training.effective(fit.covariance))
+    covariances = [_covariance_of_means(base, fit)]
+    if training is not None and training.change.known:
+        covariances.append(_change_of_common(base, fit, training.change.covariance))
+    return covariances
+
+
 def band_of_rows(model: DynamicsModel, estimate: Estimate, observations: Observations, every: int = 1) -> Array:
     """Half width of the 95 % prediction interval on every k-th row of all runs, shape (M, n) [N·m or N].
 
@@ -66,13 +89,8 @@ def band_of_rows(model: DynamicsModel, estimate: Estimate, observations: Observa
         observations: Contiguous runs and the band of their filter.
         every: Number k: the interval is computed on every k-th row.
     """
-    base, fit, training = estimate.base, estimate.fit, estimate.prediction
-    if training is not None:
-        fit = replace(fit, covariance=training.effective(fit.covariance))
-    covariances = [_covariance_of_means(base, fit)]
-    if training is not None and training.change.known:
-        covariances.append(_change_of_common(base, fit, training.change.covariance))
-    share, *by_change = _parameter_variances(model, base, covariances, observations, every)
+    fit, training = estimate.fit, estimate.prediction
+    share, *by_change = _parameter_variances(model, estimate.base, _covariances(estimate), observations, every)
     variance = explained = np.maximum(share + fit.noise**2, np.finfo(float).tiny)
     factor = 1.0
     if training is not None:

@@ -16,8 +16,17 @@ from armid.export.catalogue import EXPORTERS
 from armid.export.ros.catalogue import ROS_FILES
 
 if TYPE_CHECKING:
+    from armid.export.preparation import ExportChoices
     from armid.export.write import Exported
 
+Out = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="FILE",
+        help="File to write, or folder for source code, ROS packages and ensembles; by default in the folder of the "
+        "run.",
+    ),
+]
 Moved = Annotated[
     Path | None, typer.Option(metavar="FILE", help="Robot description of the run, if the file was moved.")
 ]
@@ -51,6 +60,15 @@ Unidentified = Annotated[
     ),
 ]
 
+Ensemble = Annotated[
+    int | None,
+    typer.Option(
+        "--ensemble",
+        metavar="N",
+        help="Write N possible arms, drawn from the distribution of the estimate, into the folder --out.",
+    ),
+]
+Seed = Annotated[int, typer.Option("--seed", help="Seed of the draws of --ensemble.")]
 
 To = Annotated[
     str,
@@ -66,14 +84,7 @@ To = Annotated[
 def export(
     run: Annotated[str, typer.Argument(metavar="RUN", help="Folder that armid identify made.")],
     to: To,
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            "--out",
-            metavar="FILE",
-            help="File to write, or folder for source code and ROS packages; by default in the folder of the run.",
-        ),
-    ] = None,
+    out: Out = None,
     description: Moved = None,
     data: Data = None,
     limit: Limit = None,
@@ -81,6 +92,8 @@ def export(
     lumped: Lumped = False,
     allow_unphysical: Unphysical = False,
     allow_unidentified: Unidentified = False,
+    ensemble: Ensemble = None,
+    seed: Seed = 0,
     json: Json = False,
 ) -> None:
     """Write the identified values into a copy of the robot description, or the model as source code, and check it.
@@ -98,6 +111,8 @@ def export(
         armid export runs/today --to c --out code
 
         armid export runs/today --to ros2 --out src/my_arm
+
+        armid export runs/today --to mjcf --ensemble 100 --out arms
     """
     from armid.cli.motion.number_options import parse_limits
     from armid.export.ros.write import export_for_ros
@@ -105,24 +120,54 @@ def export(
     from armid.runs.run import load_run
     from armid.study.storage.records import to_json
 
+    choices: ExportChoices = {
+        "limits": parse_limits(limit) if limit else None,
+        "nearest": nearest,
+        "lumped": lumped,
+        "allow_unphysical": allow_unphysical,
+        "allow_unidentified": allow_unidentified,
+    }
+    if ensemble is not None:
+        return _ensemble(run, to, ensemble, out, seed, description, choices, json=json)
     if to in LANGUAGES:
         return _code(run, to, out, json=json)
-    exported = (export_for_ros if to in ROS_FILES else export_run)(
-        load_run(run),
-        to,
-        out,
-        description=description,
-        data=data,
-        limits=parse_limits(limit) if limit else None,
-        nearest=nearest,
-        lumped=lumped,
-        allow_unphysical=allow_unphysical,
-        allow_unidentified=allow_unidentified,
-    )
+    write = export_for_ros if to in ROS_FILES else export_run
+    exported = write(load_run(run), to, out, description=description, data=data, **choices)
     if json:
         sys.stdout.write(to_json(export_record(exported)) + "\n")
     else:
         _report(exported)
+
+
+def _ensemble(
+    run: str,
+    to: str,
+    count: int,
+    out: Path | None,
+    seed: int,
+    description: Path | None,
+    choices: ExportChoices,
+    *,
+    json: bool,
+) -> None:
+    """Write possible arms, and print the folder and how many draws were replaced."""
+    from armid.cli.console import print_findings, progress
+    from armid.export.ensemble.write import PARAMETERS, ensemble_record, export_ensemble
+    from armid.runs.run import load_run
+    from armid.study.storage.records import to_json
+
+    loaded = load_run(run)
+    with progress(quiet=json) as told:
+        made = export_ensemble(loaded, to, count, out, seed=seed, description=description, progress=told, **choices)
+    if json:
+        sys.stdout.write(to_json(ensemble_record(loaded, made)) + "\n")
+        return
+    sys.stdout.write(
+        f"{len(made.files)} possible arms written to {made.folder}, their parameters to {PARAMETERS} there\n"
+        f"  {made.draws.replaced:.0%} of the draws were no real bodies; the nearest ones are written, "
+        f"{made.draws.distance.mean():.2g} standard deviations away in the mean\n"
+    )
+    print_findings(made.findings)
 
 
 def _code(run: str, to: str, out: Path | None, *, json: bool) -> None:

@@ -1,4 +1,4 @@
-"""Distances of bodies and of convex bodies around them, computed with Coal, a library installed with Pinocchio.
+"""Distances of bodies and of convex bodies around them, computed with Coal (extra `collision`).
 
 Coal is much slower than the capsules of armid. Distances of the bodies themselves are therefore computed only after a
 plan is finished. Distances of convex bodies (`armid.excitation.collision.hull_distances`) are computed only for

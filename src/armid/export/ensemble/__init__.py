@@ -1,0 +1,1 @@
+"""Ensembles: possible arms, drawn from the distribution of the estimate."""
