@@ -9,19 +9,15 @@ why. Fails where a byte or a torque of a written file is wrong.
 
 from __future__ import annotations
 
-import argparse
-import json
 import sys
 import tempfile
-from collections import Counter
+from collections.abc import Mapping
 from pathlib import Path
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "support"))
+from typing import Any
 
 from armid.errors import ArmidError
-from round_trips import PROGRAMS, RoundTrip, formats_of, round_trip
-
-SUFFIXES = (".urdf", ".xml", ".mjcf")
+from descriptions import over_descriptions
+from round_trips import PROGRAMS, RoundTrip, round_trip
 
 
 def tried(path: Path, to: str) -> RoundTrip | str:
@@ -33,43 +29,18 @@ def tried(path: Path, to: str) -> RoundTrip | str:
             return f"{type(error).__name__}: {error.problem.splitlines()[0]}"
 
 
-def main() -> int:
-    """Try every file and print what came of it."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("folders", nargs="+", type=Path, metavar="FOLDER")
-    parser.add_argument("--verbose", action="store_true", help="every file")
-    parser.add_argument("--json", action="store_true")
-    options = parser.parse_args()
-    found: dict[str, RoundTrip] = {}
-    left: dict[str, str] = {}
-    counts: Counter[str] = Counter()
-    for path in sorted(p for f in options.folders for p in f.rglob("*") if p.suffix in SUFFIXES):
-        to = formats_of(path)
-        if not to:
-            continue
-        result = tried(path, to)
-        if isinstance(result, str):
-            left[str(path)] = result
-        else:
-            found[str(path)] = result
-            counts[to] += 1
-        if options.verbose:
-            sys.stderr.write(f"{path}: {result}\n")
-    summary = {
-        "files": dict(counts),
+def summary(found: Mapping[str, RoundTrip]) -> dict[str, Any]:
+    """Figures over all descriptions."""
+    return {
         "bytes kept": sum(each.kept for each in found.values()),
-        "largest error": {name: max(each.errors.get(name, 0.0) for each in found.values()) for name in PROGRAMS},
+        "largest error": {
+            name: max((each.errors.get(name, 0.0) for each in found.values()), default=0.0) for name in PROGRAMS
+        },
         "read by": {name: sum(name in each.errors for each in found.values()) for name in PROGRAMS},
         "joints": sum(each.joints for each in found.values()),
         "wrong": [path for path, each in found.items() if not each.holds],
-        "left out": len(left),
     }
-    if options.json:
-        print(json.dumps(summary | {"reasons": left}))
-    else:
-        print("\n".join(f"{name}: {value}" for name, value in summary.items()))
-    return 1 if summary["wrong"] or not found else 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(over_descriptions(__doc__ or "", tried, summary))

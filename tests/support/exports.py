@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -69,6 +70,9 @@ URDF = """<?xml version="1.0"?>
 """Comments, tabs, elements in any order, a fixed body, a mere frame with a heavy body on it, a finger to lock."""
 
 LOCKED = {"finger": 0.03}
+
+WITNESSES = ("mujoco", *(["pinocchio"] if find_spec("pinocchio") else []))
+"""Other programs that are installed here and check a written file; Pinocchio is an extra."""
 
 MJCF = """<!-- a comment first -->
 <mujoco model="odd">
