@@ -19,6 +19,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import argparse
 import json
+import re
 import sys
 import time
 import zlib
@@ -178,8 +179,7 @@ def outcome(name: str, kind: Kind, setting: str) -> Outcome | None:
         result = identified(case, train, judge, beside=setting == "beside")
     except ArmidError as error:
         seconds = time.process_time() - began
-        code = error.code if isinstance(error, RecordingError) else ""
-        found, verdict, damage = [Finding(code, "error", "", str(error), "")], "refused", np.inf
+        found, verdict, damage = causes_of(error), "refused", np.inf
     else:
         seconds = time.process_time() - began
         found = [f for f in serious(result.estimate.findings) if (f.code, f.channel) not in before]
@@ -193,6 +193,12 @@ def outcome(name: str, kind: Kind, setting: str) -> Outcome | None:
     return Outcome(
         name, setting, kind.family, kind.name, joint, damage, told, verdict, silent, bool(right), round(seconds, 3)
     )
+
+
+def causes_of(error: ArmidError) -> list[Finding]:
+    """Findings of an error: its own code, and the codes in brackets that its text names as causes."""
+    codes = [error.code] if isinstance(error, RecordingError) else re.findall(r"\[([a-z-]+)\]", str(error))
+    return [Finding(code, "error", "", str(error), "") for code in codes or [""]]
 
 
 def same(one: Recording, other: Recording) -> bool:

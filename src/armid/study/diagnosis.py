@@ -41,6 +41,10 @@ FAR_OUTSIDE = ("position-limits", "position-sign", "position-offset", "degrees",
 such positions."""
 
 
+LOSS_OF_ROWS = ("clock-gap", "run-short", "rows-repeated", "saturation")
+"""Codes of findings about rows that cannot be used, which may be why the data do not determine the parameters."""
+
+
 @dataclass(frozen=True, slots=True)
 class Diagnosis:
     """Findings on one recording.
@@ -286,14 +290,14 @@ def diagnosis_record(diagnoses: tuple[Diagnosis, ...]) -> dict[str, Any]:
 
 
 def diagnosed_error(error: EstimationError, findings: Sequence[Finding]) -> EstimationError:
-    """Estimation error whose text also states the doctor's findings of severity `error`, the likely cause."""
+    """Estimation error whose text also states the likely causes: errors that the doctor found, and lost rows."""
     errors = [finding for finding in findings if finding.severity == "error"]
-    if not errors:
+    lost = [finding for finding in findings if finding.severity == "warning" and finding.code in LOSS_OF_ROWS]
+    if not errors and not lost:
         return error
-    problem = " ".join([error.problem, *(f"[{finding.code}] {finding.evidence}" for finding in errors)])
-    return EstimationError(
-        problem, possible=error.possible, remedy=Remedy.joined(finding.remedy for finding in errors)
-    )
+    problem = " ".join([error.problem, *(f"[{finding.code}] {finding.evidence}" for finding in (*errors, *lost))])
+    remedy = Remedy.joined(finding.remedy for finding in errors) if errors else error.remedy
+    return EstimationError(problem, possible=error.possible, remedy=remedy)
 
 
 def has_errors(diagnoses: tuple[Diagnosis, ...]) -> bool:

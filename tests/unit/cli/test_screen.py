@@ -108,6 +108,9 @@ def test_one_remedy_of_several_findings_is_printed_once(capsys: pytest.CaptureFi
     assert capsys.readouterr().err.count("record longer.") == 2  # sentences stay with their findings
     joined = diagnosed_error(EstimationError("Singular."), [Finding("v", "error", j, "Off.", remedy) for j in "ac"])
     assert joined.remedy.count("columns") == 2 and joined.remedy == remedy  # the key, and the word of its note
+    lost = Finding("run-short", "warning", "log", "No row can be used.", "record longer.")
+    few = diagnosed_error(EstimationError("Singular.", remedy="move."), [lost, replace(lost, code="clock-jitter")])
+    assert few.problem == "Singular. [run-short] No row can be used." and few.remedy == "move."
 
 
 def test_guessed_columns_take_one_line_unless_they_are_doubted_or_asked_for(capsys: pytest.CaptureFixture[str]):

@@ -111,6 +111,18 @@ def test_units_are_seen_by_the_limits_where_masses_are_missing(factor: float, na
     assert [f.severity for f in found] == ["error"] and name in found[0].evidence
 
 
+def test_units_are_seen_by_masses_and_limits_together_where_masses_are_placeholders():
+    case = sound(UR10E)
+    assert case.recording.effort is not None
+    links = tuple(
+        replace(link, inertial=link.inertial and replace(link.inertial, mass=3.0)) for link in case.robot.links
+    )
+    same = replace(case, robot=replace(case.robot, links=links))
+    assert "torque-unit" not in {f.code for f in told(same)}
+    found = [f for f in told(same.logged(effort=10.197 * case.recording.effort)) if f.code == "torque-unit"]
+    assert [f.severity for f in found] == ["error"]
+
+
 @pytest.mark.parametrize(("seed", "joint"), [(PANDA, 1), (PANDA, 2)])
 def test_a_torque_that_is_logged_without_its_sign_is_named(seed: int, joint: int):
     case = sound(seed)

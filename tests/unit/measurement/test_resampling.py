@@ -32,13 +32,35 @@ def test_a_gap_is_told_from_the_start_of_the_log():
 
 
 def test_a_short_step_is_no_gap_for_a_low_cutoff_but_one_for_none():
-    t = np.delete(clock(10.0), slice(500, 501))  # one sample lost: 20 ms, a tenth of a period of 5 Hz
+    t = np.delete(clock(10.0), slice(500, 504))  # four samples lost: 50 ms, a quarter of a period of 5 Hz
     runs, findings = process_recording(recording(t), ProcessingOptions())
     assert len(runs) == 1 and codes(findings) == ["clock-jitter"]
-    t = np.delete(clock(10.0), slice(500, 502))
+    t = np.delete(clock(10.0), slice(500, 505))
     assert len(process_recording(recording(t), ProcessingOptions(cutoff=2.0))[0]) == 1
     assert len(process_recording(recording(t), ProcessingOptions())[0]) == 2
     assert len(process_recording(recording(t), ProcessingOptions(family="none"))[0]) == 2
+
+
+def test_packets_lost_at_random_cost_no_rows():
+    rng = np.random.default_rng(3)
+    t = clock(20.0)[np.sort(rng.choice(2000, 1800, replace=False))]  # a tenth is lost; steps of up to 50 ms
+    whole, _ = one(recording(clock(20.0)), ProcessingOptions())
+    run, findings = one(recording(t), ProcessingOptions())
+    assert codes(findings) == ["clock-jitter"]
+    assert run.mask.sum() >= 0.97 * whole.mask.sum()
+    q, dq, _ = motion(run.motion.time)
+    inner = slice(100, -100)  # away from the ends, which are left out
+    assert np.abs(run.motion.q - q)[inner].max() < 1e-4  # a spline over 50 ms of motion at 0.5 Hz: 1e-5
+    assert np.abs(run.motion.dq - dq)[inner].max() < 1e-3
+
+
+def test_many_gaps_and_lost_runs_are_one_finding_each():
+    t = np.concatenate([3.0 * k + clock(0.6 if k % 2 else 2.5) for k in range(10)])
+    runs, findings = process_recording(recording(t), ProcessingOptions())
+    assert len(runs) == 5 and codes(findings) == ["clock-gap", "run-short"]
+    gap, lost = findings
+    assert "9 gaps; 12.2 s" in gap.evidence and "2.49 s after the start" in gap.evidence
+    assert "No row of 5 runs of 0.6 to 0.6 s" in lost.evidence and "together 3 s" in lost.evidence
 
 
 def test_a_stub_between_gaps_is_left_out_and_named():

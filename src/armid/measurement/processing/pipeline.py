@@ -33,7 +33,7 @@ from armid.measurement.processing.uniform_runs import (
     jitter,
     resample_uniform,
 )
-from armid.measurement.processing.unusable_runs import brief_run, no_run_left, unusable_run
+from armid.measurement.processing.unusable_runs import brief_run, no_run_left, unusable_runs
 from armid.measurement.recording import Recording
 from armid.model.motion import Motion
 from armid.remedy import Remedy, setting
@@ -142,16 +142,18 @@ def process_recording(
         segments = _circles(segments, processing, period, start, recording.source, findings)
     repeats = None if period is None or start is None or processing.average else (period, start)
     runs, still = list[ObservedRun](), list[tuple[NDArray[np.bool_], NDArray[np.bool_]]]()
+    unusable: list[tuple[Segment, int]] = []
     for segment in _long_enough(segments, processing, recording.source, findings):
         margin, run = edge_margin(processing, segment.rate), None
         if segment.samples >= max(SHORTEST, 2 * margin + 1):
             motion = differentiate(segment, processing, given=given)
             run = run_of(segment, motion, processing, repeats, index, found=found)
         if run is None:
-            findings.append(unusable_run(segment, margin, recording.source))
+            unusable.append((segment, margin))
         else:
             runs.append(run)
             still.append(sticks_and_rests(segment.q, segment.rate, noise, every=processing.standstill == "moving"))
+    findings.extend(unusable_runs(unusable, recording.source))
     if not runs:
         raise no_run_left(recording, findings)
     return _moving(runs, still, processing, recording, findings), tuple(findings)

@@ -20,9 +20,15 @@ GAP_STEPS = 2.5
 """Number of median steps from which a step counts as a gap. Two successive lost samples exceed this number; jitter
 does not."""
 
-GAP_PERIODS = 0.1
-"""Share of a period of the cut-off below which a step is not a gap. A cubic spline through ten points per period
-has an error of 4e-4 of the amplitude at the cut-off, and less below it."""
+GAP_PERIODS = 0.25
+"""Share of a period of the cut-off below which a step is not a gap. Inside such a step, a cubic spline has an error
+of 2 % of the amplitude at the cut-off and of 4e-4 at 0.4 times the cut-off; a gap costs a second of rows. For a
+recording of the UR10e of which 10, 20 and 30 % of the rows were removed at random, the errors on other motion were
+1.00, 1.00 and 1.03 times those of the whole recording; with a share of 0.1, 1.20 and 3.42 times, and no
+row was left."""
+
+FEW_GAPS = 3
+"""Number of gaps up to which each has a finding of its own."""
 
 JITTER = 0.05
 """Standard deviation of a clock from a uniform grid, in steps, above which samples are resampled. Smaller jitter
@@ -154,19 +160,42 @@ def cut_at_gaps(recording: Recording, cutoff: float | None) -> tuple[list[Segmen
     steps = np.diff(whole.time)
     borders = [0, *(np.flatnonzero(steps > longest) + 1).tolist(), whole.samples]
     segments = [whole.cut(first, stop) for first, stop in pairwise(borders)]
-    findings = [
+    findings = _gap_findings(whole, np.asarray(borders[1:-1], dtype=np.int64) - 1, median, recording.source)
+    return [replace(segment, rate=_mean_rate(segment, median)) for segment in segments], findings
+
+
+def _gap_findings(whole: Segment, before: NDArray[np.int64], median: float, source: str) -> list[Finding]:
+    """Findings about gaps: one for each, or one for all if there are many.
+
+    Args:
+        whole: All samples.
+        before: Last sample before each gap, shape (k,).
+        median: Median step of the clock [s].
+        source: Recording.
+    """
+    steps = np.diff(whole.time)[before]
+    starts = whole.time[before] - whole.time[0]
+    if len(before) > FEW_GAPS:
+        longest = int(np.argmax(steps))
+        evidence = (
+            f"The clock has {len(before)} gaps; {steps.sum():.3g} s are missing. The first gap is {starts[0]:.2f} s "
+            f"after the start of the log, and the longest, of {steps[longest]:.3g} s, {starts[longest]:.2f} s after "
+            f"it; this is {steps[longest] / median:.1f} times the median step."
+        )
+        note = "The run was split at these gaps, and nothing is filtered across them. Rows next to them are lost."
+        return [Finding("clock-gap", "warning", source, evidence, f"{note} If many are missing, record again.")]
+    return [
         Finding(
             "clock-gap",
             "warning",
-            recording.source,
-            f"There is no sample for {steps[border - 1]:.3g} s, from {whole.time[border - 1] - whole.time[0]:.2f} s "
-            f"after the start of the log; this is {steps[border - 1] / median:.1f} times the median step.",
+            source,
+            f"There is no sample for {step:.3g} s, from {start:.2f} s after the start of the log; this is "
+            f"{step / median:.1f} times the median step.",
             "The run was split at this gap, and nothing is filtered across it. If many samples are missing, record "
             "again.",
         )
-        for border in borders[1:-1]
+        for step, start in zip(steps, starts, strict=True)
     ]
-    return [replace(segment, rate=_mean_rate(segment, median)) for segment in segments], findings
 
 
 def _without_specks(whole: Segment, longest: float) -> Segment:

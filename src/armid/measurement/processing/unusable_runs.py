@@ -8,6 +8,9 @@ from armid.errors import Finding, RecordingError
 from armid.measurement.processing.uniform_runs import Segment
 from armid.measurement.recording import Recording
 
+FEW_RUNS = 3
+"""Number of unusable runs up to which each has a finding of its own."""
+
 
 def brief_run(segment: Segment, cutoff: float, source: str) -> Finding:
     """Finding about a run that is shorter than a period of the cut-off [Hz]."""
@@ -21,8 +24,31 @@ def brief_run(segment: Segment, cutoff: float, source: str) -> Finding:
     )
 
 
-def unusable_run(segment: Segment, margin: int, source: str) -> Finding:
-    """Finding about a run without usable rows: `margin` samples at each end are left out, all others are masked."""
+def unusable_runs(runs: Sequence[tuple[Segment, int]], source: str) -> list[Finding]:
+    """Findings about runs without usable rows: one for each, or one for all if there are many.
+
+    Args:
+        runs: Each run, and the number of samples that are left out at each of its ends.
+        source: Recording.
+    """
+    if len(runs) <= FEW_RUNS:
+        return [_unusable_run(segment, margin, source) for segment, margin in runs]
+    seconds = [segment.samples / segment.rate for segment, _ in runs]
+    margins = [margin / segment.rate for segment, margin in runs]
+    return [
+        Finding(
+            "run-short",
+            "warning",
+            source,
+            f"No row of {len(runs)} runs of {min(seconds):.3g} to {max(seconds):.3g} s can be used, together "
+            f"{sum(seconds):.3g} s: up to {max(margins):.3g} s at each end of a run are left out, as are samples "
+            "that are excluded, repeated or saturated.",
+            "The runs were left out; nothing has to be done if enough other runs remain.",
+        )
+    ]
+
+
+def _unusable_run(segment: Segment, margin: int, source: str) -> Finding:
     return Finding(
         "run-short",
         "warning",

@@ -14,9 +14,11 @@ import cranes
 from armid import DynamicsModel, accumulate_information, find_base_parameters, load_robot
 from armid.checked_array import Array
 from armid.doctor.checks.dynamics.excitation_weak import WEAK_CONDITION
+from armid.errors import Finding
 from armid.estimation.estimators import PhysicallyConsistent, WeightedLeastSquares
 from armid.estimation.least_squares import solve
 from armid.estimation.problem import EstimationProblem, standard_of
+from armid.estimation.run_estimator import estimate
 from armid.excitation.thesis_plans import builtin_plan
 from armid.information.information import stack, total
 from armid.lab.inverse_dynamics_recording import thesis_truth
@@ -25,7 +27,13 @@ from armid.maths.rotations import homogeneous, rotation_x
 from armid.model.motion import Motion
 from armid.model.terms import Coulomb, RigidBody, Viscous
 from armid.robot import Robot
-from armid.study.plausibility.estimate_findings import excitation_finding, far_findings, gravity_finding, weak_finding
+from armid.study.plausibility.estimate_findings import (
+    excitation_finding,
+    far_findings,
+    gravity_finding,
+    negative_finding,
+    weak_finding,
+)
 from problems import one_run, raw
 
 
@@ -210,3 +218,19 @@ def test_masses_are_looked_up_by_name_where_friction_has_copies():
         resolution=np.concatenate([[1.0], kept.resolution]),
     )
     assert far_findings(problem.standard, replace(fit, standard=twice)) == alone
+
+
+def test_negative_friction_is_named_with_its_joint_and_a_possible_wrong_sign():
+    model, motion, torque = measured()
+    base = find_base_parameters(model)
+    torque = torque + 0.1 * np.random.default_rng(0).normal(size=torque.shape)
+
+    def found(signs: list[int]) -> Finding | None:
+        observations = raw(one_run(motion, torque * np.array(signs), 50.0))
+        problem = EstimationProblem(accumulate_information(model, base, observations), observations)
+        return negative_finding(model, estimate(problem, WeightedLeastSquares()))
+
+    finding = found([1, 1, 1, 1, -1, 1, 1])
+    assert finding is not None and model.robot.joint_names[4] in finding.channel
+    assert "FS_5" in finding.evidence and "wrong sign" in finding.evidence
+    assert found([1] * 7) is None

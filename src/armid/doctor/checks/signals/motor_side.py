@@ -35,6 +35,11 @@ BEYOND_LIMIT = 2.0
 """Largest effort, relative to the effort limit of the description, from which the effort is in another unit, for a
 typical joint of a description without masses."""
 
+IMPOSSIBLE = 1.25
+"""Largest effort, relative to the effort limit of the description, above which a torque is impossible at the joint
+with the largest ratio. Together with an effort of more than `LARGE` times the described torque, it shows another unit
+although the masses of the description are placeholders. On eight recorded arms the ratio is below 0.6."""
+
 FIND_UNIT = "find out the unit of the torque, and give `drive_gain`, the newton metres in one unit of the log"
 
 LOWEST_OF_LIMIT = 1 / 500
@@ -136,8 +141,25 @@ def explain(state: LogState) -> Explanation | None:
     if LOWEST_SCALE <= typical < SMALL:
         return _small_share(state, known, typical)
     if typical > LARGE or 0.0 < typical < SMALL:
-        return _beyond_limits(state) if has_placeholder_masses(state) else _other_unit(state, known, typical)
+        if has_placeholder_masses(state) and not (typical > LARGE and _largest_share(state) > IMPOSSIBLE):
+            return _beyond_limits(state)
+        return _other_unit(state, known, typical)
     return None
+
+
+def _largest_share(state: LogState) -> float:
+    """Largest effort relative to the effort limit of the description, for the joint with the largest ratio."""
+    return float(_shares(state).max(initial=0.0))
+
+
+def _shares(state: LogState) -> Array:
+    """Largest effort of each joint relative to its effort limit, for the joints that have one."""
+    limits = np.array([joint.effort_limit for joint in state.model.robot.joints])
+    known = (limits > 0.0) & np.isfinite(limits) & state.rows.mask.any(axis=0)
+    largest = np.array(
+        [np.abs(x[m]).max(initial=0.0) for x, m in zip(state.rows.torque.T, state.rows.mask.T, strict=True)]
+    )
+    return largest[known] / limits[known]
 
 
 def _beyond_limits(state: LogState) -> Explanation | None:
@@ -146,14 +168,9 @@ def _beyond_limits(state: LogState) -> Explanation | None:
     It is used for descriptions without masses. Units are possible with which a typical joint neither exceeds its
     limit nor stays far below it.
     """
-    limits = np.array([joint.effort_limit for joint in state.model.robot.joints])
-    known = (limits > 0.0) & np.isfinite(limits) & state.rows.mask.any(axis=0)
-    if known.sum() < MOST_OF * len(limits):
+    shares = _shares(state)
+    if len(shares) < MOST_OF * state.rows.n:
         return None
-    largest = np.array(
-        [np.abs(x[m]).max(initial=0.0) for x, m in zip(state.rows.torque.T, state.rows.mask.T, strict=True)]
-    )
-    shares = largest[known] / limits[known]
     typical = float(median(shares))
     if typical < BEYOND_LIMIT and shares.max() > LOWEST_OF_LIMIT:
         return None
