@@ -43,7 +43,7 @@ EXTENDING = (("recalibrate", "--all", "--out", "new"), ("recalibrate", "--out", 
 
 def recorded(seed: int, *, load: Array | None = None, friction: float = 1.0, rotor: bool = False) -> Recording:
     """The small arm, with a load on its last link, so many times its friction, and rotors."""
-    model, theta = small_model_with_rotors(), small_truth_with_rotors()
+    model, theta = small_model_with_rotors(), small_truth_with_rotors().copy()
     if load is not None:
         theta[model.inertial_columns.reshape(-1, 10)[-1]] += load
     for k, parameter in enumerate(model.parameters):

@@ -80,6 +80,7 @@ def small_truth_with_rotors() -> Array:
     assert theta is not None
     theta = theta.copy()
     theta[model.law_columns] = np.resize([1.5, 0.8, 0.05], len(model.law_columns))
+    theta.flags.writeable = False  # the same array for all tests
     return theta
 
 

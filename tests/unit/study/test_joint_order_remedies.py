@@ -30,6 +30,9 @@ NAMES = {
 }
 """Columns of positions and torques of a joint."""
 
+USUAL = ("by word", "usual")
+"""Forms that are tried always; the others only with --long, because each takes as long as these."""
+
 ORDER = np.array([0, 2, 1, 3, 4, 5])
 """Shoulder and elbow exchanged."""
 
@@ -68,7 +71,7 @@ def errors_of_identification(study: Study, case: Case) -> list[Finding]:
 
 
 @pytest.mark.parametrize("fault", EXCHANGED)
-@pytest.mark.parametrize("names", NAMES)
+@pytest.mark.parametrize("names", [n if n in USUAL else pytest.param(n, marks=pytest.mark.long) for n in NAMES])
 def test_the_remedy_of_exchanged_joints_gives_the_sound_log_however_columns_are_called(
     names: str, fault: str, tmp_path: Path
 ):
@@ -84,7 +87,7 @@ def test_the_remedy_of_exchanged_joints_gives_the_sound_log_however_columns_are_
         np.testing.assert_array_equal(read.effort, case.recording.effort)
 
 
-@pytest.mark.parametrize("form", [list, dict])
+@pytest.mark.parametrize("form", [list, pytest.param(dict, marks=pytest.mark.long)])
 @pytest.mark.parametrize("fault", EXCHANGED)
 def test_the_remedy_replaces_joints_that_the_study_states(form: type, fault: str, tmp_path: Path):
     case = sound(11, name=ARM)

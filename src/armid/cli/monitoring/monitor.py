@@ -105,7 +105,7 @@ def monitor(
 
         armid monitor runs/today shift.csv --reference free_1.csv --reference free_2.csv --out external.csv
     """
-    from armid.cli.console import print_findings
+    from armid.cli.console import print_findings, progress
     from armid.report.rendering import require_extra
     from armid.runs.monitoring.monitor import make_monitor, watch
     from armid.runs.monitoring.observer import ObserverOptions
@@ -125,7 +125,10 @@ def monitor(
     read, findings = read_new_recordings(loaded, [recording, *(reference or [])], reading)
     (_, watched_recording), *references = read
     given = [each for _, each in references]
-    made = make_monitor(loaded, false_alarms=false_alarms, options=options, references=given, data=data)
+    with progress(quiet=json) as tell:
+        made = make_monitor(
+            loaded, false_alarms=false_alarms, options=options, references=given, data=data, progress=tell
+        )
     watched = watch(made, watched_recording)
     written = [*_written(made, recording, watched, out, code), *_written_page(made, recording, watched, page)]
     print_findings([*(finding for each in findings for finding in each), *made.findings, *watched.findings])

@@ -18,6 +18,7 @@ from armid.estimation.estimate_record import torque_parameters
 from armid.maths.peaks_over_threshold import Tail
 from armid.measurement.recording import Recording
 from armid.model.motion import Motion
+from armid.runs.monitoring.cross_validated_rate import rate_excess, validated_thresholds
 from armid.runs.monitoring.observer import SETTLED, Observed, ObserverOptions
 from armid.runs.monitoring.thresholds import GAP, PROMISED, Thresholds, find_thresholds
 from armid.runs.monitoring.tip_wrench import TipWrench, tip_wrench
@@ -28,6 +29,7 @@ from armid.runs.monitoring.unseen_residuals import (
     reference_residuals,
 )
 from armid.runs.run import Run
+from armid.study.progress import Progress, no_progress
 
 RATE_RATIO = 1.1
 """Largest ratio of the sample rate to that of the unseen motion, and its inverse; other noise passes otherwise."""
@@ -139,6 +141,7 @@ def make_monitor(
     options: ObserverOptions | None = None,
     references: Sequence[Recording] = (),
     data: Path | str | None = None,
+    progress: Progress = no_progress,
 ) -> Monitor:
     """Makes a monitor of a run: observer and thresholds from residuals of unseen motion.
 
@@ -150,6 +153,7 @@ def make_monitor(
         references: Recordings without contact that did not train the run, in the convention of the robot; if none are
             given, the recordings of the run are used.
         data: Folder of the recordings of the run, if they were moved.
+        progress: Callback that is called while the rate is cross-validated.
 
     Raises:
         ArmidError: The rate is not positive, or there is no unseen motion.
@@ -178,6 +182,9 @@ def make_monitor(
             break
         # Another rate can change which thresholds follow the motion, and so the smallest rate.
         found, tails = find_thresholds(parts, friction, found.smallest * (1.0 + 1e-6))
+    excess = rate_excess(parts, friction, found.rate, progress=progress)
+    wanted = found.rate * excess if false_alarms is None else false_alarms
+    found, tails = validated_thresholds(parts, friction, wanted, excess)
     findings = (*unseen.findings, *_findings(found, unseen, asked=false_alarms))
     velocity = all(part.velocity for part in parts)
     return Monitor(run, options, rate, found, tails, unseen.source, velocity, findings)
