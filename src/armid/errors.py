@@ -6,6 +6,7 @@ the command line can print one message. A `Finding` is not raised: it is an obse
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal
@@ -82,6 +83,10 @@ class OutputError(ArmidError):
     """A result that cannot be written."""
 
 
+WITHOUT_WINDOWS = ("collision", "witness")
+"""Extras whose packages have no wheels for Windows."""
+
+
 class MissingExtraError(ArmidError):
     """An optional dependency that is not installed.
 
@@ -92,10 +97,15 @@ class MissingExtraError(ArmidError):
     """
 
     def __init__(self, package: str, purpose: str, extra: str) -> None:
-        super().__init__(
-            f"{purpose} needs the package {package!r}, which is not installed.",
-            remedy=f"pip install 'armid[{extra}]'",
-        )
+        problem = f"{purpose} needs the package {package!r}, which is not installed."
+        if sys.platform == "win32" and extra in WITHOUT_WINDOWS:
+            super().__init__(
+                problem,
+                possible="Linux and macOS; the package has no wheels for Windows",
+                remedy=f"in the Windows Subsystem for Linux: pip install 'armid[{extra}]'",
+            )
+        else:
+            super().__init__(problem, remedy=f"pip install 'armid[{extra}]'")
 
 
 @dataclass(frozen=True, slots=True)

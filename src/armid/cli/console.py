@@ -47,6 +47,9 @@ SHORT_FORMS = {
 """Short texts, by the code of a finding. They replace the texts of findings of severity `info` that list all columns;
 the page of a run gives the whole text."""
 
+REPEATED = 2
+"""Number of findings of severity `info` with one code up to which each is printed; of more, the first is."""
+
 SHORT_TITLES = {"validation": "valid.", "earlier run": "earlier"}
 """Short column titles for tables with a column for each recording, which then fit into 80 characters."""
 
@@ -103,7 +106,9 @@ def print_findings(findings: Sequence[Finding], *, shapes: bool = False, whole: 
     console = error_console()
     colours = {"error": "red", "warning": "yellow", "info": "dim"}
     chosen = [finding for finding in findings if shapes or finding.code not in SHAPE_FINDINGS]
-    printed = dict.fromkeys(chosen if whole else map(_shortened, chosen))
+    printed = list(dict.fromkeys(chosen if whole else map(_shortened, chosen)))
+    if not whole:
+        printed = _folded(printed)
     groups: dict[tuple[str, str, int], list[Finding]] = {}
     for k, finding in enumerate(sorted(printed, key=lambda finding: list(colours).index(finding.severity))):
         alone = 0 if to_paste(hint(finding.remedy)) else k + 1
@@ -126,6 +131,23 @@ def _shortened(finding: Finding) -> Finding:
     if finding.severity != "info" or finding.code not in SHORT_FORMS:
         return finding
     return replace(finding, channel="", evidence=min(SHORT_FORMS[finding.code], finding.evidence, key=len), remedy="")
+
+
+def _folded(findings: Sequence[Finding]) -> list[Finding]:
+    """Findings in which those of severity `info` with one code are the first one and one that names the others."""
+    groups: dict[str, list[Finding]] = {}
+    for finding in findings:
+        groups.setdefault(f"{finding.severity} {finding.code}", []).append(finding)
+    result: list[Finding] = []
+    for group in groups.values():
+        keys = any(to_paste(hint(each.remedy)) for each in group)
+        if group[0].severity != "info" or len(group) <= REPEATED or keys:
+            result.extend(group)
+            continue
+        first, others = group[0], [Path(each.channel).name for each in group[1:] if each.channel]
+        named = f": {', '.join(dict.fromkeys(others))}" if others else ""
+        result.extend((first, replace(first, channel="", evidence=f"{len(group) - 1} more{named}.", remedy="")))
+    return result
 
 
 def to_paste(remedy: str) -> bool:

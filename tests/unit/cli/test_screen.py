@@ -106,6 +106,13 @@ def test_one_remedy_of_several_findings_is_printed_once(capsys: pytest.CaptureFi
     ]
     print_findings([Finding("x", "info", j, "Evidence.", "record longer.") for j in "ab"])
     assert capsys.readouterr().err.count("record longer.") == 2  # sentences stay with their findings
+    uneven = [Finding("x", "info", f"logs/{j}.csv", f"Steps of {j}.", "") for j in "abc"]
+    print_findings(uneven)  # of many infos the first, and where the others are
+    assert capsys.readouterr().err.splitlines() == ["info x logs/a.csv: Steps of a.", "info x 2 more: b.csv, c.csv."]
+    print_findings(uneven, whole=True)
+    assert capsys.readouterr().err.count("Steps of") == 3
+    print_findings([replace(each, severity="warning") for each in uneven])
+    assert capsys.readouterr().err.count("Steps of") == 3
     joined = diagnosed_error(EstimationError("Singular."), [Finding("v", "error", j, "Off.", remedy) for j in "ac"])
     assert joined.remedy.count("columns") == 2 and joined.remedy == remedy  # the key, and the word of its note
     lost = Finding("run-short", "warning", "log", "No row can be used.", "record longer.")

@@ -75,3 +75,6 @@ def test_without_coal_the_extra_to_install_is_named(tmp_path: Path, monkeypatch:
     monkeypatch.setitem(sys.modules, "coal", None)
     with pytest.raises(MissingExtraError, match=r"armid\[collision\]"):
         corners_of(path)
+    monkeypatch.setattr(sys, "platform", "win32")
+    with pytest.raises(MissingExtraError, match=r"no wheels for Windows[^\0]*Subsystem for Linux"):
+        corners_of(path)
