@@ -42,7 +42,8 @@ def impossible_inertias(inertias: Mapping[str, Array]) -> tuple[Finding, ...]:
             continue
         told = ", ".join(f"{x:.3g}" for x in moments)
         what = (
-            f"no body has a mass of {mass:.4g} kg and the principal moments of inertia {told} kg·m²: none is negative"
+            f"no body has a mass of {mass:.4g} kg and the principal moments of inertia {told} kg·m²: mass and "
+            "moments are never negative"
         )
         remedy = "correct the <inertial> of the body; armid certify compares it with the shapes of the body"
         found.append(Finding("inertia-impossible", "warning", name, what, remedy))

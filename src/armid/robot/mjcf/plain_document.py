@@ -17,7 +17,7 @@ from pathlib import Path
 
 from armid.checked_array import Array
 from armid.errors import Finding, RobotError
-from armid.robot.described_drive import DescribedDrive, drive_of
+from armid.robot.described_drive import DescribedDrive, drive_of, negative_drive
 from armid.robot.described_limits import DescribedLimits, limits_of
 from armid.robot.mjcf.force_limits import actuator_efforts, range_in_effect
 from armid.robot.mjcf.geom_inertia import heavy_geoms, inertia_of_geoms, is_solid, stated_mass
@@ -278,6 +278,7 @@ class _Writer:
         if name in self.stated:
             raise RobotError(f"{self.source} has two joints named {name!r}.", remedy="give each joint its own name.")
         drive = drive_of(joint, DRIVE, self.source, where)
+        self.findings += negative_drive(name, joint, DRIVE)
         self.stated[name] = ((position[0], position[1]) if position else None, effort, turns, drive)
         return ET.Element("joint", {"name": name, "type": kind, **plain})
 

@@ -163,9 +163,17 @@ def _with_own(inherited: Mapping[str, dict[str, str]], section: ET.Element) -> d
 
 
 def _merged(inherited: Mapping[str, str], own: Mapping[str, str]) -> dict[str, str]:
-    """Inherited attributes with own ones in place of them; an own orientation replaces each form of orientation."""
+    """Inherited attributes with own ones in place of them.
+
+    An own orientation replaces each form of orientation. An own size with fewer numbers replaces the first ones.
+    """
     turned = any(key in own for key in ORIENTATIONS)
-    return {**{key: value for key, value in inherited.items() if not (turned and key in ORIENTATIONS)}, **own}
+    kept = {key: value for key, value in inherited.items() if not (turned and key in ORIENTATIONS)}
+    merged = {**kept, **own}
+    if "size" in own:
+        sizes = own["size"].split()
+        merged["size"] = " ".join([*sizes, *inherited.get("size", "").split()[len(sizes) :]])
+    return merged
 
 
 def _euler_rotation(angles: list[float], sequence: str) -> Array:
