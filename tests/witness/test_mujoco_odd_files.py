@@ -113,6 +113,15 @@ def test_orientations_of_a_default_class_and_of_an_element(tmp_path, of_class, o
     assert told == ["orientation-ambiguous"] * (own == "quat" and of_class != "quat")
 
 
+@pytest.mark.parametrize(("kind", "size"), [("capsule", "0.03"), ("box", "0.03 0.04"), ("cylinder", "0.1 0.2")])
+def test_a_size_of_an_element_replaces_the_first_numbers_of_that_of_its_class(tmp_path, kind, size):
+    defaults = f'<default><geom type="{kind}" size="0.05 0.1 0.2"/></default>'
+    robot, model = agree(pair(second=f'<geom size="{size}"/>', before=defaults), tmp_path)
+    (shape,) = robot.shapes
+    factor = [2, 2, 2] if kind == "box" else [1, 2, 0]
+    np.testing.assert_allclose(shape.size, model.geom_size[0] * factor)
+
+
 @pytest.mark.parametrize(
     "geom", ["", '<geom size="0.1"/>', '<geom size="0.1" mass="0"/>', '<geom size="1" group="3"/>']
 )
@@ -172,7 +181,7 @@ def test_a_range_that_mujoco_refuses_is_named(tmp_path, joint, actuators):
         mujoco.MjModel.from_xml_string(text)
     (tmp_path / "arm.xml").write_text(text)
     robot = load_robot(tmp_path / "arm.xml")
-    assert [finding.code for finding in robot.findings] == ["limits-unknown"]
+    assert [(finding.code, finding.channel) for finding in robot.findings] == [("limits-unknown", "j")]
     assert np.isinf([*robot.joints[0].position_limits, robot.joints[0].effort_limit]).all()
 
 

@@ -34,7 +34,7 @@ from armid.export.types import (
 from armid.export.xml_edit import Document, XmlNode, element_text
 from armid.robot.mjcf.plain_document import Plain, flatten, named, plain_mjcf
 from armid.robot.mjcf.tree import tree_of_mjcf
-from armid.robot.mjcf.unmodelled import IGNORED_COMPILER
+from armid.robot.mjcf.unmodelled import changing_settings
 from armid.robot.readers import mjcf as reader
 from armid.robot.robot import InertialParameters, Robot
 from armid.robot.xml import parse_xml
@@ -191,7 +191,7 @@ def _names(root: XmlNode) -> dict[XmlNode, str]:
 def _refuse_computed(root: XmlNode) -> None:
     """Raises an error if a setting makes MuJoCo use other inertias than those in the file."""
     for compiler in root.every("compiler"):
-        found = [key for key in IGNORED_COMPILER if key in compiler.values]
+        found = changing_settings(compiler.values, "the description")
         found += ["inertiafromgeom"] if compiler.values.get("inertiafromgeom") == "true" else []
         if found:
             raise OutputError(

@@ -40,8 +40,9 @@ def range_in_effect(
                 f"the {key} {found[0]:g} to {found[1]:g} of {where} is not used: autolimits is off and "
                 f"{LIMITED[key]} is not given; MuJoCo refuses this"
             )
+            joint = element.get("joint", element.get("name", ""))
             remedy = f'write {LIMITED[key]}="true" if the limit is real'
-            findings.append(Finding("limits-unknown", "info", element.get("name", ""), what, remedy))
+            findings.append(Finding("limits-unknown", "info", joint, what, remedy))
         return None
     return found
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 from armid.errors import Finding
 from armid.robot.mjcf.settings import Settings
@@ -12,20 +12,31 @@ from armid.robot.xml import numbers
 SWITCHED = {"boundmass": 0.0, "boundinertia": 0.0, "settotalmass": 0.0}
 """Compiler settings that change masses and inertias if they exceed these values."""
 
-IGNORED_COMPILER = ("balanceinertia", *SWITCHED)
-"""Compiler settings that armid ignores, although they change masses and inertias."""
-
 LISTED = 5
 """Number of bodies or joints that one finding names."""
 
 
+def changing_settings(compiler: Mapping[str, str], source: str) -> list[str]:
+    """Names of the compiler settings in effect that change masses and inertias.
+
+    Args:
+        compiler: Compiler settings.
+        source: Path of the document, for messages.
+
+    Raises:
+        RobotError: A setting is not a number.
+    """
+    element = ET.Element("compiler", dict(compiler))
+    found = ["balanceinertia"] if element.get("balanceinertia") == "true" else []
+    for key, usual in SWITCHED.items():
+        value = numbers(element, key, 1, source, "the compiler")
+        found += [key] * (value is not None and value[0] > usual)
+    return found
+
+
 def ignored_settings(settings: Settings) -> list[Finding]:
     """Finding about compiler settings in effect that change masses and inertias; there is none without them."""
-    compiler = ET.Element("compiler", settings.compiler)
-    ignored = ["balanceinertia"] if compiler.get("balanceinertia") == "true" else []
-    for key, usual in SWITCHED.items():
-        value = numbers(compiler, key, 1, settings.source, "the compiler")
-        ignored += [key] * (value is not None and value[0] > usual)
+    ignored = changing_settings(settings.compiler, settings.source)
     if not ignored:
         return []
     return [
