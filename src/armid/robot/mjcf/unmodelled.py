@@ -55,7 +55,7 @@ def ignored_parts(root: ET.Element, settings: Settings) -> list[Finding]:
         root: The document with includes resolved and names for all bodies and joints.
         settings: Settings of the document.
     """
-    bodies = list(_bodies(root, "main"))
+    bodies = [each for world in root.findall("worldbody") for each in _bodies(world, "main")]
     lifted = [name for name, body, _ in bodies if any(numbers(body, "gravcomp", 1, settings.source, name) or ())]
     joints = [settings.resolved(joint, own) for _, body, own in bodies for joint in body.findall("joint")]
     sprung = [joint.get("name", "") for joint in joints if _has_spring(joint, settings)]
@@ -88,12 +88,10 @@ def ignored_parts(root: ET.Element, settings: Settings) -> list[Finding]:
 
 def _bodies(element: ET.Element, childclass: str) -> Iterator[tuple[str, ET.Element, str]]:
     """Yields the name of each body inside an element, the body, and the default class of what it contains."""
-    for child in element:
-        if child.tag in ("worldbody", "body"):
-            own = child.get("childclass", childclass)
-            if child.tag == "body":
-                yield child.get("name", ""), child, own
-            yield from _bodies(child, own)
+    childclass = element.get("childclass", childclass)
+    for body in element.findall("body"):
+        yield body.get("name", ""), body, body.get("childclass", childclass)
+        yield from _bodies(body, childclass)
 
 
 def _has_spring(joint: ET.Element, settings: Settings) -> bool:
