@@ -51,7 +51,7 @@ def parse_xml(text: str, source: str) -> ET.Element:
 def without_namespace(root: ET.Element) -> ET.Element:
     """Root element whose default XML namespace is removed from the tags below it; it changes the given element.
 
-    Some programs write <robot xmlns="http://drake.mit.edu">. Tags of other namespaces stay as they are.
+    Some programs, such as Drake, write one: <robot xmlns="…">. Tags of other namespaces stay as they are.
     """
     space, _, tag = root.tag.rpartition("}")
     if space and tag:
