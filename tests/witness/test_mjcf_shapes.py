@@ -83,3 +83,51 @@ def test_a_mesh_that_is_there(tmp_path):
     mesh = next(shape for shape in robot.shapes if shape.kind == "mesh")
     assert mesh.size.tolist() == [2.0, 2.0, 2.0] and mesh.path.endswith("corner.obj")
     assert mesh.link == 0
+
+
+SOLID = """<mujoco><asset>{asset}</asset><worldbody><body name="a" pos="0 0 0.3"><joint name="j"/>
+<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>{geom}</body></worldbody></mujoco>"""
+
+
+@pytest.mark.parametrize("place", ['fromto="0 0.1 0 0.1 0.2 -0.3"', 'pos="0.1 0 0.2" euler="10 20 30"'])
+@pytest.mark.parametrize("kind", ["box", "ellipsoid", "capsule", "cylinder"])
+def test_sizes_and_places_of_solids(tmp_path, kind, place):
+    path = tmp_path / "arm.xml"
+    path.write_text(SOLID.format(asset="", geom=f'<geom type="{kind}" size="0.05 0.07 0.09" {place}/>'))
+    (shape,) = load_robot(path).shapes
+    model = mujoco.MjModel.from_xml_path(str(path))
+    assert shape.kind == kind
+    factor = {"ellipsoid": [1, 1, 1], "box": [2, 2, 2]}.get(kind, [1, 2, 0])
+    assert shape.size == pytest.approx(model.geom_size[0] * factor)
+    assert shape.placement[:3, 3] == pytest.approx(model.geom_pos[0], abs=ROUNDING)
+    matrix = np.zeros(9)
+    mujoco.mju_quat2Mat(matrix, model.geom_quat[0])
+    theirs = matrix.reshape(3, 3)
+    assert abs(shape.placement[:3, 2] @ theirs[:, 2]) == pytest.approx(1.0, abs=ROUNDING)
+    if "fromto" not in place and kind in ("box", "ellipsoid"):  # otherwise round about z
+        assert shape.placement[:3, :3] == pytest.approx(theirs, abs=ROUNDING)
+
+
+CORNERS = 'vertex="0 0 0 0.1 0 0 0 0.1 0 0 0 0.1"'
+
+
+@pytest.mark.parametrize(
+    ("asset", "geom", "words"),
+    [
+        (f'<mesh name="m" {CORNERS}/>', 'type="mesh" mesh="m"', "'m', which is given by vertex"),
+        ('<mesh name="m" builtin="sphere" params="2"/>', 'type="mesh" mesh="m"', "'m', which is given by builtin"),
+        (f'<mesh name="m" {CORNERS}/>', 'type="box" mesh="m"', "a box that is fitted to the mesh 'm'"),
+        ('<hfield name="h" nrow="2" ncol="2" size="1 1 1 1"/>', 'type="hfield" hfield="h"', "of type 'hfield'"),
+    ],
+)  # fmt: skip
+def test_geoms_that_are_not_read_are_no_missing_meshes(tmp_path, asset, geom, words):
+    path = tmp_path / "arm.xml"
+    path.write_text(SOLID.format(asset=asset, geom=f"<geom {geom}/>"))
+    mujoco.MjModel.from_xml_path(str(path))
+    robot = load_robot(path)
+    (found,) = (finding for finding in robot.findings if finding.code == "shape-unknown")
+    assert found.severity == "warning" and found.channel == "a" and words in found.evidence
+    assert "mesh-missing" not in {finding.code for finding in robot.findings}
+    path.write_text(SOLID.format(asset=asset, geom=f'<geom contype="0" conaffinity="0" {geom}/>'))
+    codes = {finding.code for finding in load_robot(path).findings}
+    assert "visual-left-out" in codes and not codes & {"visual-missing", "mesh-missing", "shape-unknown"}

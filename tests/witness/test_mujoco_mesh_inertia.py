@@ -84,12 +84,13 @@ def test_meshes_are_drawn_and_checked_where_mujoco_has_them(tmp_path, placed: st
         np.testing.assert_allclose(apart.min(axis=1), 0.0, atol=SINGLE)
 
 
-def test_a_mesh_that_no_scale_along_its_axes_gives_counts_as_missing(tmp_path):
+def test_a_mesh_that_no_scale_along_its_axes_gives_is_told(tmp_path):
     write_mesh(tmp_path / "l.stl", *prism())
     path = tmp_path / "arm.xml"
     path.write_text(document('name="m" file="l.stl" refquat="0.7 0.7 0.3 0.1" scale="1 2 3"', '<geom mesh="m"/>'))
     robot = load_robot(path)
-    assert not robot.shapes and "mesh-missing" in {finding.code for finding in robot.findings}
+    (told,) = (finding for finding in robot.findings if finding.code == "shape-unknown")
+    assert not robot.shapes and "'m', which is scaled along other axes" in told.evidence
 
 
 @pytest.mark.parametrize("suffix", [".stl", ".obj", ".msh"])

@@ -154,7 +154,8 @@ def test_bodies_are_where_mujoco_has_them(tmp_path):
     assert len(robot.visuals) == model.ngeom == len(robot.shapes) + 1
     kinds = {
         "half-space": "PLANE",
-        "sphere": "SPHERE ELLIPSOID",
+        "sphere": "SPHERE",
+        "ellipsoid": "ELLIPSOID",
         "capsule": "CAPSULE",
         "cylinder": "CYLINDER",
         "box": "BOX",

@@ -115,8 +115,8 @@ def test_a_difference_would_be_seen(tmp_path, monkeypatch):
 
     path = tmp_path / "odd.urdf"
     path.write_text(URDF)
-    right = tree._inertial
-    monkeypatch.setattr(tree, "_inertial", lambda link, source: _changed(right(link, source)))
+    right = tree.inertial_of
+    monkeypatch.setattr(tree, "inertial_of", lambda link, source: _changed(right(link, source)))
     assert compare(path).inertia > 1e-10
 
 

@@ -36,6 +36,7 @@ SHAPE_FINDINGS = (
     "bodies-unknown",
     "markers-unchecked",
     "mesh-missing",
+    "shape-unknown",
     "visual-left-out",
     "visual-missing",
 )

@@ -19,11 +19,11 @@ LIGHT = 0.01
 
 
 def missing_bodies(robot: Robot) -> list[Finding]:
-    """Findings about bodies whose files do not exist.
+    """Findings about bodies whose files do not exist or whose shapes are of an unknown kind.
 
     If no link has collision geometry, missing files of visual bodies are included.
     """
-    codes = ("mesh-missing",) if robot.shapes else ("mesh-missing", "visual-missing")
+    codes = ("mesh-missing", "shape-unknown", *(() if robot.shapes else ("visual-missing",)))
     return [finding for finding in robot.findings if finding.code in codes]
 
 

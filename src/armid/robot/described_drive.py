@@ -6,6 +6,7 @@ import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from armid.errors import Finding
 from armid.robot.xml import numbers
 
 
@@ -44,3 +45,19 @@ def drive_of(element: ET.Element, keys: Mapping[str, str], source: str, where: s
         values = numbers(element, key, max(1, len(element.get(key, "").split())), source, where)
         found[name] = max(0.0, values[0]) if values else 0.0
     return DescribedDrive(**found)
+
+
+def negative_drive(joint: str, element: ET.Element, keys: Mapping[str, str]) -> tuple[Finding, ...]:
+    """Finding about negative friction or rotor inertia of a joint, which `drive_of` replaces by zero.
+
+    Args:
+        joint: Name of the joint.
+        element: The element, which `drive_of` accepts.
+        keys: Name of the attribute for each field of `DescribedDrive`.
+    """
+    given = {key: element.get(key, "").split() for key in keys.values()}
+    wrong = [f'{key}="{values[0]}"' for key, values in given.items() if values and float(values[0]) < 0.0]
+    if not wrong:
+        return ()
+    what = f"{', '.join(wrong)} of the joint is ignored, because no joint has negative friction or rotor inertia"
+    return (Finding("description-ignored", "warning", joint, what, "correct the value in the description"),)

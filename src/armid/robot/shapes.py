@@ -16,7 +16,7 @@ from armid.maths.rotations import axis_rotation, homogeneous
 NAMED = 5
 """Largest number of bodies that a finding names."""
 
-Kind = Literal["capsule", "sphere", "cylinder", "box", "mesh", "half-space"]
+Kind = Literal["capsule", "sphere", "cylinder", "box", "ellipsoid", "mesh", "half-space"]
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -28,8 +28,8 @@ class Shape:
         link: Index of the link that carries the body; -1 for the base and the surroundings.
         kind: Kind of shape; `capsule` and `cylinder` lie along z, a `half-space` is solid below z = 0.
         size: Dimensions [m], shape (3,); unused entries are zero. Capsule: radius, and distance of the centres of its
-            two end spheres. Cylinder: radius, length. Sphere: radius. Box: lengths of its edges. Mesh: scale factors
-            along x, y and z; a negative factor mirrors the mesh.
+            two end spheres. Cylinder: radius, length. Sphere: radius. Box: lengths of its edges. Ellipsoid: its
+            semi-axes along x, y and z. Mesh: scale factors along x, y and z; a negative factor mirrors the mesh.
         placement: Pose in the frame of the link, shape (4, 4).
         path: File of a mesh; empty for other kinds.
     """
@@ -47,7 +47,7 @@ class Shape:
         size[: len(given)] = given
         object.__setattr__(self, "size", array(size, (3,), f"size of {self.name!r}"))
         object.__setattr__(self, "placement", array(self.placement, (4, 4), f"placement of {self.name!r}"))
-        needed = {"capsule": 1, "sphere": 1, "cylinder": 2, "box": 3, "mesh": 3, "half-space": 0}
+        needed = {"capsule": 1, "sphere": 1, "cylinder": 2, "box": 3, "ellipsoid": 3, "mesh": 3, "half-space": 0}
         if self.kind not in needed:
             raise RobotError(
                 f"The shape {self.name!r} is of the unknown kind {self.kind!r}.",
@@ -107,6 +107,25 @@ def looks_missing(files: Mapping[str, str], option: str = "") -> tuple[Finding, 
     evidence = f"{len(files)} visual meshes are missing, such as {example}: {_listed(tuple(files))}{_nearby(option)}"
     remedy = f"{_naming(option)}."
     return (Finding("visual-missing", "info", "", evidence, remedy),)
+
+
+def shapes_unknown(kinds: Mapping[str, str], *, drawn: bool = False) -> tuple[Finding, ...]:
+    """Finding about shapes whose kind armid does not read; there is none without such shapes.
+
+    Args:
+        kinds: Kinds of the shapes in words, by the names of their bodies.
+        drawn: True if the shapes are only drawn.
+    """
+    if not kinds:
+        return ()
+    told = _listed([f"{kind} of {body}" for body, kind in kinds.items()])
+    possible = "box, sphere, cylinder, capsule, or a mesh in a file"
+    if drawn:
+        remedy = f"write these shapes in another form ({possible}) if they are needed in pictures"
+        return (Finding("visual-left-out", "info", ", ".join(kinds), f"not drawn: {told}", remedy),)
+    evidence = f"armid does not read these shapes, and a collision check would ignore them: {told}"
+    remedy = f"if collisions are to be checked, write them in another form ({possible})"
+    return (Finding("shape-unknown", "warning", ", ".join(kinds), evidence, remedy),)
 
 
 def _nearby(option: str) -> str:

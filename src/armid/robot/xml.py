@@ -10,6 +10,9 @@ from xml.parsers import expat
 
 from armid.errors import RobotError
 
+XACRO = ("${", "$(")
+"""Beginnings of expressions of xacro, which a URDF does not have."""
+
 
 def parse_xml(text: str, source: str) -> ET.Element:
     """Root element of an XML text.
@@ -45,6 +48,18 @@ def parse_xml(text: str, source: str) -> ET.Element:
         ) from error
 
 
+def without_namespace(root: ET.Element) -> ET.Element:
+    """Root element whose default XML namespace is removed from the tags below it; it changes the given element.
+
+    Some programs, such as Drake, write one: <robot xmlns="…">. Tags of other namespaces stay as they are.
+    """
+    space, _, tag = root.tag.rpartition("}")
+    if space and tag:
+        for element in root.iter():
+            element.tag = element.tag.removeprefix(f"{space}}}")
+    return root
+
+
 def root_tag(text: str) -> str:
     """Tag of the root element; empty if there is none."""
     tags: list[str] = []
@@ -78,7 +93,9 @@ def numbers(element: ET.Element, attribute: str, count: int, source: str, where:
         wanted = "a finite number" if count == 1 else f"{count} finite numbers"
         raise RobotError(
             f"{source}: {attribute} of {where} must be {wanted}; found {text!r}.",
-            remedy="correct the attribute in the description.",
+            remedy="this is an expression of xacro: give the file the suffix .xacro, or expand it with xacro."
+            if any(sign in text for sign in XACRO)
+            else "correct the attribute in the description.",
         )
     return values
 

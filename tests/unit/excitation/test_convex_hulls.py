@@ -10,9 +10,10 @@ import pytest
 
 from armid.errors import ArmidError
 from armid.excitation.collision import coal
+from armid.excitation.collision.capsules import covering
 from armid.excitation.collision.collision_model import collision_of, collision_options, make_collision_model
 from armid.excitation.collision.distances import floor
-from armid.excitation.collision.hull_distances import Hulls, prism
+from armid.excitation.collision.hull_distances import Hulls, polyhedron, prism
 from armid.excitation.collision.mesh_hulls import hull_points
 from armid.excitation.design.objective import CriterionGoal, Objective
 from armid.excitation.limits.constraint_channels import States
@@ -161,3 +162,30 @@ def test_a_start_pose_is_refused_for_bodies_and_not_for_capsules(elbow):
     assert cell.touching[k] < 0.5 and cell.distances(STRAIGHT[None])[0, k] < 0.0
     made = collision_options(cell, STRAIGHT)
     assert "fore - shelf" in made.every.labels
+
+
+@pytest.mark.parametrize("semi_axes", [(0.05, 0.1, 0.02), (0.1, 0.05, 0.05), (0.03, 0.06, 0.06), (0.04, 0.04, 0.04)])
+def test_what_encloses_an_ellipsoid(semi_axes):
+    """Capsule and polyhedron hold all points of its surface, and the capsule touches it."""
+    size = np.array(semi_axes)
+    points = np.random.default_rng(0).normal(size=(4000, 3))
+    points = np.vstack([points / np.linalg.norm(points, axis=1)[:, None], np.eye(3), -np.eye(3)]) * size
+    (capsule,) = covering(Shape("a", -1, "ellipsoid", size, np.eye(4)))
+    along = capsule.placement[:3, 2]
+    beside = np.clip(points @ along, -0.5 * capsule.size[1], 0.5 * capsule.size[1])
+    apart = np.linalg.norm(points - beside[:, None] * along, axis=1) - capsule.size[0]
+    assert abs(apart.max()) < ROUNDING
+    assert 0.5 * capsule.size[1] + capsule.size[0] == pytest.approx(size.max())
+    hull = hull_points(polyhedron(size))
+    assert (points @ hull.equations[:, :3].T + hull.equations[:, 3]).max() < ROUNDING
+    assert np.abs(hull.points / size).max() < 1.03
+
+
+def test_distance_of_an_ellipsoid():
+    """Two ellipsoids whose nearest points are known, as Coal measures the bodies, and with polyhedra around them."""
+    R, p = np.tile(np.eye(3), (1, 2, 1, 1)), np.array([[[0.0, 0, 0], [0.5, 0, 0]]])
+    shapes = tuple(Shape(f"{k}", k, "ellipsoid", np.array([0.1, 0.2, 0.3]), np.eye(4)) for k in range(2))
+    pairs = np.array([[0, 1]])
+    assert coal.distances(shapes, pairs, (R, p), coal.whole)[0, 0] == pytest.approx(0.3, abs=SOLVER)
+    around = Hulls(shapes, pairs, np.arange(1)).distances((R, p))[0, 0]
+    assert 0.3 - 0.2 * 0.03 < around <= 0.3 + ROUNDING

@@ -132,7 +132,7 @@ def test_urdf_kinds_limits_and_names():
 def test_a_joint_without_limits_or_with_placeholders_is_unlimited():
     bare = read_urdf(urdf_xml(joint_xml(inside='<axis xyz="0 0 1"/>')))
     assert bare.joints[0].position_limits.tolist() == [-math.inf, math.inf]
-    assert bare.findings == ()
+    assert [(f.code, f.severity, f.channel) for f in bare.findings] == [("limits-unknown", "info", "j")]
     for lower, upper in ((0, 0), (-10000, 10000)):
         limit = f'<limit lower="{lower}" upper="{upper}" velocity="1" effort="1"/>'
         robot = read_urdf(urdf_xml(joint_xml(inside=limit)))
@@ -223,7 +223,7 @@ def test_mimic_joints_are_refused_unless_locked(tmp_path):
             joint_xml().replace("0 0 0.3", "0 x 0.3"),
             "xyz of the origin of joint 'j' must be 3 finite numbers; found '0 x 0.3'",
         ),
-        (joint_xml(kind="hinge"), "joint 'j' is of kind 'hinge'"),
+        (joint_xml(kind="hinge"), "joint 'j' has the unknown type 'hinge'"),
         (joint_xml(kind="fixed"), "has no movable joint"),
     ],
 )

@@ -45,6 +45,7 @@ def warnings(*bodies: DescribedBody) -> list[Finding]:
         ("box", [0.1, 0.2, 0.3], 0.006, [0.01 / 12, 0.04 / 12, 0.09 / 12]),
         ("sphere", [0.1], 4 / 3 * np.pi * 1e-3, [0.002, 0.002, 0.002]),
         ("cylinder", [0.1, 0.3], np.pi * 0.003, [0.0025, 0.0025, 0.09 / 12]),
+        ("ellipsoid", [0.1, 0.2, 0.3], 4 / 3 * np.pi * 0.006, [0.002, 0.008, 0.018]),
     ],
 )
 def test_a_filled_shape_has_the_moments_of_the_textbook(kind, size, volume, moments):
@@ -288,3 +289,26 @@ def test_values_are_not_compared_with_shapes(tmp_path, capsys):
     values.write_text(json.dumps({f"{name}_1": float(name in ones) for name in (*ones, *zeros)}))
     assert exit_code("certify", path, values) == 0
     assert "shapes:" not in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("semi_axes", [(0.01, 0.01, 0.2), (0.1, 0.02, 0.05)])
+def test_an_ellipsoid_is_sound_with_its_own_inertia_and_not_with_that_of_a_sphere(tmp_path, semi_axes):
+    mass = 4000.0 / 3.0 * np.pi * np.prod(semi_axes)
+    moments = mass / 5.0 * (np.sum(np.square(semi_axes)) - np.square(semi_axes))
+    path = tmp_path / "arm.xml"
+
+    def text(size, moments) -> str:
+        inertial = f'<inertial pos="0 0 0" mass="{mass}" diaginertia="{" ".join(map(str, moments))}"/>'
+        geom = f'<geom type="ellipsoid" size="{" ".join(map(str, size))}"/>'
+        return (
+            '<mujoco><worldbody><body name="a"><joint name="j" armature="0.1"/>'
+            f"{inertial}{geom}</body></worldbody></mujoco>"
+        )
+
+    path.write_text(text(semi_axes, moments))
+    found = check_inertials(load_robot(path))
+    assert found.measures["a"].density == pytest.approx(1000.0, rel=POLYGON)
+    assert found.measures["a"].ratio == pytest.approx(1.0, rel=POLYGON)
+    assert not found.findings
+    path.write_text(text(semi_axes, np.full(3, 0.4 * mass * max(semi_axes) ** 2)))
+    assert [finding.channel for finding in check_inertials(load_robot(path)).findings] == ["a"]

@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armid.checked_array import Array
-from armid.robot.shapes import Shape, capsule_between
+from armid.maths.rotations import homogeneous
+from armid.robot.shapes import Shape, capsule_between, rotation_with_z
 
 Made = TypeVar("Made")
 
@@ -67,6 +68,11 @@ def covering(shape: Shape) -> tuple[Shape, ...]:
         return (Shape(name, link, "capsule", np.array([radius, 0.0]), placement),)
     if shape.kind == "cylinder":
         return (Shape(name, link, "capsule", np.array([radius, length]), placement),)
+    if shape.kind == "ellipsoid":
+        # The end spheres touch the tips of the longest semi-axis, and the second one is the largest distance from it.
+        _, second, longest = np.sort(shape.size)
+        turned = homogeneous(rotation_with_z(np.eye(3)[int(shape.size.argmax())]), np.zeros(3))
+        return (Shape(name, link, "capsule", np.array([second, 2.0 * (longest - second)]), placement @ turned),)
     triangles = box_triangles(shape.size)
     cuts = cuts_of(triangles.reshape(-1, 3), np.arange(3 * len(triangles)).reshape(-1, 3))
     made = smallest(cuts, lambda part: around(name, part, part.at), volume_of)

@@ -106,7 +106,7 @@ def closest_approaches(
         margins = collision.every.margins
         for k, label in enumerate(collision.every.labels):
             distance, at = _least(collision, collision.pairs[k], bound[:, k], poses)
-            meshes = any(collision.shapes[i].kind in ("mesh", "cylinder") for i in collision.pairs[k])
+            meshes = any(collision.shapes[i].kind in ("mesh", "cylinder", "ellipsoid") for i in collision.pairs[k])
             by, asked = "hulls" if meshes else "bodies", float(margins[k])
             found.append(ClosestApproach(label, distance, float(times[at]), asked, by, constant[k]))
     for k, (pair, kept) in enumerate(
@@ -189,7 +189,7 @@ def _of_adjacent(
     which = np.concatenate([found.which, near])
     distance = np.concatenate([found.distance, closer])
     k = int(distance.argmin())
-    meshes = any(collision.shapes[i].kind in ("mesh", "cylinder") for i in pair.bodies)
+    meshes = any(collision.shapes[i].kind in ("mesh", "cylinder", "ellipsoid") for i in pair.bodies)
     by = ("hulls" if found.by_hulls else "triangles") if meshes else "bodies"
     constant = float(distance[k]) >= pair.required_distance and found.is_constant(collision, pair, anywhere)
     return ClosestApproach(

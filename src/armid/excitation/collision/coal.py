@@ -118,6 +118,7 @@ def geometry(shape: Shape) -> Any:
         "sphere": lambda: coal.Sphere(a),
         "cylinder": lambda: coal.Cylinder(a, b),
         "box": lambda: coal.Box(a, b, c),
+        "ellipsoid": lambda: coal.Ellipsoid(a, b, c),
         "half-space": lambda: coal.Halfspace(np.array([0.0, 0.0, 1.0]), 0.0),
     }
     return made[shape.kind]()

@@ -2,10 +2,10 @@
 
 A capsule around a cylinder or a shell extends beyond both ends by its radius. Two capsules may therefore overlap in
 every pose although the bodies never touch. An arm has only a few such pairs. For these pairs this module uses tighter
-bodies: capsules, spheres, boxes and half-spaces are exact, a cylinder is enclosed in a prism, and a mesh in the
-convex hulls of its slices (`armid.excitation.collision.mesh_hulls`). For these bodies Coal computes distance,
-direction and nearest points exactly except for rounding, also if the bodies overlap, so the gradients are exact. For
-cylinders, Coal's results have only four correct digits.
+bodies: capsules, spheres, boxes and half-spaces are exact, a cylinder is enclosed in a prism, an ellipsoid in a
+polyhedron, and a mesh in the convex hulls of its slices (`armid.excitation.collision.mesh_hulls`). For these bodies
+Coal computes distance, direction and nearest points exactly except for rounding, also if the bodies overlap, so the
+gradients are exact. For cylinders, Coal's results have only four correct digits; ellipsoids are curved, too.
 """
 
 from __future__ import annotations
@@ -33,6 +33,16 @@ def prism(radius: float, length: float) -> Array:
     return np.vstack([np.column_stack([ring, np.full(SIDES, z)]) for z in (-0.5 * length, 0.5 * length)])
 
 
+def polyhedron(semi_axes: Array) -> Array:
+    """Corners (v, 3) [m] of a polyhedron that encloses an ellipsoid with given semi-axes (3,) [m]."""
+    up = np.linspace(-0.5 * np.pi, 0.5 * np.pi, SIDES // 2 + 1)[:, None]
+    angle = 2.0 * np.pi * np.arange(SIDES) / SIDES
+    ball = np.stack([np.cos(up) * np.cos(angle), np.cos(up) * np.sin(angle), np.sin(up) + 0.0 * angle], axis=-1)
+    points = ball.reshape(-1, 3)
+    inner = -hull_points(points).equations[:, 3].max()  # radius of the sphere inside
+    return points / inner * semi_axes
+
+
 def parts_of(shape: Shape) -> tuple[Any, ...]:
     """Convex Coal geometries that together enclose a body, in the frame of the body."""
     return _parts_of(shape.kind, tuple(shape.size.tolist()), shape.path, stamp(shape.path))
@@ -44,6 +54,8 @@ def _parts_of(kind: Kind, size: tuple[float, float, float], path: str, _stamp: t
     shape = Shape("", -1, kind, np.array(size), np.eye(4), path)
     if kind == "cylinder":
         return (part_of(hull_points(prism(*size[:2]))).solid(),)
+    if kind == "ellipsoid":
+        return (part_of(hull_points(polyhedron(np.array(size)))).solid(),)
     if kind == "mesh":
         return tuple(part.solid() for part in outline_of(shape).parts)
     return (geometry(shape),)

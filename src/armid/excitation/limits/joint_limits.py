@@ -196,7 +196,7 @@ def limits_of(
             if each.code == "limits-unknown" and each.channel in joints
         ]
         more = f" (and {len(unusable) - 1} joints alike)" if len(unusable) > 1 else ""
-        stated = f" The description has placeholders: {unusable[0]}{more}." if unusable else ""
+        stated = f" In the description: {unusable[0]}{more}." if unusable else ""
         raise ArmidError(
             f"A limit of position or velocity is missing for {robot.name}: {', '.join(map('.'.join, without))}."
             f"{stated}",

@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
-from itertools import count
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
@@ -33,8 +32,9 @@ from armid.export.types import (
     unique_names,
 )
 from armid.export.xml_edit import Document, XmlNode, element_text
-from armid.robot.mjcf.plain_document import IGNORED_COMPILER, Plain, flatten, plain_mjcf
+from armid.robot.mjcf.plain_document import Plain, flatten, named, plain_mjcf
 from armid.robot.mjcf.tree import tree_of_mjcf
+from armid.robot.mjcf.unmodelled import changing_settings
 from armid.robot.readers import mjcf as reader
 from armid.robot.robot import InertialParameters, Robot
 from armid.robot.xml import parse_xml
@@ -175,20 +175,23 @@ def _names(root: XmlNode) -> dict[XmlNode, str]:
 
     Elements without a name get the name that the reader gives.
     """
-    unnamed = count()
+    bodies = [node for node in root.walk() if node.tag == "body"]
+    joints = [[child for child in body.children if child.tag in ("joint", "freejoint")] for body in bodies]
+    given = [
+        (body.values.get("name", ""), [joint.values.get("name", "") for joint in own])
+        for body, own in zip(bodies, joints, strict=True)
+    ]
     result: dict[XmlNode, str] = {}
-    for body in (node for node in root.walk() if node.tag == "body"):
-        name = body.values.get("name") or f"body_{next(unnamed)}"
+    for body, own, (name, names) in zip(bodies, joints, named(given), strict=True):
         result[body] = name
-        for k, joint in enumerate(child for child in body.children if child.tag in ("joint", "freejoint")):
-            result[joint] = joint.values.get("name") or f"{name}_joint_{k}"
+        result.update(zip(own, names, strict=True))
     return result
 
 
 def _refuse_computed(root: XmlNode) -> None:
     """Raises an error if a setting makes MuJoCo use other inertias than those in the file."""
     for compiler in root.every("compiler"):
-        found = [key for key in IGNORED_COMPILER if key in compiler.values]
+        found = changing_settings(compiler.values, "the description")
         found += ["inertiafromgeom"] if compiler.values.get("inertiafromgeom") == "true" else []
         if found:
             raise OutputError(

@@ -38,6 +38,7 @@ from armid.robot.readers import READERS
 from armid.robot.readers import urdf as reader
 from armid.robot.readers.xacro import expand
 from armid.robot.robot import InertialParameters, Joint, Robot
+from armid.robot.xml import without_namespace
 
 SUFFIX: str = ".urdf"
 
@@ -62,7 +63,7 @@ def open_description(path: Path, data: bytes) -> OpenedDescription | None:
 
 def bodies(source: DescriptionSource, raw: Robot, robot: Robot) -> list[Body]:
     """Links of a URDF that move; parents come before their children."""
-    root = ET.fromstring(source.data)
+    root = without_namespace(ET.fromstring(source.data))
     links = {link.get("name", ""): link for link in root.findall("link")}
     below: dict[str, list[ET.Element]] = {}
     for joint in root.findall("joint"):
@@ -128,7 +129,7 @@ def read(data: bytes, locked: Mapping[str, float]) -> Robot:
 
 def witnesses(data: bytes, content: Content, q: Array, dq: Array, ddq: Array) -> list[Witness]:
     """Models that Pinocchio and MuJoCo read from a written URDF."""
-    root = ET.fromstring(data)
+    root = without_namespace(ET.fromstring(data))
     for link in root.iter("link"):
         for drawn in [*link.findall("visual"), *link.findall("collision")]:
             link.remove(drawn)

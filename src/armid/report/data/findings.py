@@ -7,7 +7,14 @@ from collections.abc import Sequence
 from armid.errors import Finding
 from armid.remedy import Assignment, Remedy
 
-NOT_ABOUT_MODEL = ("bodies-from-visuals", "bodies-unknown", "markers-unchecked", "mesh-missing", "visual-missing")
+NOT_ABOUT_MODEL = (
+    "bodies-from-visuals",
+    "bodies-unknown",
+    "markers-unchecked",
+    "mesh-missing",
+    "shape-unknown",
+    "visual-missing",
+)
 """Codes of findings that do not concern the model. Only the section about provenance lists these findings, too."""
 
 

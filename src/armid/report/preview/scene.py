@@ -17,7 +17,7 @@ from armid.robot.collision_body_names import link_of
 from armid.robot.robot import Robot
 from armid.robot.shapes import Shape
 
-NOT_DRAWN = ("mesh-missing", "visual-left-out", "visual-missing")
+NOT_DRAWN = ("mesh-missing", "shape-unknown", "visual-left-out", "visual-missing")
 """Codes of findings about bodies that cannot be drawn."""
 
 MIN_TRIANGLES = 300

@@ -43,8 +43,8 @@ def bodies(text: str, source: str) -> tuple[DescribedBody, ...]:
         shape = shape_of(body, geom, meshes)
         if shape is not None and shape.kind != "half-space":
             shapes.setdefault(body, []).append(shape)
-        elif shape is None and geom.get("mesh"):
-            missing.setdefault(body, []).append(geom.get("mesh", ""))
+        elif shape is None:
+            missing.setdefault(body, []).append(geom.get("mesh") or geom.get("type", "sphere"))
     found: list[DescribedBody] = []
     for element in ET.fromstring(plain.text).iter("body"):
         name, inertial = element.get("name", ""), element.find("inertial")

@@ -10,9 +10,9 @@ import numpy as np
 from armid.errors import RobotError
 from armid.robot.described_bodies.body import DescribedBody
 from armid.robot.shapes import Shape
-from armid.robot.urdf.shapes import geometry_of
+from armid.robot.urdf.shapes import TAGS, geometry_of
 from armid.robot.urdf.tree import pose_of
-from armid.robot.xml import numbers, parse_xml
+from armid.robot.xml import numbers, parse_xml, without_namespace
 
 TENSOR = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
 """Row and column of the attributes of `<inertia>`."""
@@ -28,7 +28,8 @@ def bodies(text: str, source: str) -> tuple[DescribedBody, ...]:
     Raises:
         RobotError: The text is not well-formed, or a number of an `<inertial>` is invalid.
     """
-    found = (_body(link, source) for link in parse_xml(text, source).findall("link"))
+    root = without_namespace(parse_xml(text, source))
+    found = (_body(link, source) for link in root.findall("link"))
     return tuple(body for body in found if body is not None)
 
 
@@ -56,6 +57,9 @@ def _shapes(link: ET.Element, source: str) -> tuple[tuple[Shape, ...], tuple[str
     for drawn in (*link.findall("visual"), *link.findall("collision")):
         geometry = drawn.find("geometry")
         if geometry is None or not len(geometry):
+            continue
+        if geometry[0].tag not in TAGS:
+            missing.append(f"<{geometry[0].tag}>")
             continue
         with suppress(RobotError):  # the reader of the description reports it
             kind, size, path = geometry_of(geometry[0], source, "a shape")

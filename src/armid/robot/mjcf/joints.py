@@ -9,6 +9,7 @@ from collections.abc import Collection, Mapping
 from armid.errors import Finding, RobotError
 from armid.robot.described_limits import DescribedLimits
 from armid.robot.joint_selection import Follows, JointOutline, SelectedJoint
+from armid.robot.mjcf.settings import Settings
 from armid.robot.xml import numbers
 
 COUPLINGS = ("flex", "flexvert", "flexstrain")
@@ -29,17 +30,17 @@ def joint_names(root: ET.Element) -> list[str]:
 
 
 def outline_of(
-    root: ET.Element, source: str, limits: Mapping[str, DescribedLimits], references: Mapping[str, float]
+    root: ET.Element, settings: Settings, limits: Mapping[str, DescribedLimits], references: Mapping[str, float]
 ) -> JointOutline:
     """All joints of a document whose includes are resolved, and the joint that moves each body and site.
 
     Args:
         root: The document.
-        source: Path of the document, for messages.
+        settings: Settings of the document.
         limits: Limits of the joints with one degree of freedom.
         references: Reference positions of these joints [rad or m].
     """
-    follows = _follows(root, source, references)
+    follows = _follows(root, settings, references)
     joints: list[SelectedJoint] = []
     frames: dict[str, int] = {}
 
@@ -60,20 +61,20 @@ def outline_of(
     return JointOutline(tuple(joints), frames)
 
 
-def _follows(root: ET.Element, source: str, references: Mapping[str, float]) -> dict[str, Follows]:
+def _follows(root: ET.Element, settings: Settings, references: Mapping[str, float]) -> dict[str, Follows]:
     """Laws of mimic joints, by joint, from the equality constraints of a document.
 
     An equality states that q - ref of a joint, with its reference position ref, is constant, or that it is a
     polynomial in q - ref of another joint.
     """
     result: dict[str, Follows] = {}
-    for tie in _active(root):
+    for tie in _active(root, settings):
         follower = tie.get("joint1", "")
         if tie.tag != "joint" or follower in result:
             continue
         where = f"the equality of joint {follower!r}"
         given = tie.get("polycoef", "").split()
-        factors = [*(numbers(tie, "polycoef", len(given), source, where) or ()), *IDENTITY[len(given) :]]
+        factors = [*(numbers(tie, "polycoef", len(given), settings.source, where) or ()), *IDENTITY[len(given) :]]
         leader, shift = tie.get("joint2", ""), references.get(follower, 0.0)
         kept = _shifted(factors, references.get(leader, 0.0)) if leader else factors[:1]
         result[follower] = Follows(leader, (kept[0] + shift, *kept[1:]))
@@ -86,12 +87,14 @@ def _shifted(factors: list[float], by: float) -> list[float]:
     return [sum(factors[k] * math.comb(k, i) * (-by) ** (k - i) for k in degree if k >= i) for i in degree]
 
 
-def _active(root: ET.Element) -> list[ET.Element]:
-    """Equality constraints of a document that are not disabled."""
-    return [tie for section in root.findall("equality") for tie in section if tie.get("active") != "false"]
+def _active(root: ET.Element, settings: Settings) -> list[ET.Element]:
+    """Equality constraints of a document that are not disabled, with the attributes of their default classes."""
+    ties = (tie for section in root.findall("equality") for tie in section)
+    full = (settings.resolved(tie, "main", "equality") for tie in ties)
+    return [tie for tie in full if tie.get("active") != "false"]
 
 
-def check_equalities(root: ET.Element, source: str, locked: Collection[str]) -> list[Finding]:
+def check_equalities(root: ET.Element, settings: Settings, locked: Collection[str]) -> list[Finding]:
     """Raises an error if an equality closes a loop or couples joints, and these joints are not locked.
 
     Returns:
@@ -101,9 +104,10 @@ def check_equalities(root: ET.Element, source: str, locked: Collection[str]) -> 
         RobotError: An equality closes a loop or couples joints that are not locked.
     """
     found: list[Finding] = []
+    source = settings.source
     above = _joints_above(root)
     dragged = {body.get("name", "") for body in root.iter("body") if body.get("mocap") == "true"}
-    for tie in _active(root):
+    for tie in _active(root, settings):
         follower = tie.get("joint1")
         if tie.tag in COUPLINGS:
             raise RobotError(

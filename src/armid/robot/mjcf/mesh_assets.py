@@ -86,6 +86,18 @@ class MeshAssets:
                 break
         return found
 
+    def unusable(self) -> dict[str, str]:
+        """Reasons, by the name of the mesh, why a mesh is not read as a shape although no file is missing."""
+        usable, found = self.existing(), dict[str, str]()
+        for name, mesh in self.elements.items():
+            path = self.path(mesh)
+            if path is None:
+                given = [key for key in ("vertex", "builtin") if key in mesh.attrib]
+                found[name] = f"which is given by {given[0]} and not by a file" if given else "which has no file"
+            elif name not in usable and path.is_file():
+                found[name] = "which is scaled along other axes than those of its file"
+        return found
+
     def path(self, mesh: ET.Element) -> Path | None:
         """Path of the file of a mesh; `None` if the mesh has no file."""
         file = mesh.get("file")

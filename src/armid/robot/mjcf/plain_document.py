@@ -10,31 +10,27 @@ unit mass where an inertia must be computed from a mesh.
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import count
 from pathlib import Path
 
-import numpy as np
-
 from armid.checked_array import Array
 from armid.errors import Finding, RobotError
-from armid.maths.inertia import com_inertia_to_vector, vector_to_com_inertia
-from armid.robot.described_drive import DescribedDrive, drive_of
+from armid.robot.described_drive import DescribedDrive, drive_of, negative_drive
 from armid.robot.described_limits import DescribedLimits, limits_of
+from armid.robot.mjcf.force_limits import actuator_efforts, range_in_effect
 from armid.robot.mjcf.geom_inertia import heavy_geoms, inertia_of_geoms, is_solid, stated_mass
 from armid.robot.mjcf.joints import check_equalities, joints_of
 from armid.robot.mjcf.mesh_assets import MeshAssets, mesh_assets
 from armid.robot.mjcf.mesh_reading import UncomputableError
-from armid.robot.mjcf.poses import placement_of
-from armid.robot.mjcf.settings import POSE, Settings, settings_of
+from armid.robot.mjcf.settings import ORIENTATIONS, Settings, settings_of
+from armid.robot.mjcf.stated_inertia import inertial_of, plain_inertial, stated_inertia
+from armid.robot.mjcf.unmodelled import ignored_parts, ignored_settings
 from armid.robot.robot import EARTH_GRAVITY
 from armid.robot.xml import floating, identity_only, numbers, parse_xml
 
 REFUSED_ELEMENTS = ("frame", "replicate", "composite", "flexcomp", "attach")
-IGNORED_COMPILER = ("boundmass", "boundinertia", "balanceinertia", "settotalmass")
-ACTUATORS = ("general", "motor", "position", "velocity", "intvelocity", "damper", "cylinder", "muscle", "adhesion")
-INERTIAL = {"mass": 1, "diaginertia": 3, "fullinertia": 6}
 DRIVE = {"rotor_inertia": "armature", "viscous": "damping", "coulomb": "frictionloss"}
 """Attributes of a joint for the values of `DescribedDrive`."""
 GEOM = {"fromto": 6, "mass": 1, "density": 1}
@@ -118,13 +114,33 @@ def flatten(root: ET.Element, source: str) -> ET.Element:
             element[index : index + 1] = list(included)
 
     expand(root)
-    unnamed = count()
-    for body in root.iter("body"):
-        name = body.get("name") or f"body_{next(unnamed)}"
+    bodies = [(body, body.get("name", ""), joints_of(body)) for body in root.iter("body")]
+    given = [(name, [joint.get("name", "") for joint in joints]) for _, name, joints in bodies]
+    for (body, _, joints), (name, names) in zip(bodies, named(given), strict=True):
         body.set("name", name)
-        for k, joint in enumerate(joints_of(body)):
-            joint.set("name", joint.get("name") or f"{name}_joint_{k}")
+        for joint, own in zip(joints, names, strict=True):
+            joint.set("name", own)
     return root
+
+
+def named(bodies: Sequence[tuple[str, Sequence[str]]]) -> list[tuple[str, list[str]]]:
+    """Names of bodies and their joints, with free names `body_0`, … and `BODY_joint_0`, … in place of empty ones.
+
+    Args:
+        bodies: Names of each body and of its joints in the order of the document; empty for those without a name.
+    """
+    taken = {name for name, _ in bodies}
+    taken_joints = {name for _, joints in bodies for name in joints}
+    numbered = (name for k in count() if (name := f"body_{k}") not in taken)
+    result: list[tuple[str, list[str]]] = []
+    for own, joints in bodies:
+        name, names = own or next(numbered), list[str]()
+        for k, joint in enumerate(joints):
+            free = (each for i in count(k) if (each := f"{name}_joint_{i}") not in taken_joints)
+            names.append(joint or next(free))
+            taken_joints.add(names[-1])
+        result.append((name, names))
+    return result
 
 
 def plain_mjcf(root: ET.Element, source: str, locked: Mapping[str, float], *, folder: Path | None = None) -> Plain:
@@ -145,8 +161,8 @@ def plain_mjcf(root: ET.Element, source: str, locked: Mapping[str, float], *, fo
                 f"{source} uses <{element.tag}>, which armid cannot read.",
                 remedy="load the file in MuJoCo, save it with mj_saveLastXML, and give the saved file.",
             )
-    passed_over = check_equalities(root, source, locked)
     settings = settings_of(root, source)
+    passed_over = check_equalities(root, settings, locked)
     meshes = mesh_assets(root, settings, Path(source).resolve().parent if folder is None else folder)
     writer = _Writer(source, locked, settings, meshes)
     writer.findings += passed_over
@@ -158,10 +174,10 @@ def plain_mjcf(root: ET.Element, source: str, locked: Mapping[str, float], *, fo
         writer.keep_geoms("", worldbody, childclass)
         for body in worldbody.findall("body"):
             world.append(writer.body(body, childclass))
-    gravity = EARTH_GRAVITY
-    for option in root.findall("option"):
-        gravity = tuple(numbers(option, "gravity", 3, source, "option") or gravity)
-    writer.add_actuator_limits(root)
+    writer.findings += ignored_parts(root, settings)
+    for name, effort in actuator_efforts(root, settings, writer.findings):
+        if name in writer.stated and not writer.stated[name][1]:
+            writer.stated[name] = (writer.stated[name][0], effort, *writer.stated[name][2:])
     limits: dict[str, DescribedLimits] = {}
     drives: dict[str, DescribedDrive] = {}
     for name, (position, effort, turns, drives[name]) in writer.stated.items():
@@ -172,7 +188,7 @@ def plain_mjcf(root: ET.Element, source: str, locked: Mapping[str, float], *, fo
     return Plain(
         plain,
         limits,
-        gravity,
+        _gravity(root, source),
         tuple(writer.findings),
         geoms,
         sites,
@@ -199,18 +215,7 @@ class _Writer:
     inertias: dict[str, Array] = field(default_factory=dict[str, Array])
 
     def __post_init__(self) -> None:
-        ignored = [key for key in IGNORED_COMPILER if key in self.settings.compiler]
-        if ignored:
-            self.findings.append(
-                Finding(
-                    "description-ignored",
-                    "warning",
-                    "",
-                    f"the compiler settings {', '.join(ignored)} are ignored, although they change masses or "
-                    "inertias",
-                    "write the changed masses and inertias into the bodies, and remove these settings",
-                )
-            )
+        self.findings += ignored_settings(self.settings)
 
     def body(self, body: ET.Element, childclass: str) -> ET.Element:
         """Converts a body with its subtree; a body with several joints becomes a chain with massless bodies."""
@@ -244,7 +249,7 @@ class _Writer:
         for geom in body.findall("geom"):
             plain = self.settings.resolved(geom, childclass)
             pose = self.settings.pose(plain, f"a geom of {name or 'the world'!r}")
-            rest = {key: value for key, value in plain.attrib.items() if key not in (*POSE, "euler", "axisangle")}
+            rest = {key: value for key, value in plain.attrib.items() if key not in ("pos", *ORIENTATIONS)}
             self.placed.append((name, ET.Element("geom", {**rest, **pose})))
 
     def _joint(self, joint: ET.Element) -> ET.Element | None:
@@ -265,33 +270,27 @@ class _Writer:
         reference = numbers(joint, "ref", 1, self.source, where)
         if reference is not None:
             plain["ref"] = repr((self.settings.radians(reference) if turns else reference)[0])
-        position = numbers(joint, "range", 2, self.source, where)
-        unstated = "false" if self.settings.compiler.get("autolimits") == "false" else "true"
-        if joint.get("limited", "auto").replace("auto", unstated) == "false":
-            position = None
+        position = range_in_effect(joint, "range", self.settings, where, self.findings)
         if position is not None and turns:
             position = self.settings.radians(position)
-        force = numbers(joint, "actuatorfrcrange", 2, self.source, where)
-        effort = min(map(abs, force)) if force and joint.get("actuatorfrclimited") != "false" else 0.0
+        force = range_in_effect(joint, "actuatorfrcrange", self.settings, where, self.findings)
+        effort = min(map(abs, force)) if force else 0.0
         if name in self.stated:
             raise RobotError(f"{self.source} has two joints named {name!r}.", remedy="give each joint its own name.")
         drive = drive_of(joint, DRIVE, self.source, where)
+        self.findings += negative_drive(name, joint, DRIVE)
         self.stated[name] = ((position[0], position[1]) if position else None, effort, turns, drive)
         return ET.Element("joint", {"name": name, "type": kind, **plain})
 
     def _mass(self, body: ET.Element, childclass: str, name: str) -> list[ET.Element]:
         """Element <inertial> of a body, or the geoms from which the inertia follows; the inertia is stored."""
         source_of_mass = self.settings.compiler.get("inertiafromgeom", "auto")
-        inertial = body.find("inertial")
-        if inertial is not None and source_of_mass != "true":
-            where = f"the inertial of {name!r}"
-            kept = self.settings.checked(inertial, INERTIAL, where)
-            if "mass" not in kept:
-                raise RobotError(f"{self.source}: {where} has no mass.", remedy="add the attribute mass [kg].")
-            plain = ET.Element("inertial", {**kept, **self.settings.pose(inertial, where)})
-            self.inertias[name] = _stated_inertia(plain)
-            return [plain]
-        heavy = heavy_geoms(body, childclass, self.settings) if source_of_mass != "false" else []
+        inertial = plain_inertial(body, self.settings, name)
+        computes = source_of_mass == "true" or (source_of_mass != "false" and inertial is None)
+        heavy = heavy_geoms(body, childclass, self.settings) if computes else []
+        if inertial is not None and not heavy:  # MuJoCo keeps it, too, if no geom has a mass
+            self.inertias[name] = stated_inertia(inertial)
+            return [inertial]
         where = f"a geom of {name!r}"
         if not heavy:
             return []
@@ -302,7 +301,7 @@ class _Writer:
             return []
         if all(is_solid(geom) for geom in heavy):
             return [self._geom(geom, where) for geom in heavy]  # so other programs compute the inertia anew
-        return [_inertial(self.inertias[name])]
+        return [inertial_of(self.inertias[name])]
 
     def _geom(self, geom: ET.Element, where: str) -> ET.Element:
         """Primitive geom with the attributes that determine its mass and inertia."""
@@ -310,43 +309,12 @@ class _Writer:
         kept = self.settings.checked(geom, {**GEOM, **sizes}, where)
         return ET.Element("geom", {"type": geom.get("type", "sphere"), **kept, **self.settings.pose(geom, where)})
 
-    def add_actuator_limits(self, root: ET.Element) -> None:
-        """Adds the effort limits of actuators to the joints that have no effort limit in the description."""
-        for element in (a for section in root.findall("actuator") for a in section if a.tag in ACTUATORS):
-            actuator = self.settings.resolved(element, "main")
-            name = actuator.get("joint", "")
-            if name not in self.stated or self.stated[name][1]:
-                continue
-            actuator.set("gear", (actuator.get("gear") or "1").split()[0])
-            gear = numbers(actuator, "gear", 1, self.source, f"the actuator of {name!r}")
-            # The control of a motor is its force; that of other actuators is not.
-            keys = ("forcerange", "ctrlrange") if actuator.tag == "motor" else ("forcerange",)
-            ranges = [r for k in keys if (r := numbers(actuator, k, 2, self.source, f"the actuator of {name!r}"))]
-            if ranges:
-                position, _, turns, drive = self.stated[name]
-                effort = abs((gear or [1.0])[0]) * min(map(abs, ranges[0]))
-                self.stated[name] = (position, effort, turns, drive)
 
-
-def _stated_inertia(inertial: ET.Element) -> Array:
-    """Ten inertial parameters (10,) in the frame of the body, from an element <inertial> in plain form."""
-
-    def given(key: str) -> list[float]:
-        return [float(word) for word in inertial.get(key, "").split()]
-
-    (mass,) = given("mass")
-    about_com = np.diag(given("diaginertia") or [0.0] * 3)
-    if "fullinertia" in inertial.attrib:
-        xx, yy, zz, xy, xz, yz = given("fullinertia")
-        about_com = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-    pose = placement_of(inertial)
-    turned = pose[:3, :3] @ about_com @ pose[:3, :3].T
-    return com_inertia_to_vector(mass, pose[:3, 3], turned)
-
-
-def _inertial(vector: Array) -> ET.Element:
-    """Element <inertial> for ten inertial parameters (10,) in the frame of the body, in full precision."""
-    mass, com, inertia = vector_to_com_inertia(vector)
-    full = [inertia[i, j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
-    texts = {"mass": [mass], "pos": com, "fullinertia": full}
-    return ET.Element("inertial", {key: " ".join(repr(float(x)) for x in xs) for key, xs in texts.items()})
+def _gravity(root: ET.Element, source: str) -> tuple[float, ...]:
+    """Acceleration of gravity [m/s²]; zero if it is switched off."""
+    gravity, state = EARTH_GRAVITY, "enable"
+    for option in root.findall("option"):
+        gravity = tuple(numbers(option, "gravity", 3, source, "option") or gravity)
+        for flag in option.findall("flag"):
+            state = flag.get("gravity", state)
+    return gravity if state != "disable" else (0.0, 0.0, 0.0)

@@ -16,6 +16,7 @@ import numpy as np
 
 from armid.checked_array import Array
 from armid.errors import ArmidError, Finding
+from armid.maths.rotations import homogeneous
 from armid.robot.body_tree import BodyTree
 from armid.robot.collision_body_names import BodyName
 from armid.robot.mjcf.plain_document import Plain
@@ -26,6 +27,8 @@ from armid.robot.shapes import (
     capsule_between,
     looks_missing,
     meshes_missing,
+    rotation_with_z,
+    shapes_unknown,
 )
 
 FIRST_HIDDEN = 3.0
@@ -33,6 +36,9 @@ FIRST_HIDDEN = 3.0
 
 WORLD = "world"
 """Name of the group of geoms that belong to no body."""
+
+SIZED = ("sphere", "ellipsoid", "capsule", "cylinder", "box")
+"""Types of geoms that are given by their sizes."""
 
 MARKER = 0.1
 """Extent below which a primitive without contacts that belongs to no robot of a scene is taken for a marker [m]."""
@@ -54,12 +60,12 @@ def shapes_of_mjcf(
         carriers: Joint and pose of each body, from `carriers_of`.
     """
     meshes = {} if plain.meshes is None else plain.meshes.existing()
+    lost = {} if plain.meshes is None else plain.meshes.unusable()
     shapes: list[Shape] = []
     visuals: list[Shape] = []
     markers: list[Shape] = []
     moved, beside, glass = *_scenery(root), _see_through(root)
-    missing: dict[str, str] = {}
-    unseen: dict[str, str] = {}
+    missing, unseen, unknown, undrawn = (dict[str, str]() for _ in range(4))
     count: Counter[tuple[str, bool]] = Counter()
     for body, geom in plain.geoms:
         link, placement = carriers.get(body, (-1, np.eye(4)))
@@ -68,7 +74,11 @@ def shapes_of_mjcf(
         name = BodyName(body or WORLD, count[body, touches])
         shape = shape_of(name, geom, meshes)
         if shape is None:
-            (missing if touches else unseen)[name] = geom.get("mesh", "")
+            mesh = geom.get("mesh", "")
+            if _kind_of(geom) == "mesh" and not lost.get(mesh):
+                (missing if touches else unseen)[name] = mesh
+            else:
+                (unknown if touches else undrawn)[name] = _in_words(geom, lost)
             continue
         shape = shape.on(link, placement)
         if touches:
@@ -78,7 +88,19 @@ def shapes_of_mjcf(
             seen_through = glass.get(geom.get("material", ""), False) if "rgba" not in geom.attrib else _clear(geom)
             marks = body in moved or (body in beside and (seen_through or _is_small(shape)))
             markers += [shape] * (marks and not touches and shape.kind != "half-space")
-    return tuple(shapes), tuple(visuals), tuple(markers), (*meshes_missing(missing), *looks_missing(unseen))
+    findings = (*meshes_missing(missing), *looks_missing(unseen))
+    findings += (*shapes_unknown(unknown), *shapes_unknown(undrawn, drawn=True))
+    return tuple(shapes), tuple(visuals), tuple(markers), findings
+
+
+def _in_words(geom: ET.Element, lost: Mapping[str, str]) -> str:
+    """Kind of a geom that is not read, in words, with the reason."""
+    kind, mesh = _kind_of(geom), geom.get("mesh", "")
+    if kind == "mesh":
+        return f"the mesh {mesh!r}, {lost[mesh]},"
+    if mesh:
+        return f"a {kind} that is fitted to the mesh {mesh!r}"
+    return f"a {kind} of size {geom.get('size', '')!r}" if kind in SIZED else f"a geom of type {kind!r}"
 
 
 def _scenery(root: ET.Element) -> tuple[set[str], set[str]]:
@@ -113,34 +135,49 @@ def _is_small(shape: Shape) -> bool:
     extent = {
         "sphere": 2.0 * radius,
         "box": float(shape.size.max()),
+        "ellipsoid": 2.0 * float(shape.size.max()),
         "cylinder": max(2.0 * radius, length),
         "capsule": 2.0 * radius + length,
     }
     return bool(extent.get(shape.kind, MARKER) < MARKER)
 
 
+def _kind_of(geom: ET.Element) -> str:
+    return geom.get("type", "mesh" if "mesh" in geom.attrib else "sphere")
+
+
 def shape_of(name: str, geom: ET.Element, meshes: Mapping[str, tuple[str, Array, Array]]) -> Shape | None:
     """Geom as a shape in the frame of its body; `None` if its kind is not supported."""
-    kind = geom.get("type", "mesh" if "mesh" in geom.attrib else "sphere")
-    pose = placement_of(geom)
+    kind, pose = _kind_of(geom), placement_of(geom)
     if kind == "mesh":
         path, scale, placed = meshes.get(geom.get("mesh", ""), ("", np.ones(3), np.eye(4)))
         return Shape(name, -1, "mesh", scale, pose @ placed, path) if path else None
+    if "mesh" in geom.attrib:
+        return None  # it is fitted to the mesh, whatever its size
     try:
         size = [float(x) for x in geom.get("size", "").split()]
         if kind in ("capsule", "cylinder") and "fromto" in geom.attrib:
-            ends = np.array([float(x) for x in geom.get("fromto", "").split()]).reshape(2, 3)
-            between = capsule_between(name, -1, ends[0], ends[1], size[0])
+            between = capsule_between(name, -1, *_ends(geom), size[0])
             return Shape(name, -1, kind, between.size, between.placement)
+        if kind in ("box", "ellipsoid") and "fromto" in geom.attrib:
+            begin, end = _ends(geom)
+            size = [size[0], size[0], 0.5 * float(np.linalg.norm(end - begin))]
+            pose = homogeneous(rotation_with_z(end - begin), 0.5 * (begin + end))
         simple: dict[str, tuple[Kind, list[float]]] = {
             "plane": ("half-space", [0.0]),
             "sphere": ("sphere", size[:1]),
-            "ellipsoid": ("sphere", [max(size, default=0.0)]),
-            "capsule": ("capsule", [size[0], 2.0 * size[-1]] if size else []),
-            "cylinder": ("cylinder", [size[0], 2.0 * size[-1]] if size else []),
+            "ellipsoid": ("ellipsoid", size),
+            "capsule": ("capsule", [size[0], 2.0 * size[1]] if size[1:] else []),
+            "cylinder": ("cylinder", [size[0], 2.0 * size[1]] if size[1:] else []),
             "box": ("box", [2.0 * x for x in size]),
         }
         form, edges = simple[kind]
         return Shape(name, -1, form, np.array(edges), pose)
-    except (IndexError, KeyError, ValueError, ArmidError):  # a height field, or a primitive that is fitted to a mesh
+    except (IndexError, KeyError, ValueError, ArmidError):  # a height field, or an invalid size
         return None
+
+
+def _ends(geom: ET.Element) -> tuple[Array, Array]:
+    """The two points (3,) [m] between which a geom is placed."""
+    begin, end = np.array([float(x) for x in geom.get("fromto", "").split()]).reshape(2, 3)
+    return begin, end

@@ -15,8 +15,10 @@ from armid.errors import Finding, RobotError
 from armid.robot.body_tree import robot_from_tree
 from armid.robot.collision_from_visual import with_bodies
 from armid.robot.joint_selection import JointOutline
+from armid.robot.missing_inertia import impossible_inertias, point_masses
 from armid.robot.mjcf.joints import joint_names, outline_of
 from armid.robot.mjcf.plain_document import Uncomputed, flatten, plain_mjcf
+from armid.robot.mjcf.settings import settings_of
 from armid.robot.mjcf.shapes import WORLD, carriers_of, shapes_of_mjcf
 from armid.robot.mjcf.tree import tree_of_mjcf
 from armid.robot.robot import Robot
@@ -55,6 +57,8 @@ def read(text: str, *, source: str, locked: Mapping[str, float], tip: str | None
     carriers = carriers_of(tree)
     still = {body for body, (joint, _) in carriers.items() if not tree.is_moved(joint, locked)}
     unknown = {body: why for body, why in plain.uncomputed.items() if body not in still}
+    moving = {body: vector for body, vector in plain.inertias.items() if body not in still}
+    faults = (*impossible_inertias(moving), *point_masses(moving))
     shapes, visuals, markers, missing = shapes_of_mjcf(root, plain, carriers)
     robot = robot_from_tree(
         tree,
@@ -65,7 +69,7 @@ def read(text: str, *, source: str, locked: Mapping[str, float], tip: str | None
         tip=tip,
         gravity=plain.gravity,
         drives=plain.drives,
-        findings=(*plain.findings, *_unknown_inertia(unknown), *missing),
+        findings=(*plain.findings, *faults, *_unknown_inertia(unknown), *missing),
     )
     drawn = dict.fromkeys(body or WORLD for body, _ in plain.geoms)
     robot = with_bodies(replace(robot, shapes=shapes, visuals=visuals), described=drawn, markers=markers, world=WORLD)
@@ -102,7 +106,7 @@ def outline(text: str, *, source: str) -> JointOutline:
     root = flatten(_root(text, source), source)
     plain = plain_mjcf(root, source, dict.fromkeys(joint_names(root), 0.0))
     drawn = {joint.get("name", ""): float(joint.get("ref", "0")) for joint in plain.root.iter("joint")}
-    return outline_of(root, source, plain.limits, drawn)
+    return outline_of(root, settings_of(root, source), plain.limits, drawn)
 
 
 def _unknown_inertia(bodies: Mapping[str, Uncomputed]) -> tuple[Finding, ...]:

@@ -8,16 +8,26 @@ from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
-from armid.errors import Finding, RobotError
+from armid.errors import Finding, RobotError, did_you_mean
 from armid.robot.body_tree import robot_from_tree
 from armid.robot.collision_from_visual import with_bodies
-from armid.robot.described_drive import DescribedDrive, drive_of
+from armid.robot.described_drive import DescribedDrive, drive_of, negative_drive
 from armid.robot.described_limits import DescribedLimits, limits_of
 from armid.robot.joint_selection import Follows, JointOutline, SelectedJoint
+from armid.robot.missing_inertia import impossible_inertias
 from armid.robot.robot import Robot
 from armid.robot.urdf.shapes import shapes_of_urdf
-from armid.robot.urdf.tree import axis_of, tree_of_urdf
-from armid.robot.xml import check_locked, floating, identity_only, numbers, parse_xml, root_tag
+from armid.robot.urdf.tree import axis_of, moving_inertias, tree_of_urdf
+from armid.robot.xml import (
+    XACRO,
+    check_locked,
+    floating,
+    identity_only,
+    numbers,
+    parse_xml,
+    root_tag,
+    without_namespace,
+)
 
 ONE_DEGREE = ("revolute", "continuous", "prismatic")
 REFUSED = ("floating", "planar", "spherical", "ball")
@@ -42,7 +52,8 @@ def read(text: str, *, source: str, locked: Mapping[str, float], tip: str | None
         RobotError: The text is not a URDF, or not a tree of joints with one degree of freedom.
     """
     root = _root(text, source)
-    if any("ros.org/wiki/xacro" in element.tag for element in root.iter()):
+    named = "".join(element.get("name", "") for element in (root, *root.findall("link"), *root.findall("joint")))
+    if any("ros.org/wiki/xacro" in element.tag for element in root.iter()) or any(sign in named for sign in XACRO):
         raise RobotError(
             f"{source} contains xacro that is not expanded.",
             remedy="give the file the suffix .xacro, or expand it with xacro.",
@@ -55,8 +66,11 @@ def read(text: str, *, source: str, locked: Mapping[str, float], tip: str | None
     for joint in _joints(root):
         limits[joint.get("name", "")], found = _prepare(joint, locked, source)
         findings.extend(found)
+    tree = tree_of_urdf(root, source)
+    findings += impossible_inertias(moving_inertias(root, tree, locked, source))
+    findings += _unused_inertials(root)
     robot = robot_from_tree(
-        tree_of_urdf(root, source),
+        tree,
         name=root.get("name") or Path(source).stem,
         limits=limits,
         source=source,
@@ -101,7 +115,7 @@ def outline(text: str, *, source: str) -> JointOutline:
 
 def _root(text: str, source: str) -> ET.Element:
     """Root element of a URDF."""
-    root = parse_xml(text, source)
+    root = without_namespace(parse_xml(text, source))
     if root.tag != "robot":
         raise RobotError(
             f"{source} is not a URDF: its root is <{root.tag}>, not <robot>.",
@@ -157,6 +171,13 @@ def _prepare(
         joint.set("type", kind)
     if kind == "fixed":
         return DescribedLimits(), ()
+    if kind not in ONE_DEGREE and kind not in REFUSED:
+        known = (*ONE_DEGREE, "fixed", *REFUSED[:2])
+        raise RobotError(
+            f"{source}: joint {name!r} has the unknown type {kind!r}.",
+            possible=", ".join(known),
+            remedy=did_you_mean(kind.lower(), known) or "correct the attribute type of the joint.",
+        )
     if kind not in ONE_DEGREE:
         raise floating(source, name, kind, ", ".join((*ONE_DEGREE, "fixed")))
     _check_mimic(joint, locked, source)
@@ -167,7 +188,9 @@ def _prepare(
         )
     limits, unknown = _read_limit(joint, kind, source)
     limits, unused = _with_soft_limits(joint, kind, limits, source)
-    return limits, tuple(finding for finding in (unknown, unused) if finding is not None)
+    dynamics = joint.find("dynamics")
+    negative = () if dynamics is None else negative_drive(name, dynamics, DRIVE)
+    return limits, (*unknown, *(() if unused is None else (unused,)), *negative)
 
 
 def _drive(joint: ET.Element, source: str) -> DescribedDrive:
@@ -189,20 +212,48 @@ def _check_mimic(joint: ET.Element, locked: Mapping[str, float], source: str) ->
         )
 
 
-def _read_limit(joint: ET.Element, kind: str, source: str) -> tuple[DescribedLimits, Finding | None]:
-    """Limits of a joint from its tag <limit>."""
+def _unused_inertials(root: ET.Element) -> list[Finding]:
+    """Findings about links with several tags <inertial>, of which parsers of URDF read the first."""
+    several = [(link.get("name", ""), len(link.findall("inertial"))) for link in root.findall("link")]
+    remedy = "keep the one that is right"
+    return [
+        Finding(
+            "description-ignored", "warning", name, f"the link has {n} tags <inertial>; only the first counts", remedy
+        )
+        for name, n in several
+        if n > 1
+    ]
+
+
+def _read_limit(joint: ET.Element, kind: str, source: str) -> tuple[DescribedLimits, tuple[Finding, ...]]:
+    """Limits of a joint from its tag <limit>, and findings about limits that are missing or placeholders."""
     name, limit = joint.get("name", ""), joint.find("limit")
     where = f"the limit of joint {name!r}"
     values = {key: numbers(limit, key, 1, source, where) if limit is not None else None for key in LIMIT_KEYS}
     lower, upper, velocity, effort = ((values[key] or [0.0])[0] for key in LIMIT_KEYS)
     stated = values["lower"] is not None or values["upper"] is not None
-    return limits_of(
+    absent = "upper" if values["upper"] is None else "lower" if values["lower"] is None else ""
+    if lower > upper and absent and kind != "continuous":
+        given = f"lower={lower:g}" if absent == "upper" else f"upper={upper:g}"
+        raise RobotError(
+            f"{source}: {where} has {given} and no {absent}, so {absent} is 0 by default, and the lower limit is "
+            "above the upper one.",
+            remedy=f"add the attribute {absent}; for a joint without limits, write the type continuous.",
+        )
+    limits, unknown = limits_of(
         name,
         position=(lower, upper) if stated and kind != "continuous" else None,
         velocity=velocity,
         effort=effort,
         turns=kind != "prismatic",
     )
+    findings = () if unknown is None else (unknown,)
+    if kind == "continuous" or stated:
+        return limits, findings
+    what = f"the {kind} joint has no position limits ({'no tag <limit>' if limit is None else 'no lower and upper'}"
+    what += " in the description); it is treated as unlimited"
+    remedy = "write the real limits of the joint into the description if they are needed"
+    return limits, (Finding("limits-unknown", "info", name, what, remedy), *findings)
 
 
 def _with_soft_limits(

@@ -17,9 +17,12 @@ from armid.maths.rotations import axis_rotation, homogeneous
 from armid.robot.collision_body_names import BodyName
 from armid.robot.packages import file_of, option_for, split_reference
 from armid.robot.robot import Robot
-from armid.robot.shapes import Kind, Shape, looks_missing, meshes_missing
+from armid.robot.shapes import Kind, Shape, looks_missing, meshes_missing, shapes_unknown
 from armid.robot.urdf.tree import axis_of, pose_of
 from armid.robot.xml import numbers
+
+TAGS = ("box", "sphere", "cylinder", "capsule", "mesh")
+"""Tags of shapes; the capsule is an extension of MoveIt and others."""
 
 
 def shapes_of_urdf(
@@ -41,14 +44,18 @@ def shapes_of_urdf(
     shapes: list[Shape] = []
     findings: list[Finding] = []
     missing: dict[str, str] = {}
+    unknown: dict[str, str] = {}
     for link in root.iter("link"):
         name = link.get("name", "")
         for number, body in enumerate(link.findall(kind), 1):
             geometry = body.find("geometry")
             if geometry is None or not len(geometry):
                 continue
-            joint, placement = _carrier(name, above, robot, locked, source)
             label = BodyName(name, number)
+            if geometry[0].tag not in TAGS:
+                unknown[label] = f"<{geometry[0].tag}>"
+                continue
+            joint, placement = _carrier(name, above, robot, locked, source)
             try:
                 form, size, path = geometry_of(geometry[0], source, f"the {kind} of {label!r}")
                 if form == "mesh" and not path:
@@ -73,7 +80,8 @@ def shapes_of_urdf(
                     )
                 )
     option = option_for(missing.values(), source)
-    return tuple(shapes), (*findings, *(meshes_missing if kind == "collision" else looks_missing)(missing, option))
+    findings += (meshes_missing if kind == "collision" else looks_missing)(missing, option)
+    return tuple(shapes), (*findings, *shapes_unknown(unknown, drawn=kind == "visual"))
 
 
 def _carrier(
@@ -99,7 +107,7 @@ def _carrier(
 
 
 def geometry_of(shape: ET.Element, source: str, where: str) -> tuple[Kind, Array, str]:
-    """Kind, size and file of the shape inside a tag <geometry>."""
+    """Kind, size and file of the shape inside a tag <geometry>, which is one of `TAGS`."""
 
     def value(key: str, count: int, default: float) -> list[float]:
         return numbers(shape, key, count, source, where) or [default] * count

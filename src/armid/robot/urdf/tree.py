@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import xml.etree.ElementTree as ET
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 
 import numpy as np
 
@@ -52,12 +52,27 @@ def tree_of_urdf(root: ET.Element, source: str) -> BodyTree:
             axis = axis_of(joint, source)
             frame = tree.add_joint(carrier, name, pose, axis, is_prismatic=joint.get("type") == "prismatic")
         reached[child] = tree.add_frame(frame, child, "body", np.eye(4))
-        inertial = _inertial(links[child], source)
+        inertial = inertial_of(links[child], source)
         if inertial is not None:
             tree.add_inertia(reached[child], inertial)
         waiting.extend(reversed(below[child]))
-    _inertial(links[next(iter(reached))], source)  # only its form is checked, because the base does not move
+    inertial_of(links[next(iter(reached))], source)  # only its form is checked, because the base does not move
     return tree
+
+
+def moving_inertias(root: ET.Element, tree: BodyTree, locked: Collection[str], source: str) -> dict[str, Array]:
+    """Inertial parameters (10,) of the links that move, in their own frames, by name.
+
+    Args:
+        root: The document.
+        tree: Tree of its bodies.
+        locked: Names of the joints that are locked.
+        source: Path of the document, for messages.
+    """
+    moved = {frame.name for _, frame in tree.bodies() if tree.is_moved(frame.joint, locked)}
+    links = {link.get("name", ""): link for link in root.findall("link")}
+    found = {name: inertial_of(link, source) for name, link in links.items() if name in moved}
+    return {name: vector for name, vector in found.items() if vector is not None}
 
 
 def pose_of(element: ET.Element, where: str, source: str) -> Array:
@@ -151,7 +166,7 @@ def _root_link(links: Mapping[str, ET.Element], below: Mapping[str, list[ET.Elem
     return roots[0]
 
 
-def _inertial(link: ET.Element, source: str) -> Array | None:
+def inertial_of(link: ET.Element, source: str) -> Array | None:
     """Inertial parameters (10,) of a link in its own frame; `None` without the tag <inertial>.
 
     Raises:

@@ -94,7 +94,8 @@ def corners_of(shape: Shape) -> Array:
         for half, part in ((-0.5 * length, rise[rise <= 0.0]), (0.5 * length, rise[rise >= 0.0]))
         for up in part
     ]
-    return np.concatenate(rings)
+    corners = np.concatenate(rings)
+    return corners / a * shape.size if shape.kind == "ellipsoid" else corners
 
 
 def _mesh_corners(shape: Shape) -> Array:

@@ -202,7 +202,9 @@ def _not_examined(unread: Mapping[str, tuple[str, ...]], bare: Sequence[str]) ->
     parts: list[str] = []
     if unread:
         first = next(iter(unread.values()))[0]
-        parts.append(f"{_listed(list(unread))} (meshes missing or not readable, such as {first})")
+        parts.append(
+            f"{_listed(list(unread))} (meshes or other shapes that are missing or not read, such as {first})"
+        )
     if bare:
         parts.append(f"{_listed(bare)} (no solid shapes)")
     if not parts:

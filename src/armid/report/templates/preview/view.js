@@ -93,7 +93,8 @@ class View {
 
   // Primitives lie along z, as in the descriptions; three.js has them along y.
   solid({ kind, size }) {
-    const [a, b] = size;
+    const [a, b, c] = size;
+    if (kind === "ellipsoid") return new THREE.SphereGeometry(1, 32, 20).scale(a, b, c);
     if (kind === "sphere") return new THREE.SphereGeometry(a, 32, 20);
     if (kind === "box") return new THREE.BoxGeometry(...size);
     const made = kind === "capsule" ? new THREE.CapsuleGeometry(a, b, 12, 32) : new THREE.CylinderGeometry(a, a, b, 40);
