@@ -281,17 +281,20 @@ def negative_finding(model: DynamicsModel, fit: Fit) -> Finding | None:
         return None
     others = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
     joints = [model.robot.joint_names[k] for k in sorted({name.number - 1 for name in names if name.number})]
-    sign = (
-        " A torque or a position with the wrong sign at a joint also gives it a negative friction."
-        if any(name.symbol in ("FS", "FV") for name in names)
-        else ""
-    )
+    reasons = ""
+    if any(name.symbol in ("FS", "FV") for name in names):
+        reasons = " A torque or a position with the wrong sign at a joint also gives it a negative friction."
+        if 2 * len({name.number for name in names if name.symbol in ("FS", "FV")}) >= model.n > 1:
+            reasons = (
+                " Half of the joints or more have a negative friction: a controller has probably subtracted a model "
+                "of the friction from the logged torque. Log the torque without this compensation."
+            )
     return Finding(
         "not-physical",
         "warning",
         ", ".join(joints),
         f"{', '.join(names[:NAMED])}{others}: the whole 95 % interval is negative, which is physically "
         "impossible. Either the model lacks an effect that is present in the motion, or the motion does not "
-        f"separate these parameters from others.{sign}",
+        f"separate these parameters from others.{reasons}",
         Remedy("use ", setting("method", "physical"), ", and check the residuals in the report."),
     )

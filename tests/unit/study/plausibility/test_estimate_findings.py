@@ -234,3 +234,5 @@ def test_negative_friction_is_named_with_its_joint_and_a_possible_wrong_sign():
     assert finding is not None and model.robot.joint_names[4] in finding.channel
     assert "FS_5" in finding.evidence and "wrong sign" in finding.evidence
     assert found([1] * 7) is None
+    compensated = found([-1] * 7)
+    assert compensated is not None and "without this compensation" in compensated.evidence
