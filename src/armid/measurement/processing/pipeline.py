@@ -144,10 +144,8 @@ def process_recording(
     runs, still = list[ObservedRun](), list[tuple[NDArray[np.bool_], NDArray[np.bool_]]]()
     unusable: list[tuple[Segment, int]] = []
     for segment in _long_enough(segments, processing, recording.source, findings):
-        margin, run = edge_margin(processing, segment.rate), None
-        if segment.samples >= max(SHORTEST, 2 * margin + 1):
-            motion = differentiate(segment, processing, given=given)
-            run = run_of(segment, motion, processing, repeats, index, found=found)
+        margin = edge_margin(processing, segment.rate)
+        run = _run_of_segment(segment, margin, processing, repeats, index, given=given, found=found)
         if run is None:
             unusable.append((segment, margin))
         else:
@@ -176,6 +174,22 @@ def resolve_options(processing: ProcessingOptions, recordings: Sequence[Recordin
     if not found:
         return replace(processing, cutoff=0.0, family="none")
     return replace(processing, cutoff=max(found))
+
+
+def _run_of_segment(
+    segment: Segment,
+    margin: int,
+    processing: ProcessingOptions,
+    repeats: tuple[float, float] | None,
+    index: int,
+    *,
+    given: bool,
+    found: bool,
+) -> ObservedRun | None:
+    """Run of a segment of which `margin` samples at each end are left out; `None` if no row is left."""
+    if segment.samples < max(SHORTEST, 2 * margin + 1):
+        return None
+    return run_of(segment, differentiate(segment, processing, given=given), processing, repeats, index, found=found)
 
 
 # Steps ---------------------------------------------------------------------------------------------------------
