@@ -68,11 +68,8 @@ def position_jumps(recording: Recording) -> list[Jump]:
     q = recording.q
     if recording.consecutive is False or len(q) < FEWEST or q.shape[1] < 2:
         return []
-    steps = np.diff(q, axis=0)
-    usual = np.stack([steps[:-4], steps[1:-3], steps[3:-1], steps[4:]])
-    excess = np.zeros_like(steps)
-    excess[2:-2] = steps[2:-2] - np.median(usual, axis=0)
-    excess[~_regular(recording)] = 0.0
+    steps, excess = np.diff(q, axis=0), step_excess(q)
+    excess[~regular_steps(recording)] = 0.0
     found: list[Jump] = []
     for j in range(q.shape[1]):
         jumps = _jumps(excess[:, j], j)
@@ -91,7 +88,16 @@ def without_jumps(recording: Recording, jumps: Sequence[Jump]) -> Recording:
     return replace(recording, q=q)
 
 
-def _regular(recording: Recording) -> NDArray[np.bool_]:
+def step_excess(signal: Array) -> Array:
+    """Differences of the steps of a signal (N, n) from the median of their four neighbours, shape (N - 1, n)."""
+    steps = np.diff(signal, axis=0)
+    usual = np.stack([steps[:-4], steps[1:-3], steps[3:-1], steps[4:]])
+    excess = np.zeros_like(steps)
+    excess[2:-2] = steps[2:-2] - np.median(usual, axis=0)
+    return excess
+
+
+def regular_steps(recording: Recording) -> NDArray[np.bool_]:
     """Mask of the steps between rows that are valid and follow each other in time, shape (N - 1,)."""
     valid = np.atleast_1d(recording.valid if recording.valid.ndim == 1 else recording.valid.all(axis=1))
     used = valid[1:] & valid[:-1]
@@ -104,7 +110,7 @@ def _regular(recording: Recording) -> NDArray[np.bool_]:
 def _jumps(excess: Array, j: int) -> list[Jump]:
     """The jumps of joint j, in the order of time; empty if its differences (M,) are all of about the same size."""
     size = np.abs(excess)
-    rows = _peaks(size, int(MOST * len(size)) + 2)
+    rows = largest_apart(size, int(MOST * len(size)) + 2)
     heights = np.append(size[rows], 0.0)
     smaller = heights[1:].copy()
     smaller[0] = np.delete(size, slice(max(rows[0] - NEAR, 0), rows[0] + NEAR + 1)).max(initial=0.0)
@@ -115,7 +121,7 @@ def _jumps(excess: Array, j: int) -> list[Jump]:
     return [Jump(j, int(row), float(excess[row])) for row in np.sort(rows[:count])]
 
 
-def _peaks(size: Array, most: int) -> NDArray[np.intp]:
+def largest_apart(size: Array, most: int) -> NDArray[np.intp]:
     """Rows of the largest values (M,), none near a larger one, in decreasing order."""
     found: list[int] = []
     free = np.ones(len(size), dtype=np.bool_)

@@ -15,6 +15,7 @@ from armid.doctor.changes.explanation import explained_by, is_warming
 from armid.doctor.changes.judgement import change_of
 from armid.doctor.changes.position_jumps import Jump
 from armid.doctor.changes.refine import FittedChange
+from armid.doctor.changes.torque_jumps import TorqueJump, torque_jumps
 from armid.doctor.check_definition import LogCheck
 from armid.doctor.check_input import Explanation, LogEvidence
 from armid.doctor.fitted_log import LogState
@@ -30,6 +31,9 @@ smaller. Sound recordings, and halves of them, ask for possible changes by at mo
 WEAKEST = 0.77
 """Factor on a torque, or its inverse, beyond which a change of gain is an error, as between recordings (1.3)."""
 
+LISTED = 6
+"""Largest number of times that are listed."""
+
 SLIPPED = 0.02
 """Jump of a position from which it is an error [rad or m]: it moves weights by two percent of the arm's length."""
 
@@ -38,9 +42,13 @@ def check(evidence: LogEvidence) -> list[Finding]:
     """Reports what changes within a log, and when."""
     joints = dict.fromkeys(each.joint for each in evidence.jumps)
     groups = [[each for each in evidence.jumps if each.joint == j] for j in joints]
-    return [_slips(evidence, own) if len(own) > 1 else _slip(evidence, own[0]) for own in groups] + (
-        evidence.explained(CODE)
-    )
+    slips = [_slips(evidence, own) if len(own) > 1 else _slip(evidence, own[0]) for own in groups]
+    explained = evidence.explained(CODE)
+    named = {finding.channel for finding in explained}
+    whole = "" in named  # the change concerns all joints, and so do its jumps
+    jumps = [] if evidence.recording is None or whole else torque_jumps(evidence.recording)
+    names = evidence.robot.joint_names
+    return [*slips, *explained, *(_set_anew(evidence, each) for each in jumps if names[each.joint] not in named)]
 
 
 def explain(state: LogState) -> Explanation | None:
@@ -98,6 +106,27 @@ def _slip(evidence: LogEvidence, jump: Jump) -> Finding:
         f"{unit} from one row to the next and stays there, while other joints move on: its encoder slipped, or its "
         "zero was set anew. Either of the two parts may be the wrong one.",
         excluding(evidence.reading, [interval], "leaves out the shorter part"),
+    )
+
+
+def _set_anew(evidence: LogEvidence, jump: TorqueJump) -> Finding:
+    """Finding on a torque that jumps once or several times and stays each time."""
+    recording, joint = evidence.recording, evidence.robot.joints[jump.joint]
+    assert recording is not None
+    time = np.arange(recording.samples) / evidence.rate if recording.time is None else recording.time
+    unit = "N" if joint.is_prismatic else "N·m"
+    sizes, name = np.array(jump.sizes), evidence.robot.joint_names[jump.joint]
+    times = ", ".join(f"{float(time[row]):.2f}" for row in jump.rows[:LISTED])
+    more = "" if len(sizes) <= LISTED else f" and {len(sizes) - LISTED} more"
+    by = f"{sizes[0]:+.3g} {unit}" if len(sizes) == 1 else f"{sizes.min():+.3g} to {sizes.max():+.3g} {unit}"
+    return Finding(
+        CODE,
+        "warning",
+        name,
+        f"The torque of {name} jumps from one row to the next and stays there, while the joint moves on: by {by}, at "
+        f"t = {times}{more} s. Its zero was set anew, its gain was switched, or the arm was loaded suddenly.",
+        "find out what changed the torque at these times; record again without it, or cut the log there into "
+        "recordings of their own",
     )
 
 

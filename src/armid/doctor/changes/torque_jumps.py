@@ -1,0 +1,103 @@
+"""Jumps of a torque from one row to the next that stay: a zero set anew, a gain that switches, a sudden load.
+
+Torque of a joint that moves on without a reversal changes little from row to row, apart from noise. A step that
+differs from its neighbours by much more than all others, and after which the level stays, is no torque of a smooth
+motion. It is found in the torque as it was logged: a filter would hide it, and a fit spreads it over the parameters.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armid.checked_array import Array
+from armid.doctor.changes.position_jumps import NEAR, largest_apart, regular_steps, step_excess
+from armid.measurement.recording import Recording
+
+ONE, SEVERAL = 6.0, 2.3
+"""Smallest ratio of a jump to the largest other step, for one jump and for the smallest of several. In the recordings
+of eight arms it is up to 2.0, for one jump, where the joint moves."""
+
+SMALLEST = 0.1
+"""Smallest jump, relative to the standard deviation of the torque."""
+
+STAYS = 0.6
+"""Smallest share of a jump by which the level of the torque has changed `NEAR` rows later. A spike returns."""
+
+MOST = 12
+"""Largest number of jumps of a joint; more are a torque that is logged in coarse steps."""
+
+MOVING = 0.1
+"""Smallest speed at a jump, relative to its root mean square: static friction changes at rest and at reversals."""
+
+FEWEST = 200
+"""Smallest number of rows of a log that is examined."""
+
+
+@dataclass(frozen=True, slots=True)
+class TorqueJump:
+    """Jumps of the torque of a joint.
+
+    Attributes:
+        joint: Index of the joint.
+        rows: Last row before each jump, in the order of time.
+        sizes: Jumps [N·m or N].
+    """
+
+    joint: int
+    rows: tuple[int, ...]
+    sizes: tuple[float, ...]
+
+
+def torque_jumps(recording: Recording) -> list[TorqueJump]:
+    """Finds the joints whose torque jumps, once or several times, and stays, while the joint moves on."""
+    torque = recording.effort
+    if torque is None or recording.consecutive is False or len(torque) < FEWEST:
+        return []
+    excess = step_excess(torque)
+    excess[~regular_steps(recording)] = 0.0
+    moving = _moving_on(recording.q)
+    each = (_jumps_of(torque[:, j], np.where(moving[:, j], excess[:, j], 0.0), j) for j in range(torque.shape[1]))
+    return [found for found in each if found is not None]
+
+
+def _moving_on(q: Array) -> NDArray[np.bool_]:
+    """Mask of the steps near which a joint neither rests nor reverses, shape (N - 1, n)."""
+    steps = np.diff(q, axis=0)
+    speed = np.sqrt(np.mean(steps**2, axis=0))
+    rows = len(steps)
+    fast = np.ones_like(steps, dtype=np.bool_)
+    for shift in (-NEAR, NEAR):
+        other = steps[np.clip(np.arange(rows) + shift, 0, rows - 1)]
+        fast &= (np.abs(other) > MOVING * speed) & (other * steps > 0.0)
+    return fast
+
+
+def _jumps_of(torque: Array, excess: Array, j: int) -> TorqueJump | None:
+    """Jumps of the torque (N,) of joint j with the given excess of its steps (N - 1,); `None` if there are none."""
+    size = np.abs(excess)
+    rows = largest_apart(size, MOST + 1)
+    heights = size[rows]
+    stay = np.array([_level_change(torque, excess, int(row)) > STAYS for row in rows])
+    first_spike = int(np.argmin(stay)) if not stay.all() else len(stay)
+    best = 0
+    for count in range(1, min(first_spike, len(rows) - 1) + 1):
+        smallest, other = heights[count - 1], heights[count]
+        if other > 0.0 and smallest > (ONE if count == 1 else SEVERAL) * other:
+            best = count
+    if not best or heights[best - 1] < SMALLEST * float(np.std(torque)):
+        return None
+    chosen = np.sort(rows[:best])
+    return TorqueJump(j, tuple(map(int, chosen)), tuple(float(excess[row]) for row in chosen))
+
+
+def _level_change(torque: Array, excess: Array, row: int) -> float:
+    """Change of the level of a torque across a jump, without its usual steps, relative to the jump."""
+    if excess[row] == 0.0:
+        return 0.0
+    before, after = torque[max(row - NEAR + 1, 0) : row + 1], torque[row + 1 : row + 1 + NEAR]
+    steps = np.diff(torque[max(row - NEAR - 2, 0) : row + NEAR + 4])
+    usual = float(np.median(steps)) * NEAR
+    return float((np.median(after) - np.median(before) - usual) / excess[row])
