@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from armid.checked_array import Array
 from armid.doctor.changes.position_jumps import NEAR, largest_apart, regular_steps, step_excess
+from armid.maths.median import median
 from armid.measurement.recording import Recording
 
 ONE, SEVERAL = 6.0, 2.3
@@ -31,6 +32,10 @@ MOST = 12
 
 MOVING = 0.1
 """Smallest speed at a jump, relative to its root mean square: static friction changes at rest and at reversals."""
+
+AROUND = 0.1
+"""Time before and after a jump in which a joint must move on [s]: a torque or a position may be late by as much, so
+that the step of the friction at a reversal is found that far from it."""
 
 FEWEST = 200
 """Smallest number of rows of a log that is examined."""
@@ -58,21 +63,23 @@ def torque_jumps(recording: Recording) -> list[TorqueJump]:
         return []
     excess = step_excess(torque)
     excess[~regular_steps(recording)] = 0.0
-    moving = _moving_on(recording.q)
+    moving = _moving_on(recording)
     each = (_jumps_of(torque[:, j], np.where(moving[:, j], excess[:, j], 0.0), j) for j in range(torque.shape[1]))
     return [found for found in each if found is not None]
 
 
-def _moving_on(q: Array) -> NDArray[np.bool_]:
-    """Mask of the steps near which a joint neither rests nor reverses, shape (N - 1, n)."""
-    steps = np.diff(q, axis=0)
+def _moving_on(recording: Recording) -> NDArray[np.bool_]:
+    """Mask of the steps around which a joint neither rests nor reverses, shape (N - 1, n)."""
+    steps = np.diff(recording.q, axis=0)
     speed = np.sqrt(np.mean(steps**2, axis=0))
     rows = len(steps)
-    fast = np.ones_like(steps, dtype=np.bool_)
-    for shift in (-NEAR, NEAR):
+    rate = recording.rate if recording.time is None else 1.0 / float(median(np.diff(recording.time)))
+    far = max(NEAR, round(AROUND * (rate or 0.0)))
+    moving = np.ones_like(steps, dtype=np.bool_)
+    for shift in (-far, -far // 2, -NEAR, NEAR, far // 2, far):
         other = steps[np.clip(np.arange(rows) + shift, 0, rows - 1)]
-        fast &= (np.abs(other) > MOVING * speed) & (other * steps > 0.0)
-    return fast
+        moving &= (np.abs(other) > MOVING * speed) & (other * steps > 0.0)
+    return moving
 
 
 def _jumps_of(torque: Array, excess: Array, j: int) -> TorqueJump | None:
