@@ -234,7 +234,7 @@ def test_limits_that_are_missing_or_contradict():
     with pytest.raises(ArmidError, match=r"joint_1\.velocity, joint_2\.velocity"):
         limits_of(robot)
     placeholder = Finding("limits-unknown", "info", "joint_2", "velocity limit 50000: no arm reaches this")
-    with pytest.raises(ArmidError, match=r"placeholders: joint_2: velocity limit 50000"):
+    with pytest.raises(ArmidError, match=r"In the description: joint_2: velocity limit 50000"):
         limits_of(replace(robot, findings=(placeholder,)))
     given = {("joint_1", "velocity"): 1.0, ("joint_2", "velocity"): 2.0}
     assert limits_of(robot, given).velocity.tolist() == [1.0, 2.0]
