@@ -20,7 +20,7 @@ from armid.measurement.recording import Recording
 from armid.model.motion import Motion
 from armid.runs.monitoring.cross_validated_rate import rate_excess, validated_thresholds
 from armid.runs.monitoring.observer import SETTLED, Observed, ObserverOptions
-from armid.runs.monitoring.thresholds import GAP, PROMISED, Thresholds, find_thresholds
+from armid.runs.monitoring.thresholds import PROMISED, Thresholds, alarm_rows, find_thresholds, usable_seconds
 from armid.runs.monitoring.tip_wrench import TipWrench, tip_wrench
 from armid.runs.monitoring.unseen_residuals import (
     UnseenResiduals,
@@ -229,8 +229,7 @@ def watch(monitor: Monitor, recording: Recording) -> Watched:
     alarms = [
         alarm for part, along in zip(parts, thresholds, strict=True) for alarm in find_alarms(monitor, part, along)
     ]
-    seconds = sum(float(np.count_nonzero(part.usable.any(axis=1))) / part.rate for part in parts)
-    return Watched(parts, thresholds, tuple(alarms), seconds, findings)
+    return Watched(parts, thresholds, tuple(alarms), usable_seconds(parts), findings)
 
 
 def _unwatched(monitor: Monitor, parts: Sequence[Observed], recording: Recording) -> tuple[Finding, ...]:
@@ -270,12 +269,7 @@ def _unwatched(monitor: Monitor, parts: Sequence[Observed], recording: Recording
 def find_alarms(monitor: Monitor, part: Observed, thresholds: Array) -> list[Alarm]:
     """Alarms along one contiguous part, with its thresholds (N, n); exceedances within `GAP` are one alarm."""
     ratio = np.where(part.usable, np.abs(part.external) / thresholds, 0.0)
-    at = np.flatnonzero((ratio > 1.0).any(axis=1))
-    if not len(at):
-        return []
-    gap = max(1, round(GAP * part.rate))
-    groups = np.split(at, np.flatnonzero(np.diff(at) >= gap) + 1)
-    return [_alarm(monitor, part, thresholds, ratio, rows) for rows in groups]
+    return [_alarm(monitor, part, thresholds, ratio, rows) for rows in alarm_rows(ratio > 1.0, part.rate)]
 
 
 def _alarm(monitor: Monitor, part: Observed, thresholds: Array, ratio: Array, rows: NDArray[np.intp]) -> Alarm:

@@ -97,6 +97,23 @@ class Thresholds:
         return self.factor * scale + self.friction * rest_weight(observed)
 
 
+def alarm_rows(over: NDArray[np.bool_], rate: float) -> list[NDArray[np.intp]]:
+    """Rows of each alarm along a contiguous part; exceedances within `GAP` are one alarm.
+
+    Args:
+        over: True where a joint exceeds its threshold, shape (N, n).
+        rate: Sample rate [Hz].
+    """
+    at = np.flatnonzero(over.any(axis=1))
+    gap = max(1, round(GAP * rate))
+    return np.split(at, np.flatnonzero(np.diff(at) >= gap) + 1) if len(at) else []
+
+
+def usable_seconds(parts: Sequence[Observed]) -> float:
+    """Time in which alarms were possible in some parts [s]."""
+    return sum(float(np.count_nonzero(each.usable.any(axis=1))) / each.rate for each in parts)
+
+
 def rest_weight(observed: Observed) -> Array:
     """Share of the allowance for dry friction at each sample, shape (N, n): 1 at rest, decaying afterwards."""
     slow = np.abs(observed.dq) < REST_SPEED
@@ -137,10 +154,9 @@ def find_thresholds(
         follows[j] = moved < constant[j]
         scale[j], factor[j], mean[j] = (own, moving, moved) if follows[j] else (flat, plain, constant[j])
         tails.append(high if follows[j] else low)
-    seconds = sum(float(np.count_nonzero(each.usable.any(axis=1))) / each.rate for each in unseen)
     found = Thresholds(
-        scale, factor, follows, allowance, residual_covariance(unseen), per_hour, smallest_rate(tails), seconds,
-        mean, constant,
+        scale, factor, follows, allowance, residual_covariance(unseen), per_hour, smallest_rate(tails),
+        usable_seconds(unseen), mean, constant,
     )  # fmt: skip
     return found, tuple(tails)
 

@@ -44,11 +44,9 @@ def check(evidence: LogEvidence) -> list[Finding]:
     groups = [[each for each in evidence.jumps if each.joint == j] for j in joints]
     slips = [_slips(evidence, own) if len(own) > 1 else _slip(evidence, own[0]) for own in groups]
     explained = evidence.explained(CODE)
-    named = {finding.channel for finding in explained}
-    whole = "" in named  # the change concerns all joints, and so do its jumps
-    jumps = [] if evidence.recording is None or whole else torque_jumps(evidence.recording)
-    names = evidence.robot.joint_names
-    return [*slips, *explained, *(_set_anew(evidence, each) for each in jumps if names[each.joint] not in named)]
+    # A change that explains the log makes torques jump itself; what else jumps is told once that change is left out.
+    jumps = [] if explained or evidence.recording is None else torque_jumps(evidence.recording)
+    return [*slips, *explained, *(_torque_jump(evidence, each) for each in jumps)]
 
 
 def explain(state: LogState) -> Explanation | None:
@@ -109,7 +107,7 @@ def _slip(evidence: LogEvidence, jump: Jump) -> Finding:
     )
 
 
-def _set_anew(evidence: LogEvidence, jump: TorqueJump) -> Finding:
+def _torque_jump(evidence: LogEvidence, jump: TorqueJump) -> Finding:
     """Finding on a torque that jumps once or several times and stays each time."""
     recording, joint = evidence.recording, evidence.robot.joints[jump.joint]
     assert recording is not None

@@ -34,8 +34,8 @@ def check(evidence: LogEvidence) -> list[Finding]:
     # Use the clock as logged: leaving out repeated rows must not create gaps.
     segments, gaps = cut_at_gaps(_as_logged(evidence.raw) or _clock_alone(recording), CUTOFF)
     remedy = (
-        "record the motion again if the rows near the gap are needed; otherwise there is nothing to do, because "
-        "armid cuts the log into two parts at the gap"
+        "record the motion again if the rows near gaps are needed; otherwise there is nothing to do, because "
+        "armid cuts the log into parts at each gap"
     )
     findings = [replace(gap, channel="time", remedy=remedy) for gap in gaps]
     uneven = [segment for segment in segments if not is_even(segment.time, segment.number)]
