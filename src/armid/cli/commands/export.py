@@ -162,10 +162,11 @@ def _ensemble(
     if json:
         sys.stdout.write(to_json(ensemble_record(loaded, made)) + "\n")
         return
+    low, high = made.draws.spread
     sys.stdout.write(
         f"{len(made.files)} possible arms written to {made.folder}, their parameters to {PARAMETERS} there\n"
-        f"  {made.draws.replaced:.0%} of the draws were no real bodies; the nearest ones are written, "
-        f"{made.draws.distance.mean():.2g} standard deviations away in the mean\n"
+        f"  {made.draws.replaced:.0%} of the draws were no real bodies; the nearest ones are written\n"
+        f"  the base parameters spread {low:.2f} to {high:.2f} times as far as the estimate says\n"
     )
     print_findings(made.findings)
 

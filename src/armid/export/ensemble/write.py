@@ -112,7 +112,7 @@ def ensemble_record(run: Run, exported: ExportedEnsemble) -> dict[str, Any]:
         "seed": exported.seed,
         "draws": len(exported.files),
         "replaced": exported.draws.replaced,
-        "mean_distance": float(np.mean(exported.draws.distance)),
+        "spread": exported.draws.spread.tolist(),
         "files": exported.files,
         "findings": [finding_record(finding) for finding in exported.findings],
     }
