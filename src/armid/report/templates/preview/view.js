@@ -1,8 +1,17 @@
 // The scene: the arm as nested groups that three.js draws. Lengths in metres; up is where nothing falls.
 
+// Poses in which the extent of the arm is measured, and the width of the picture over what the arm needs.
+const [POSES, MARGIN] = [24, 1.1];
+
 function unpackNumbers({ dtype, bdata }) {
   const bytes = Uint8Array.from(atob(bdata), (letter) => letter.charCodeAt(0));
   return new { f4: Float32Array, u1: Uint8Array, u2: Uint16Array, u4: Uint32Array }[dtype](bytes.buffer);
+}
+
+// The eight corners of a box, the lowest first and the highest last.
+function corners(low, high) {
+  return Array.from({ length: 8 }, (_, k) =>
+    new THREE.Vector3(...["x", "y", "z"].map((x, i) => ((k >> i) & 1 ? high : low)[x])));
 }
 
 class View {
@@ -205,6 +214,7 @@ class View {
   // Moving --------------------------------------------------------------------------------------------------------
 
   pose(q) {
+    this.q = q;
     this.data.joints.forEach((joint, k) => {
       if (joint.slides) this.links[k].position.copy(this.axes[k]).multiplyScalar(q[k]);
       else this.links[k].quaternion.setFromAxisAngle(this.axes[k], q[k]);
@@ -246,23 +256,51 @@ class View {
     this.draw();
   }
 
-  home() {
-    const path = unpackNumbers(this.data.path);
-    const [low, high] = [[0, 0, 0], [0, 0, 0]];
-    for (let k = 0; k < path.length; k += 1) {
-      low[k % 3] = Math.min(low[k % 3], path[k]);
-      high[k % 3] = Math.max(high[k % 3], path[k]);
+  // Corners of a box around the path of the tip and the drawn bodies, in some poses of the motion.
+  extent() {
+    const [low, high] = [Infinity, -Infinity].map((x) => new THREE.Vector3(x, x, x));
+    const include = (point) => [low.min(point), high.max(point)];
+    const own = this.layers.bodies.filter((_, k) => this.data.bodies[k].link >= 0 || !this.data.side);
+    const meshes = [];
+    for (const each of [...own, ...this.layers.skeleton]) each.traverse((object) => object.isMesh && meshes.push(object));
+    const [n, q, now] = [this.data.joints.length, unpackNumbers(this.data.q), this.q];
+    const count = n ? q.length / n : 0;
+    for (let k = 0; k < count; k += Math.max(1, Math.floor(count / POSES))) {
+      this.pose(q.slice(k * n, (k + 1) * n));
+      this.scene.updateMatrixWorld(true);
+      for (const { geometry, matrixWorld } of meshes) {
+        if (!geometry.boundingBox) geometry.computeBoundingBox();
+        const { min, max } = geometry.boundingBox;
+        for (const corner of corners(min, max)) include(corner.applyMatrix4(matrixWorld));
+      }
     }
-    const middle = new THREE.Vector3(...low.map((x, k) => 0.5 * (x + high[k])));
-    this.controls.target.copy(this.root.localToWorld(middle));
-    const away = (this.data.side ? 3.8 : 2.5) * this.data.reach * Math.max(1, 1 / this.camera.aspect);
+    if (now) this.pose(now);
+    const path = unpackNumbers(this.data.path);
+    for (let k = 0; k < path.length; k += 3) include(this.root.localToWorld(new THREE.Vector3(...path.slice(k, k + 3))));
+    include(this.root.localToWorld(new THREE.Vector3()));
+    return corners(low, high);
+  }
+
+  home() {
+    const ends = this.extent();
+    const middle = this.controls.target.addVectors(ends[0], ends[7]).multiplyScalar(0.5);
     const from = new THREE.Vector3(0.78, -0.86, 0.5);
     if (this.data.side) {
       const origin = this.root.localToWorld(new THREE.Vector3());
       from.copy(this.root.localToWorld(new THREE.Vector3(...this.data.side))).sub(origin).normalize();
       from.add(new THREE.Vector3(0, 0, 0.4));
     }
-    this.camera.position.copy(this.controls.target).add(from.normalize().multiplyScalar(away));
+    from.normalize();
+    const right = this.camera.up.clone().cross(from).normalize();
+    const axes = [right, from.clone().cross(right)];
+    const tan = Math.tan((this.camera.fov * Math.PI) / 360);
+    let away = this.data.reach;
+    for (const corner of ends) {
+      corner.sub(middle);
+      const [across, along] = axes.map((axis) => Math.abs(axis.dot(corner)));
+      away = Math.max(away, corner.dot(from) + (MARGIN * Math.max(along, across / this.camera.aspect)) / tan);
+    }
+    this.camera.position.copy(middle).add(from.multiplyScalar(away));
     this.controls.update();
     this.draw();
   }
