@@ -126,6 +126,7 @@ def test_the_python_of_the_page(tmp_path, monkeypatch):
     assert (names["series"].a == names["designed"].plan.excitation.a).all()
 
 
+@pytest.mark.collision
 def test_collisions_and_a_second_plan_after_the_first(tmp_path, capsys):
     first, second = tmp_path / "first", tmp_path / "second"
     common = ["ur5e", *QUICK, "--duration", 4, "--floor", 0, "--noise", 0.5, "--format", "urscript"]
@@ -267,6 +268,7 @@ def test_what_is_refused(small, tmp_path, capsys, arguments, message):
     assert not (tmp_path / "plan").exists()
 
 
+@pytest.mark.collision
 @pytest.mark.parametrize("kind", ["poses", "sweeps"])
 def test_poses_and_sweeps(kind, tmp_path, capsys):
     out = tmp_path / kind

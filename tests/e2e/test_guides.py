@@ -157,11 +157,13 @@ def follow_page(workshop: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     return lambda page: follow(PAGES[page])
 
 
+@pytest.mark.collision
 @pytest.mark.parametrize("page", GUIDES)
 def test_a_guide(page: str, follow_page: Callable[[str], int]):
     assert follow_page(page) == GUIDES[page]
 
 
+@pytest.mark.collision
 @pytest.mark.long
 @pytest.mark.parametrize("page", LONG)
 def test_a_long_guide(page: str, follow_page: Callable[[str], int]):

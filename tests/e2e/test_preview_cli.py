@@ -67,6 +67,7 @@ def test_what_cannot_be_shown_is_refused(motion: str, folder: Path, tmp_path: Pa
     assert motion in capsys.readouterr().err and not (tmp_path / "page.html").exists()
 
 
+@pytest.mark.collision
 def test_excite_leaves_pages_or_not(tmp_path: Path):
     options = ["--experiment", "sweeps", "--format", "csv"]
     assert armid("excite", "ur5e", *options, "--out", tmp_path / "with") == 0
@@ -95,6 +96,7 @@ def test_missing_meshes_are_said_on_the_terminal(folder: Path, tmp_path: Path, c
     assert capsys.readouterr() == (f"page written to {out}\n", "")
 
 
+@pytest.mark.collision
 def test_meshes_of_a_run_are_found_in_a_package_that_is_given_later(tmp_path: Path, capsys):
     """Also where identify was called without the package, because meshes have no effect on the dynamics."""
     meshes = tmp_path / "elsewhere" / "arm_description" / "meshes"

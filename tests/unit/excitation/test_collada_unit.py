@@ -16,6 +16,8 @@ from armid.robot.collada_unit import collada_unit
 from armid.robot.shapes import Shape
 from mesh_texts import collada, prism
 
+pytestmark = pytest.mark.collision
+
 SINGLE = 1e-6
 """Relative rounding of coordinates that the reader of meshes keeps in single precision."""
 

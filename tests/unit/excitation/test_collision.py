@@ -33,6 +33,8 @@ from armid.robot.shapes import Shape, capsule_between
 from distances import CORNERS, slopes_wrong
 from trees import random_rotation
 
+pytestmark = pytest.mark.collision
+
 SOLVER = 1e-4
 """Coal iterates for boxes and stops within so many metres."""
 

@@ -21,6 +21,8 @@ from armid.model.terms import RigidBody
 from armid.robot import load_robot
 from armid.robot.kinematics import forward_kinematics
 
+pytestmark = pytest.mark.collision
+
 BOX = '<collision><origin xyz="{0}"/><geometry><box size="{1}"/></geometry></collision>'
 MASS = '<inertial><mass value="1"/><inertia ixx=".1" iyy=".1" izz=".1" ixy="0" ixz="0" iyz="0"/></inertial>'
 

@@ -27,6 +27,8 @@ from armid.robot.kinematics import forward_kinematics
 from armid.robot.shapes import Shape
 from distances import CORNERS, slopes_wrong
 
+pytestmark = pytest.mark.collision
+
 ROUNDING = 1e-12
 """Metres by which points of a body may be outside the hull that they made."""
 

@@ -23,6 +23,8 @@ from armid.robot import load_robot
 from armid.robot.kinematics import forward_kinematics
 from armid.robot.shapes import Shape
 
+pytestmark = pytest.mark.collision
+
 
 @pytest.fixture(autouse=True)
 def _folder(tmp_path, monkeypatch):

@@ -144,6 +144,7 @@ def test_rows_without_a_clock_follow_each_other():
 # Nearest bodies -------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.collision
 def test_the_nearest_pair_is_that_of_all_pairs(iiwa: Robot, clip: Clip):
     """Against Coal on every pair at every moment."""
     box = Shape(

@@ -12,6 +12,8 @@ from armid.report.preview.scene import bodies_of
 from armid.robot import load_robot
 from armid.robot.kinematics import forward_kinematics
 
+pytestmark = pytest.mark.collision
+
 CORNER = "v 0 0 0\nv 0.1 0 0\nv 0 0.2 0\nv 0 0 0.3\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n"
 """A tetrahedron off its origin, its faces counter-clockwise from outside."""
 
