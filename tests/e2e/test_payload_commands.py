@@ -228,7 +228,21 @@ def test_controllers_that_cannot_be_written(armid: Armid, tmp_path: Path):
     assert code == 2 and "is not a payload" in err
     code, _, err = armid("payload", "run", "elsewhere.npz", "--link", "link_2", "--to", "ur", "--out", tmp_path)
     assert code == 2 and "a load on the flange" in " ".join(err.split())
-    assert not list(tmp_path.iterdir())
+    assert [path.name for path in tmp_path.iterdir()] == ["payload.json"]  # the estimate is not lost
+
+
+@pytest.mark.parametrize(
+    ("recording", "code"), [("elsewhere.npz", "payload-misfit"), ("without.npz", "load-missing")]
+)
+def test_a_load_that_is_wrong_is_printed_but_not_written_for_controllers(
+    armid: Armid, tmp_path: Path, recording: str, code: str
+):
+    exit_code, out, err = armid("payload", "run", recording, "--to", "ur,kuka", "--out", tmp_path)
+    assert exit_code == 2 and "mass" in out
+    assert f"not written for a controller because of the finding {code}" in " ".join(err.split())
+    assert [path.name for path in tmp_path.iterdir()] == ["payload.json"]
+    exit_code, _, err = armid("payload", tmp_path / "payload.json", "--to", "ur")
+    assert exit_code == 2 and code in err and len(list(tmp_path.iterdir())) == 1
 
 
 def test_a_load_on_the_screen_is_what_controllers_ask_for(armid: Armid):

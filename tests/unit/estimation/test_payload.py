@@ -236,3 +236,15 @@ def test_parameters_that_nothing_shows_leave_rounding_for_a_covariance():
         values, moved = _Region(estimate, free, unseen, half @ half.T).nearest()
         assert moved < 1e-3 and np.linalg.eigvalsh(pseudo_inertia(values))[0] > 0.0
         np.testing.assert_allclose(values[seen], LOAD[seen], atol=1e-6)
+
+
+def test_intervals_of_a_load_below_zero_are_cut_off():
+    """Another arm's log gives a negative mass: the interval then holds what real bodies near it have, from zero on."""
+    free, none = np.ones(10, dtype=np.bool_), np.zeros(10, dtype=np.bool_)
+    estimate = np.zeros(10)
+    estimate[0] = -2.0
+    region = _Region(estimate, free, np.zeros((0, 10)), np.diag(np.full(10, 0.1)) ** 2)
+    nearest, _ = region.nearest()
+    ends = region.intervals(nearest, 50.0, none)
+    assert (ends[:, 0] <= nearest).all() and (nearest <= ends[:, 1]).all()
+    assert -1e-6 <= ends[0, 0] <= ends[0, 1] < 1.0

@@ -219,6 +219,7 @@ def stored(masses: Array, points: Array, path: Path, **changes: Any) -> Path:
         "mass": {"interval95": [values[0] - 0.1, values[0] + 0.1]},
         "covariance": {"matrix": (1e-8 * np.eye(10)).tolist(), "quantile": 2.0},
         "verdict": "not judged",
+        "warnings": [],
     } | changes
     path.write_text(json.dumps(record))
     return path
@@ -268,6 +269,9 @@ def test_loads_that_are_not_written(tmp_path: Path):
         read_load(stored(masses, points, path, link="forearm"))
     with pytest.raises(OutputError, match="have errors"):
         read_load(stored(masses, points, path, verdict="fail"))
+    warning = {"code": "load-not-real", "evidence": "It is far.", "remedy": "look"}
+    with pytest.raises(OutputError, match="load-not-real: It is far"):
+        read_load(stored(masses, points, path, warnings=[warning]))
     with pytest.raises(OutputError, match="not a real body"):
         read_load(stored(np.array([1.0, -1.5, 1.0]), points[:3], path))
     with pytest.raises(OutputError, match="six numbers"):

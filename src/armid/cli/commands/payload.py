@@ -141,6 +141,7 @@ def _estimated(found: Payload, to: Sequence[str], flange: str | None, out: Path 
     """Write and print an estimated payload, and write it for controllers."""
     from armid.atomic_file import replace_file
     from armid.cli.console import print_findings
+    from armid.errors import OutputError
     from armid.export.load.flange_load import load_at_flange
     from armid.export.load.write import write_load, written_record
     from armid.runs.payload import payload_record
@@ -148,7 +149,13 @@ def _estimated(found: Payload, to: Sequence[str], flange: str | None, out: Path 
 
     refused = [_not_written()] if to and found.contradictions else []
     folder = Path(found.new_recordings.run.folder) / "load" if out is None else out
-    written = write_load(load_at_flange(found, flange), to, folder) if to and not refused else ()
+    written: tuple[WrittenLoad, ...] = ()
+    error = None
+    if to and not refused:
+        try:
+            written = write_load(load_at_flange(found, flange), to, folder)
+        except OutputError as unwritten:  # raised below, so that the estimate is not lost
+            error = unwritten
     text = to_json(payload_record(found) | ({"controllers": written_record(written)} if to else {})) + "\n"
     path = None if out is None else replace_file(out / "payload.json", text)
     if json:
@@ -159,6 +166,8 @@ def _estimated(found: Payload, to: Sequence[str], flange: str | None, out: Path 
         sys.stdout.write(f"\nwritten to {path}\n")
     _report_written(written, json=json)
     print_findings([*found.findings, *refused, *(finding for each in written for finding in each.findings)])
+    if error is not None:
+        raise error
     if found.contradictions:
         raise typer.Exit(1)
 

@@ -298,7 +298,8 @@ class _Region:
     def _intersect(self, ends: Array, nearest: Array, radius: float, undetermined: NDArray[np.bool_]) -> None:
         """Intersects intervals with the values that consistent bodies in the 95 % region have.
 
-        Each interval is extended so that it contains the value of the nearest body.
+        An interval that contains no such value becomes the nearest one. Each interval is extended so that it contains
+        the value of the nearest body.
 
         Args:
             ends: Lower and upper ends of the intervals, which are changed in place, shape (10, 2).
@@ -315,9 +316,9 @@ class _Region:
                 continue
             cost = np.zeros(f)
             cost[position] = 1.0 / np.sqrt(self.covariance[position, position])
-            low = max(ends[k, 0], solve_cones(cost, cones).x[position])
-            high = min(ends[k, 1], solve_cones(-cost, cones).x[position])
-            ends[k] = min(low, high, nearest[k]), max(low, high, nearest[k])
+            possible = [solve_cones(sign * cost, cones).x[position] for sign in (1.0, -1.0)]
+            low, high = np.clip(ends[k], min(possible), max(possible))
+            ends[k] = min(low, nearest[k]), max(high, nearest[k])
 
     def _distance(self, free: Array) -> float:
         """Distance of a body, given by its free parameters (f,), from the estimate in standard deviations."""

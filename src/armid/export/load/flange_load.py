@@ -34,6 +34,10 @@ MIXED = 1e-12
 """Smallest coefficient with which a parameter in one frame counts as depending on a parameter in another frame."""
 
 
+WRONG = ("payload-misfit", "load-not-real", "load-missing", "description-does-not-match")
+"""Codes of findings by which the parameters of a load are wrong, or are those of no load."""
+
+
 @dataclass(frozen=True, eq=False, slots=True)
 class FlangeLoad:
     """Payload in the axes of the flange.
@@ -115,7 +119,8 @@ def load_at_flange(payload: Payload, flange: str | None = None) -> FlangeLoad:
             frame, `"x,y,z,roll,pitch,yaw"` [m and rad]; by default the tip frame.
 
     Raises:
-        OutputError: The payload is not on the link of the flange, is not a real body, or there is no such frame.
+        OutputError: The payload is not on the link of the flange, is not a real body, a finding says that it is wrong
+            or missing, or there is no such frame.
     """
     return _moved(payload_record(payload), payload.new_recordings.run, flange)
 
@@ -150,6 +155,13 @@ def _moved(record: Mapping[str, Any], run: Run | None, flange: str | None) -> Fl
             "The recordings of the load have errors, which make it wrong, so it is not written for a controller.",
             remedy="correct the errors that armid payload reported, and estimate the load again.",
         )
+    for finding in record["warnings"]:
+        if finding["code"] in WRONG:
+            raise OutputError(
+                f"The load is not written for a controller because of the finding {finding['code']}: "
+                f"{finding['evidence']}",
+                remedy=finding["remedy"],
+            )
     if tip["link"] != record["link"]:
         raise OutputError(
             f"The load is on the link {record['link']}, but load data of a controller are those of a load on the "
