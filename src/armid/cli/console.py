@@ -49,7 +49,7 @@ SHORT_FORMS = {
 the page of a run gives the whole text."""
 
 REPEATED = 2
-"""Number of findings of severity `info` with one code up to which each is printed; of more, the first is."""
+"""Largest number of `info` findings with the same code that are all printed; of more, only the first is printed."""
 
 SHORT_TITLES = {"validation": "valid.", "earlier run": "earlier"}
 """Short column titles for tables with a column for each recording, which then fit into 80 characters."""
@@ -61,7 +61,8 @@ OPTION = re.compile(r"(?<!\S)--[a-z]|\barmid [a-z]|\b[a-z_]+ = \S")
 """Pattern of an option, a command or a key of a study in a remedy."""
 
 MAX_RECORDING_COLUMNS = 2
-"""Largest number of recordings with a column each; more recordings have one column with their root mean square."""
+"""Largest number of recordings that have one column each in a table of torque errors. More recordings share one
+column with the root mean square of their errors."""
 
 
 def output_console() -> Console:
@@ -135,7 +136,11 @@ def _shortened(finding: Finding) -> Finding:
 
 
 def _folded(findings: Sequence[Finding]) -> list[Finding]:
-    """Findings in which those of severity `info` with one code are the first one and one that names the others."""
+    """Findings in which long groups are shortened: the first one of the group, and one that names the others.
+
+    A group consists of the findings of severity `info` with the same code; it is long if it has more than `REPEATED`.
+    Groups with a remedy that the user can copy are not shortened.
+    """
     groups: dict[str, list[Finding]] = {}
     for finding in findings:
         groups.setdefault(f"{finding.severity} {finding.code}", []).append(finding)
@@ -180,7 +185,7 @@ def progress(*, quiet: bool = False) -> Generator[ReportProgress]:
 
 @contextmanager
 def print_missing_meshes(*, quiet: bool = False) -> Generator[None]:
-    """Prints the name of the mesh that is read, at most once per `MESH_MESSAGE_INTERVAL`, if a terminal shows it."""
+    """Prints on a terminal the name of the mesh being read, at most once per `MESH_MESSAGE_INTERVAL`."""
     from armid.excitation.collision.coal import telling_of_meshes
 
     console, start, last_message, count = error_console(), time.monotonic(), 0.0, 0
@@ -266,7 +271,7 @@ def _legend(training: Sequence[Score], held_out: Sequence[Score], before: Sequen
 
 
 def _partly_used(scores: Sequence[Score]) -> list[Array]:
-    """Share of the rows of each recording that count, for each joint; empty if all rows of all recordings count."""
+    """For each recording, share (n,) of its rows that the errors include; empty if the errors include all rows."""
     shares = [score.share for score in scores if score.share is not None]
     return shares if any((share < 1.0).any() for share in shares) else []
 
@@ -282,7 +287,7 @@ def _largest(values: Sequence[float]) -> float:
 
 
 def _columns(name: str, scores: Sequence[Score]) -> list[tuple[str, Array]]:
-    """Title and errors of each column: one column for each recording, or one root mean square of many recordings."""
+    """Title and RMS errors (n,) of each column: a column for each recording, or one for the RMS of many of them."""
     if len(scores) > MAX_RECORDING_COLUMNS:
         return [(f"{name},\n{len(scores)} runs", _root_mean_square([score.rms for score in scores]))]
     short = SHORT_TITLES.get(name, name)

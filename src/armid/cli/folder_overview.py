@@ -64,7 +64,7 @@ def _steps(folder: Path) -> tuple[tuple[str, str], ...]:
 
 
 def _logs(folder: Path, files: Sequence[str]) -> list[str]:
-    """Names of the recordings in a folder: files (those whose ending has other uses, too, last), then ROS bags."""
+    """Names of the recordings in a folder: files with a clear suffix, files with an ambiguous one, then ROS bags."""
     known = [name for name in files if name.lower().endswith(recording_endings())]
     ambiguous = tuple(suffix for each in READERS.values() for suffix in each.ambiguous)
     bags = sorted(path.parent.name for path in folder.glob("*/metadata.yaml"))

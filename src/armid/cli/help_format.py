@@ -1,4 +1,4 @@
-"""Layout of the help of a command: arguments as a user writes them, and switches without a type."""
+"""Layout of the help of a command: arguments in the form of the command line, and switches without a type."""
 
 from __future__ import annotations
 
@@ -37,14 +37,14 @@ class Command(TyperCommand):
 
 
 def _without_type(param: Any) -> Any:
-    """Removes the type from the help of a switch."""
+    """Removes the type from the help of a switch, and returns the parameter."""
     if getattr(param, "is_flag", False):
         param.metavar = ""
     return param
 
 
 def _usage(param: Any) -> str:
-    """Argument in the usage line: in brackets if it is optional, in parentheses if it has alternatives."""
+    """Text of an argument in the usage line: in brackets if it is optional, in parentheses if it has alternatives."""
     text = param.metavar or param.name.upper()
     if param.nargs == -1 and "…" not in text:
         text += "…"

@@ -86,7 +86,7 @@ def print_result(result: Result, *, verbose: bool = False) -> None:
 
 
 def _expected_line(validation: Validation, units: Sequence[str]) -> str:
-    """Line with the error expected on another recording, and whether the validation recordings kept it."""
+    """Line with the RMS error expected on another recording, and the joints whose error exceeds its 90 % interval."""
     assert validation.left_out is not None
     expected = validation.left_out.expected
     low, rms, high = (float(np.linalg.norm(each)) for each in (expected.low, expected.rms, expected.high))
@@ -113,7 +113,7 @@ def _assumption(result: Result) -> str:
 
 
 def _warning_lines(findings: Sequence[Finding], *, verbose: bool) -> list[str]:
-    """Lines with the codes of the warnings: printed warnings first, then warnings that only the page has."""
+    """Lines with the codes of the warnings: first the printed warnings, then those that only the page explains."""
     codes = list(dict.fromkeys(each.code for each in findings if each.severity == "warning"))
     printed = [code for code in codes if verbose or code not in SHAPE_FINDINGS]
     others = [code for code in codes if code not in printed]

@@ -1,4 +1,4 @@
-"""Errors as JSON objects on standard output, for commands with `--json`, also errors of a wrong command line."""
+"""Errors of commands with `--json`, including errors of the parser, as JSON objects on standard output."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def write_error(problem: str, possible: str = "", remedy: str = "") -> None:
     """Write an error as a JSON object on standard output.
 
     Args:
-        problem: Request, and the value or state that was found.
+        problem: Text that states the request, and the value or state that makes it impossible.
         possible: Values that are accepted.
         remedy: Action that solves the problem.
     """
@@ -31,7 +31,7 @@ def write_error(problem: str, possible: str = "", remedy: str = "") -> None:
 
 
 class Group(TyperGroup):
-    """Group of all commands; with `--json`, a wrong command line gives a JSON object beside the parser's message."""
+    """Group of all commands; with `--json`, a wrong command line gives a JSON object and the parser's message."""
 
     def make_context(self, info_name: str | None, args: list[str], *rest: Any, **extra: Any) -> Any:
         """Parse the part of the command line before the name of the command."""

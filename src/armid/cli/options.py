@@ -121,7 +121,7 @@ def _packages(given: list[str] | None) -> dict[str, str]:
 
 
 BOX = re.compile(r"[-+.\deE]+(,[-+.\deE]+){5}")
-"""Six numbers separated by commas."""
+"""Pattern of six numbers separated by commas."""
 
 
 def _separate(given: list[str] | None) -> tuple[str, ...]:

@@ -29,7 +29,7 @@ UNLIMITED_WIDTH = 1000
 """Width that no table exceeds; it is used to measure the natural width of a table [characters]."""
 
 ORDER = (4, 6, 9, 5, 7, 8)
-"""Entries of an inertia as they are printed: xx yy zz xy xz yz."""
+"""Indices of the inertias xx yy zz xy xz yz, in this order of printing, among the ten quantities of a body."""
 
 
 PRIORS = {
@@ -83,7 +83,7 @@ def _decimals(half_width: float) -> int:
 
 
 def _percent(relative: float) -> str:
-    """Percentage as text: two decimals; three significant digits below 0.1; `> 999` from a thousand on."""
+    """Text for a relative deviation [%]: two decimals; below 0.1 three significant digits; from 1000 on `> 999`."""
     if not relative < 1000.0:
         return "> 999"
     return f"{relative:.2f}" if relative >= 0.1 else f"{relative:.3g}"
@@ -144,7 +144,10 @@ def _links_note(table: LinkTable) -> str:
 
 
 def _digits(body: LinkProperties) -> list[int]:
-    """Decimals of the ten quantities of a link: the largest mass, coordinate and inertia have three digits each."""
+    """Number of decimals of each of the ten quantities of a link, one to six.
+
+    The mass, the largest coordinate of the centre of mass and the largest inertia have three significant digits.
+    """
     result = [0] * 10
     for kind in ((0,), (1, 2, 3), tuple(range(4, 10))):
         sizes = np.abs(np.concatenate([body.estimate[list(kind)], body.description[list(kind)]]))

@@ -69,7 +69,8 @@ class _Text:
 def body(program: Program, notation: Notation) -> tuple[list[str], dict[int, str]]:
     """Statements of a program, and the expression of each element of the result.
 
-    Elements of inputs are read once and first. The output may therefore be the same array as an input.
+    Each element of an input is read once, before all computations. The output may therefore be the same array as an
+    input.
     """
     symbols = {x for node in program.nodes for x in node.operands if isinstance(x, Node) and x.operation == "symbol"}
     symbols |= {x for x in program.results.values() if isinstance(x, Node) and x.operation == "symbol"}
@@ -96,7 +97,7 @@ def body(program: Program, notation: Notation) -> tuple[list[str], dict[int, str
 
 
 def matrix_rows(program: Program) -> list[list[int]]:
-    """For each row of the result matrix, indices of its elements in the list of all results, row by row."""
+    """Indices of the elements of each row of a result matrix, in the matrix flattened row by row."""
     rows, columns = program.shape
     return [list(range(columns * i, columns * (i + 1))) for i in range(rows)]
 

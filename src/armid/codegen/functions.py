@@ -39,7 +39,7 @@ PROGRAMS = (
 and `forward_dynamics` only for models in which every joint moves a mass."""
 
 FURTHER_PROGRAMS = ("velocity_friction", "checked_forward_dynamics")
-"""Names of functions that are used only where an interface needs them."""
+"""Names of further functions; code for them is generated only if an interface, such as that of ROS 2, needs them."""
 
 
 def make_programs(
@@ -84,7 +84,10 @@ class Maker:
     geometry: Geometry | None = None
 
     def exists(self, name: str) -> bool:
-        """True if the model has a function: hysteresis states, or masses that a torque can accelerate."""
+        """True if a function exists for the model.
+
+        The hysteresis functions need hysteresis states; the forward dynamics needs a mass that each joint moves.
+        """
         if name in STATE_FUNCTIONS:
             return bool(self.model.nodes)
         if name in ("forward_dynamics", "checked_forward_dynamics"):
@@ -186,13 +189,13 @@ class Maker:
         return inverse_dynamics(self._tree, bodies, inputs["q"], inputs["dq"], still)
 
     def _coriolis_matrix(self, inputs: Mapping[str, Sequence[Scalar]]) -> list[list[Scalar]]:
-        """Coriolis matrix, whose column j is the product of the velocity with the unit velocity of joint j."""
+        """Coriolis matrix C(q, q̇), n rows of n scalars; column j is its product with a unit velocity of joint j."""
         units = [[float(i == j) for i in range(self.model.n)] for j in range(self.model.n)]
         columns = [self._product_of_velocities(inputs, list[Scalar](unit)) for unit in units]
         return [list(row) for row in zip(*columns, strict=True)]
 
     def _product_of_velocities(self, inputs: Mapping[str, Sequence[Scalar]], other: Sequence[Scalar]) -> list[Scalar]:
-        """The product C(q, q̇) q̇_other of the Coriolis matrix with a second velocity."""
+        """Product C(q, q̇) q̇_other of the Coriolis matrix with a second velocity `other`, n scalars."""
         still: list[Scalar] = [0.0] * self.model.n
         tree, bodies = without_gravity(self._tree), self._bodies(self._theta(inputs))
         return inverse_dynamics(

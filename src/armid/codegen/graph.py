@@ -40,7 +40,7 @@ FUNCTIONS: dict[str, Callable[..., float]] = {
     "max": _larger,
     "min": _smaller,
 }
-"""Functions that can be applied to nodes, with the function of a number that gives the same value. In addition,
+"""Functions that can be applied to nodes, each with the function that computes its value for numbers. In addition,
 nodes have the operations add, sub, mul, div and neg."""
 
 ODD = frozenset({"sin", "tanh", "sign"})

@@ -24,7 +24,8 @@ RESERVED = frozenset(
     persistent spmd math std armid controller deviation estimate reference samples seconds state step torque wanted q
     dq ddq tau""".split()
 )
-"""Reserved words of the languages, and variables of the examples; names in generated code must differ from them."""
+"""Reserved words of the languages, and variables of the examples; the names of generated modules must differ from
+them."""
 
 
 HELD_IN_A_LINE = 3
@@ -62,7 +63,7 @@ class FunctionSource:
 
     Attributes:
         name: Name of the file or module, and prefix of functions.
-        heading: Lines for the head of the files, which say from which data the code was made.
+        heading: Lines for the head of the files, which state the data from which the code was made.
         joints: Names of the joints.
         parameters: Base parameters, in the order of the columns of the base regressor.
         columns: Names of the standard parameters, in the order of the columns of the regressor.
@@ -134,7 +135,7 @@ def make_source(
         base: Base parameters of the model.
         values: Values of the base parameters, shape (b,).
         name: Name of the generated module and prefix of its functions; if empty, the name of the robot is used.
-        heading: Lines for the head of the files, which say from which data the code was made.
+        heading: Lines for the head of the files, which state the data from which the code was made.
         wanted: Names of the functions, from `PROGRAMS`.
     """
     numbers = array(values, (base.count,), "base parameters")

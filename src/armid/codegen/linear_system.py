@@ -8,7 +8,7 @@ from armid.codegen.graph import Node, Scalar, call
 
 
 def is_regular(matrix: Sequence[Sequence[Scalar]]) -> bool:
-    """True if no row of a symmetric matrix has a diagonal element that is always zero."""
+    """True if no diagonal element of a symmetric matrix is identically zero."""
     return all(isinstance(row[i], Node) for i, row in enumerate(matrix))
 
 
@@ -44,7 +44,7 @@ def solve_symmetric(matrix: Sequence[Sequence[Scalar]], right: Sequence[Scalar])
 
 
 def _reduced(start: Scalar, row: Sequence[Scalar], values: Sequence[Scalar]) -> Scalar:
-    """Value minus the scalar product of a row with the given values, which may be fewer than the row has."""
+    """Scalar `start` minus the product of the given values with as many first elements of a row."""
     for a, b in zip(row, values, strict=False):
         start = start - a * b
     return start

@@ -24,7 +24,7 @@ class Argument:
     """Input vector of a function.
 
     Attributes:
-        name: Name of the input: `parameters`, `q`, `dq`, `ddq` or `state`.
+        name: Name of the input, for instance `parameters`, `q`, `dq`, `ddq` or `state`.
         length: Number of elements.
         meaning: Description of the input, with its unit.
     """

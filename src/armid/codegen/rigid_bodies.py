@@ -33,7 +33,7 @@ class Geometry:
 
     Attributes:
         parent: Index of the joint whose link carries the joint; -1 for the base.
-        prismatic: Whether each joint is prismatic.
+        prismatic: For each joint, true if it is prismatic.
         axis: Unit vectors of the axes in the frames of the joints, shape (n, 3).
         rotation: Rotation of frame i in the frame of its parent at q_i = 0, shape (n, 3, 3).
         translation: Origin of frame i in the frame of its parent at q_i = 0, shape (n, 3) [m].

@@ -83,9 +83,9 @@ def share_out(
 
 
 def _solid(body: Body) -> Body:
-    """Copy of a body without the inertia that programs compute from meshes.
+    """Body with a negligible mass, if programs would compute its inertia from meshes and a locked joint attaches it.
 
-    A body on a locked joint gets a negligible mass instead, because programs need a mass there.
+    Programs need a mass there. Other bodies are returned unchanged.
     """
     if body.is_guessed and body.is_welded:
         return replace(body, nominal=SPECK)
@@ -104,7 +104,7 @@ def carried_by(bodies: Sequence[Body], links: int) -> Array:
 
 
 def carriers(bodies: Sequence[Body]) -> list[Body]:
-    """Main bodies, which get the identified inertia: one body for each link that has bodies in the file."""
+    """Main body of each link that has bodies in the file; the main bodies get the identified inertia."""
     return [_carrier([body for body in bodies if body.link == i]) for i in sorted({body.link for body in bodies})]
 
 

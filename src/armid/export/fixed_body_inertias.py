@@ -24,14 +24,14 @@ SPECK = InertialParameters.from_com(1e-6, np.zeros(3), 1e-10 * np.eye(3))
 MuJoCo."""
 
 LEFT = 0.5
-"""Factor with which attached bodies are scaled, divided by the largest possible factor. The other half remains for
+"""Ratio of the factor by which attached bodies are scaled to the largest possible factor. The other half remains for
 the main body."""
 
 FLATTEST = 1e-3
-"""Smallest ratio of smallest to largest second moment of a body whose inertia tensor was corrected."""
+"""Lower bound of the ratio of smallest to largest second moment of mass of a body whose tensor is corrected."""
 
 THINNEST = 1e-3
-"""Smallest radius of gyration, about a plane through the centre of mass, of a body whose inertia tensor was
+"""Lower bound of the radius of gyration, about a plane through the centre of mass, of a body whose tensor is
 corrected [m]."""
 
 

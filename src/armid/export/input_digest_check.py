@@ -68,9 +68,9 @@ def find_source(run: Run, description: Path | str | None = None) -> DescriptionS
 
 
 def _former_digest(path: Path) -> str | None:
-    """Digest that earlier versions of armid stored for a description, if it differs from the present digest.
+    """Digest of an MJCF as earlier versions of armid computed it, without the files of meshes.
 
-    Earlier versions left the files of meshes out of the digest of an MJCF.
+    The result is `None` for other formats.
     """
     text = path.read_text(encoding="utf-8")
     return mjcf.digest_without_meshes(text, source=str(path)) if mjcf.recognises(text) else None
@@ -106,7 +106,7 @@ def _relative_folder(study: Mapping[str, Any]) -> Path:
 
 
 def _read(path: Path, locked: Mapping[str, float]) -> DescriptionSource:
-    """Reads a description with an exporter that can edit its format."""
+    """Reads a description with an exporter that can edit its format; without one, its format is stored as `dh`."""
     data = path.read_bytes()
     for name, exporter in EXPORTERS.items():
         opened = exporter.open_description(path, data)

@@ -45,7 +45,7 @@ def export_monitor(monitor: Monitor, folder: Path | str, *, name: str = "") -> t
 
 
 def monitor_numbers(monitor: Monitor) -> MonitorNumbers:
-    """Numbers of a monitor for code."""
+    """Numbers that the C code of a monitor contains: filter coefficients, times, speeds and thresholds."""
     rate, options, found = monitor.rate, monitor.options, monitor.thresholds
     corner = options.stage_at(rate)
     stage = LowPassStage.of(corner, rate)

@@ -75,7 +75,7 @@ def model_of_mjcf(pin: Any, text: str) -> Any:
 
 
 def _built(make: Callable[[], Any]) -> tuple[Any, str]:
-    """Model that a function makes with Pinocchio, and what the parser says against it; empty if it says nothing."""
+    """Model that a function makes with Pinocchio, and the error messages of the parser; empty without errors."""
     result, reason = None, ""
     # urdfdom prints errors to the C++ standard error only, and continues without an inertia that it cannot read.
     with tempfile.TemporaryFile() as stderr:

@@ -31,7 +31,11 @@ NAMED = 4
 
 
 def unphysical_names(content: Content, placeless: Collection[int], bodies: Sequence[Body]) -> list[str]:
-    """Names of links, bodies and joints with inconsistent parameters, unless the description has the same ones."""
+    """Names of links, bodies and joints with physically inconsistent parameters.
+
+    Bodies that are point masses in the description and in the file, and links without a body in the file
+    (`placeless`, by index), are not named.
+    """
     links = {link.name: link.inertial for k, link in enumerate(content.robot.links) if k not in placeless}
     changed = content.bodies or {}
     thin = {each.name for each in bodies if each.name in changed and is_thin(each, changed[each.name])}
@@ -211,7 +215,7 @@ def _far_finding(run: Run, what: str, kind: str, rest: Sequence[str], *, known: 
 
 
 def _far_com(robot: Robot, link: int, name: str, new: InertialParameters, old: InertialParameters) -> str:
-    """Text that a body has its centre of mass far outside the described body; empty if it is near."""
+    """Text with the distance between new and described centre of mass of a body; empty if it is small (`AWAY`)."""
     if new.mass <= 0.0 or old.mass <= 0.0:
         return ""
     spread = float(np.sqrt(max(np.trace(old.pseudo_inertia[:3, :3]), 0.0) / old.mass))

@@ -32,7 +32,8 @@ EPSILONS = (1e-6, 1e-8)
 is impossible."""
 
 LIGHTEST = 0.01
-"""Smallest mass by which changes of a link are scaled, divided by the mean mass of the links."""
+"""Smallest mass relative to which changes of a link are measured, divided by the mean mass of the links, or by 1 kg
+if that is larger."""
 
 SAME = 1e-9
 """Largest allowed change of a base parameter by rounding in the regrouping, divided by the largest base parameter."""
@@ -225,7 +226,13 @@ def _in_even_steps(measure: Array, particular: Array, basis: Array, anchor: Arra
 
 
 def relative_change(standard: StandardParameters, anchor: Array, there: list[NDArray[np.intp]]) -> Array:
-    """Matrix (16 n, p) that maps a change of θ to the relative changes of the pseudo-inertias of the n links."""
+    """Matrix (16 n, p) that maps a change of θ to the relative changes of the pseudo-inertias of n links.
+
+    Args:
+        standard: Standard parameters of the model.
+        anchor: Parameters relative to which changes are measured, shape (p,).
+        there: For each of the n links, the indices of its ten inertial parameters.
+    """
     rows = np.zeros((16 * len(there), len(anchor)))
     least = LIGHTEST * max(float(anchor[standard.inertial[:, 0]].mean()), 1.0)
     thinnest = smallest_radius(standard)
@@ -237,9 +244,10 @@ def relative_change(standard: StandardParameters, anchor: Array, there: list[NDA
 
 
 def _thick(vector: Array, least: float, thinnest: float) -> Array:
-    """Inertial parameters of a link, changed to be physically consistent, as a scale.
+    """Inertial parameters (10,) of a link, made physically consistent, relative to which changes can be measured.
 
-    If all parameters are zero, those of a ball are returned.
+    Below the mass `least` [kg], the parameters of a ball of this mass are returned. Radii of gyration about planes
+    through the centre of mass are raised to `thinnest` [m].
     """
     J = pseudo_inertia(vector)
     mass = float(J[3, 3])

@@ -1,4 +1,4 @@
-"""Verification of a file: it is read back, and its torque is compared with the model, also in other programs."""
+"""Verification of a file: armid and other programs read it, and their torques are compared with the model."""
 
 from __future__ import annotations
 
@@ -132,7 +132,7 @@ def _held(raw: Robot, content: Content) -> Robot:
 
 
 def _in_order(robot: Robot, like: Robot) -> Robot:
-    """The same arm with its joints in the order in which another arm has them."""
+    """Arm with its joints in the order of the joints of another arm."""
     if robot.joint_names == like.joint_names:
         return robot
     if sorted(robot.joint_names) != sorted(like.joint_names):

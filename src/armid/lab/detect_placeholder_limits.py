@@ -11,8 +11,8 @@ from armid.errors import Finding
 from armid.lab.known_arms import TYPICAL_COULOMB, UNKNOWN_EFFORT, KnownArm, friction_of_limits
 
 MUCH = 0.5
-"""Effort limits are suspicious if the Coulomb friction of a joint divided by the largest torque that its links need
-exceeds this ratio in all joints with load, or in one joint whose effort limit is unknown."""
+"""Largest plausible ratio of the Coulomb friction of a joint to the largest torque that its links need. Effort limits
+are suspicious if all joints with load exceed this ratio, or one joint whose effort limit is unknown."""
 
 MUCH_OF_EQUAL = 0.25
 """Ratio that replaces `MUCH` for arms whose joints all have the same effort limit."""
@@ -65,7 +65,7 @@ def placeholder_finding(truth: KnownArm, transmitted: Array) -> Finding | None:
 
 
 def _reason(limits: Array) -> str:
-    """Clause of the finding that says why the effort limits (n,) are suspicious."""
+    """Clause of the finding that states why the effort limits (n,) [N·m or N] are suspicious."""
     known = np.isfinite(limits)
     if not known.any():
         return f"the limit {UNKNOWN_EFFORT:g}, which is assumed because the description has none, is unrealistic"

@@ -21,12 +21,12 @@ THESIS_FRICTION = {
     "FV": (28.404, 29.136, 11.133, 17.658, 5.953, 2.750, 2.814),
     "FS": (10.506, 13.207, 6.656, 7.437, 6.951, 3.111, 3.030),
 }
-"""Viscous [N·m·s/rad] and Coulomb [N·m] friction of the seven joints, from Table 4.1 of the thesis."""
+"""Viscous [N·m·s/rad] and Coulomb [N·m] friction of the seven joints of the iiwa, from Table 4.1 of the thesis."""
 
 
 WHOLE = 1e-6
-"""If the period differs from a whole number of samples by at most this part of a sample, one period is computed and
-repeated. The error of the position is then far below the noise of any encoder."""
+"""Largest difference of the period from a whole number of samples, as a fraction of a sample, with which one period
+is computed and repeated. The error of the position is then far below the noise of any encoder."""
 
 
 @dataclass(frozen=True, slots=True)

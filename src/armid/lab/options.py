@@ -128,7 +128,7 @@ def parse_options(table: Mapping[str, Any]) -> LabOptions:
 
 
 def _made(kind: type[T], table: object, where: str) -> T:
-    """Makes a dataclass from a TOML table, also from nested ones, whose keys are the fields of the class."""
+    """Makes an object of a dataclass from a TOML table with the fields of the class as keys; tables may be nested."""
     if not isinstance(table, Mapping):
         raise LabError(f"{where} must be a table; found {table!r:.60}.", remedy="write this value as a TOML table.")
     fields = {f.name: f for f in dataclasses.fields(kind) if f.init}  # pyright: ignore[reportArgumentType]

@@ -166,13 +166,13 @@ class Instant(NamedTuple):
 
     Attributes:
         q: Positions of the joints, shape (n,) [rad or m].
-        dq: Velocities, shape (n,).
-        ddq: Accelerations, shape (n,).
+        dq: Velocities of the joints, shape (n,) [rad/s or m/s].
+        ddq: Accelerations of the joints, shape (n,) [rad/s² or m/s²].
         effort: Torque of the drives, shape (n,) [N·m or N].
-        friction: Friction, shape (n,) [N·m or N].
-        drive_q: Positions of the drives, on the joint side, shape (n,).
-        drive_dq: Velocities of the drives, shape (n,).
-        drive_ddq: Accelerations of the drives, shape (n,).
+        friction: Torque of friction, positive against a positive velocity, shape (n,) [N·m or N].
+        drive_q: Positions of the drives, on the joint side, shape (n,) [rad or m].
+        drive_dq: Velocities of the drives, on the joint side, shape (n,) [rad/s or m/s].
+        drive_ddq: Accelerations of the drives, on the joint side, shape (n,) [rad/s² or m/s²].
         rise: Temperature rise, shape (n,) [K]; `None` if the friction has no warm-up.
     """
 

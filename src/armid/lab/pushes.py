@@ -39,7 +39,7 @@ class Push:
             )
 
     def at(self, time: Array) -> Array:
-        """Torque at times (N,) [s], shape (N,)."""
+        """Torque of the push at times (N,) [s] since the start of the log, shape (N,) [N·m or N]."""
         since, left = time - self.start, self.start + self.seconds - time
         inside = (since >= 0.0) & (left > 0.0)
         if not self.rise:

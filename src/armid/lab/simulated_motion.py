@@ -22,8 +22,8 @@ MARGIN = 0.25
 """Time before the recording that is simulated, because delays and causal filters need it [s]."""
 
 WHOLE = 1e-6
-"""If the period differs from a whole number of steps by at most this part of a step, the samples of one period are
-repeated."""
+"""Largest difference of the period from a whole number of steps, as a fraction of a step, with which the samples of
+one period are repeated."""
 
 PROGRESS_INTERVAL = 2000
 """Number of steps between two calls of the progress callback."""
@@ -154,7 +154,10 @@ def closed_loop(
 
 
 def _lead_in(plan: Excitation, steps: int, h: float) -> Motion:
-    """Reference from rest in the first pose p of the plan to the plan, C² at both ends: p + w(t) (plan(t) - p)."""
+    """Reference motion p + w(t) (plan(t) - p) from rest in the first pose p of the plan into the plan.
+
+    The weight w rises from 0 to 1, with first and second derivatives that are zero at both ends.
+    """
     along = plan.at(np.arange(-steps, 0) * h)
     if not steps:
         return along

@@ -115,7 +115,7 @@ def simulate(
 def simulation_findings(simulated: Simulated) -> tuple[Finding, ...]:
     """Findings about a simulated arm or motion that is not realistic, such as joints beyond their limits.
 
-    The joints of the simulated arm have no hard stops. If a limit is exceeded, the finding says whether the plan
+    The joints of the simulated arm have no hard stops. If a limit is exceeded, the finding states whether the plan
     exceeds the limit, or only the controlled motion.
     """
     trace, joints = simulated.trace.from_time(0.0), simulated.truth.robot.joints
@@ -153,7 +153,7 @@ def _range_doubts(joint: Joint, asked: Array, reached: Array) -> list[Finding]:
 
 
 def _speed_doubts(joint: Joint, asked: float, reached: float) -> list[Finding]:
-    """Findings about a joint that is faster than its limit, in the plan or only in the simulated motion."""
+    """Findings about a joint whose speed [rad/s or m/s] exceeds its limit in the plan, or only in the simulation."""
     limit, unit = joint.velocity_limit, f"{joint.unit}/s"
     if asked > KEPT * limit:
         evidence = f"has a velocity of {asked:.3f} {unit} in the plan; its limit is {limit:.3f} {unit}."

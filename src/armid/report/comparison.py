@@ -21,7 +21,7 @@ from armid.report.tables import Column, Table, TableCell
 from armid.runs.recalibration_record import recorded_changes
 
 BY_CHANCE = 0.05
-"""Share of parameters without a change whose two estimates differ by more than the 95 % interval of the change."""
+"""Expected share of unchanged parameters whose estimated change is larger than its 95 % interval by chance."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -91,7 +91,7 @@ def pair_of(before: PageData, after: PageData) -> Pair:
 
 
 def changes(pair: Pair) -> list[RunChange]:
-    """Changes of parameters in both runs, largest first; parameters with different groupings are excluded.
+    """Changes of the parameters that both runs have with the same grouping, largest first.
 
     If the later run was recalibrated from the earlier run, the changes are taken from the recalibration, whose
     intervals include the correlation of both runs. Otherwise the two estimates are treated as independent.

@@ -47,7 +47,7 @@ class Heading:
 
 
 def heading_of_run(page_data: PageData) -> Heading:
-    """Heading of a run's page."""
+    """Heading of the page of a run: time and place of the identification, recordings, folder, picture of the arm."""
     run, estimate = page_data.run, page_data.run.estimate
     origin = run.made
     when = _date(origin.at) if origin.at else "date not recorded"
@@ -62,7 +62,7 @@ def heading_of_run(page_data: PageData) -> Heading:
 
 
 def commands_of(page_data: PageData) -> list[tuple[str, str]]:
-    """Next commands with the path of a run, each with its result."""
+    """Commands that can follow a run, with the path of the run inserted, each with its result."""
     run = shlex.quote(str(Path(page_data.run.folder)))
     export = export_command(run, page_data.run.estimate, page_data.run.robot, page_data.study.robot.description)
     return [export, *((f"armid {command.format(run=run)}", purpose) for command, purpose in NEXT_COMMANDS)]
@@ -91,7 +91,10 @@ def export_command(run: str, estimate: Estimate, robot: Robot, description: str)
 
 
 def limitation_of_description(estimate: Estimate, robot: Robot) -> str:
-    """Limitation of the robot description that an estimate gives; empty if a body of each link is estimated."""
+    """Text about the limitation of a robot description exported from an estimate; empty if there is none.
+
+    There is none if the estimate contains a physically consistent body of each link.
+    """
     bodies = estimate.fit.standard
     status = {} if bodies is None else dict(zip(bodies.names, bodies.status, strict=True))
     numbered = enumerate(robot.links, 1)

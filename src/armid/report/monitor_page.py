@@ -20,7 +20,7 @@ from armid.report.tables import Column, Table, TableCell
 from armid.runs.monitoring.monitor import NO_SAFETY, Alarm, Monitor, Watched
 
 MAX_OPEN = 20
-"""Largest number of alarms of a table that is not folded."""
+"""Largest number of alarms for which the table of alarms is not folded."""
 
 MILLISECONDS = 1e3
 
@@ -33,7 +33,7 @@ def write_monitor_page(monitor: Monitor, watched: Watched, name: str, path: Path
 
     Args:
         monitor: The monitor.
-        watched: Its result on the recording.
+        watched: Result of the monitor on the recording.
         name: Name of the recording.
         path: The file; it is written completely or not at all.
 

@@ -37,7 +37,7 @@ CLOSE = 0.99
 """Used share of a limit above which the limit counts as fully used."""
 
 MANY = 12
-"""Largest number of rows of a table that is not folded."""
+"""Largest number of rows with which a table is not folded."""
 
 
 def write_preflight(designed: Checked, path: Path | str) -> Path:

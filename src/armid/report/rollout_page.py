@@ -24,7 +24,7 @@ from armid.validation.rollout_score import MotionScore
 from armid.validation.simulated_windows import SimulatedWindows
 
 MILLI = 1e3
-"""Factor of position errors, which are shown in mrad or mm."""
+"""Factor by which position errors [rad or m] are multiplied, to show them in mrad or mm."""
 
 
 def write_rollout_page(run: Run, rollout: RunRollout, path: Path | str) -> Path:
@@ -32,7 +32,7 @@ def write_rollout_page(run: Run, rollout: RunRollout, path: Path | str) -> Path:
 
     Args:
         run: The run.
-        rollout: Rollout of its model.
+        rollout: Rollout of the model of the run.
         path: The file; it is written completely or not at all.
 
     Raises:
@@ -105,7 +105,7 @@ def _cell(value: float) -> TableCell:
 
 
 def _rms(error: Array) -> Array:
-    """RMS of errors (W, S, n) for each joint, shape (n,); NaN without windows."""
+    """RMS for each joint, shape (n,), of the errors (W, S, n) in W windows of S samples; NaN without windows."""
     return np.sqrt(np.mean(error**2, axis=(0, 1))) if len(error) else np.full(error.shape[2], np.nan)
 
 

@@ -70,7 +70,7 @@ class TreeJoint:
 
 @dataclass(slots=True)
 class BodyTree:
-    """Joints, inertias and frames of a description in the order in which a reader meets them.
+    """Joints, inertias and frames of a description, in the order in which a reader has added them.
 
     Attributes:
         joints: Movable joints, parents before children.
@@ -104,7 +104,7 @@ class BodyTree:
         return self._add_frame(TreeFrame(name, kind, joint, above, placement @ pose))
 
     def add_inertia(self, frame: int, vector: Array) -> None:
-        """Adds inertial parameters (10,) in a frame to the link that carries it; those of the base do not matter."""
+        """Adds inertial parameters (10,), given in a frame, to the link that carries it; no effect on the base."""
         joint, placement = self._carrier(frame)
         if joint >= 0:
             self.inertias[joint] = self.inertias[joint] + transform(vector, placement[:3, :3], placement[:3, 3])
@@ -224,7 +224,7 @@ def _last_joint(tree: BodyTree, locked: Collection[str]) -> int:
 
 
 def _attached(tree: BodyTree, locked: Collection[str]) -> tuple[dict[int, list[int]], dict[int, list[int]]]:
-    """Indices of the bodies that are attached to each frame by a fixed joint, and by a locked joint."""
+    """Indices of the bodies that each frame carries on fixed joints, and of those that it carries on locked ones."""
     fixed: dict[int, list[int]] = {k: [] for k in range(-1, len(tree.frames))}
     over_locked: dict[int, list[int]] = {k: [] for k in range(-1, len(tree.frames))}
     for k, body in tree.bodies():

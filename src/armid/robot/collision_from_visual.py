@@ -99,5 +99,5 @@ def _key(shape: Shape) -> tuple[str, int, str, bytes, bytes]:
 
 
 def _numbered(name: str, count: int) -> str:
-    """Name of a body, with a number after those of the bodies that the link already has."""
+    """Name of a body with its number increased by `count`, the number of bodies that the link already has."""
     return BodyName(name.link, name.number + count) if isinstance(name, BodyName) else name

@@ -21,11 +21,11 @@ is needed because real links of small arms may weigh only grams."""
 
 
 ROUNDING = 1e-6
-"""Ratio of a negative moment of inertia to the largest moment that rounding of printed numbers can explain."""
+"""Largest ratio of the size of a negative moment of inertia to the largest moment that counts as rounding."""
 
 
 CANCELLED = 1e-12
-"""Ratio of the inertia about the centre of mass to that about the origin below which it is only rounding."""
+"""Ratio of the inertia about the centre of mass to that about the origin below which the former is only rounding."""
 
 
 def impossible_inertias(inertias: Mapping[str, Array]) -> tuple[Finding, ...]:

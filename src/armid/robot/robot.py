@@ -23,7 +23,8 @@ EARTH_GRAVITY = (0.0, 0.0, -9.81)
 """Acceleration of gravity in the base frame of an upright arm [m/s²]; a hanging arm has (0, 0, 9.81)."""
 
 CONSISTENCY_TOLERANCE = 1e-9
-"""Largest negative eigenvalue of a pseudo-inertia, relative to the largest one, accepted as rounding error."""
+"""Largest size of a negative eigenvalue of a pseudo-inertia, divided by the largest eigenvalue, that counts as a
+rounding error."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -49,7 +50,7 @@ class InertialParameters:
 
     @classmethod
     def from_vector(cls, vector: ArrayLike) -> InertialParameters:
-        """Inertial parameters from the vector m, mx, my, mz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz."""
+        """Inertial parameters from the vector (10,) m, mx, my, mz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz [kg, kg·m, kg·m²]."""
         v = array(vector, (10,), "inertial parameters")
         return cls(float(v[0]), v[1:4], v[4:])
 

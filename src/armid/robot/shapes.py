@@ -129,7 +129,7 @@ def shapes_unknown(kinds: Mapping[str, str], *, drawn: bool = False) -> tuple[Fi
 
 
 def _nearby(option: str) -> str:
-    """Clause that a missing file was found near the description; empty if it was not found."""
+    """Clause which states that an option would find a missing file near the description; empty without an option."""
     return f"; {option} would find it near the description" if option else ""
 
 

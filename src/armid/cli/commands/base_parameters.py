@@ -88,7 +88,7 @@ def base(
 
 
 def _group_by_joint(base_parameters: BaseParameters, formulas: Sequence[str], joints: Sequence[str]) -> list[str]:
-    """Lines for each joint: formulas of base parameters that are sums, then names of single parameters."""
+    """Lines to print for each joint: formulas of its base parameters that are sums, then names of the other ones."""
     from armid.model.parameter_counts import by_joint
 
     lines: list[str] = []

@@ -1,4 +1,4 @@
-"""`armid certify`: physical consistency of parameters, mass matrix over all poses, bodies beside their shapes."""
+"""`armid certify`: check of physical consistency, of the mass matrix in all poses, and of bodies by their shapes."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ RULES = {
         "three times the moment of inertia about the long axis y",
     ),
 }
-"""Checked quantity, unit, and text for the lower bound, by the number of the equation in the thesis [Halper2024]."""
+"""Checked quantity, its unit, and a text about its lower bound; the keys are equation numbers of [Halper2024]."""
 
 
 def certify(
@@ -163,7 +163,7 @@ def _shapes(check: InertialCheck) -> str:
 
 
 def _change(certificate: Certificate) -> str:
-    """Text for the smallest change that makes the parameters physically consistent."""
+    """Text about the smallest change that makes the parameters physically consistent."""
     if certificate.feasible:
         return "physically consistent without a change"
     return (

@@ -85,7 +85,7 @@ def doctor(
 
 
 def _require_study(subject: str, *, options: bool) -> None:
-    """Raises an error if the subject of a command without recordings is no study, or if options are given, too."""
+    """Raises an error if `subject`, given without recordings, is no study, or if there are options with a study."""
     if Path(subject).suffix != ".toml":
         raise ArmidError(
             f"{subject} is an arm and not a study, but no recording is given.",
@@ -99,7 +99,7 @@ def _require_study(subject: str, *, options: bool) -> None:
 def _without_study(
     diagnoses: tuple[Diagnosis, ...], study: Study, reading_options: dict[str, Any]
 ) -> tuple[Diagnosis, ...]:
-    """Diagnoses in which each remedy can be used without a study: it is an option, or the text of a new study."""
+    """Diagnoses with remedies that need no study: each remedy becomes an option, or the text of a new study."""
     from dataclasses import replace
 
     from armid.cli.remedy_hints import hint, options_of_command

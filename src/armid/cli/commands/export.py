@@ -150,7 +150,7 @@ def _ensemble(
     *,
     json: bool,
 ) -> None:
-    """Write possible arms, and print the folder and how many draws were replaced."""
+    """Write `count` possible arms, drawn from the estimate; print the folder and the share of replaced draws."""
     from armid.cli.console import print_findings, progress
     from armid.export.ensemble.write import PARAMETERS, ensemble_record, export_ensemble
     from armid.runs.run import load_run

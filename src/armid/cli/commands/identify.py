@@ -162,10 +162,10 @@ def identify(
 
 
 def _presets(names: list[str]) -> tuple[str | None, str | None]:
-    """Preset of the processing and preset of the log format among the values of --preset.
+    """Preset of the processing and preset of the log format among the values of --preset; `None` if not given.
 
     Raises:
-        StudyError: A name is unknown, or there are two presets of a kind.
+        StudyError: A name is unknown, or two presets of log formats are given.
     """
     from armid.errors import StudyError, did_you_mean
 
@@ -184,7 +184,10 @@ def _presets(names: list[str]) -> tuple[str | None, str | None]:
 
 
 def _shared_format_finding(study: Study, validate: list[str]) -> list[Finding]:
-    """Finding about validation recordings that are read with the log format of the training recordings."""
+    """List with a finding if recordings of --validate are read with the log format of the training recordings.
+
+    The list is empty without such recordings, and if the log format has default values.
+    """
     from armid.errors import Finding
     from armid.measurement.log_format import LogFormat
     from armid.measurement.remedy_builders import lines
@@ -259,7 +262,7 @@ def _study(
     arm: tuple[Any, ...],
     terms: str | None,
 ) -> Study:
-    """Study that the arguments of the command name, or a new study of an arm and recordings."""
+    """Study in the file that the arguments name, or a new study of the arm and the recordings that they name."""
     from armid.measurement.log_format import LogFormat
     from armid.study.config import RecordingChoice, Study, default_estimation
 
@@ -274,11 +277,14 @@ def _study(
 
 
 OF_ONE = ("exclude", "period", "start")
-"""Keys of a log format that belong to one recording alone."""
+"""Keys of a log format whose values are valid for one recording only."""
 
 
 def _shared(log_format: LogFormat) -> LogFormat:
-    """Log format of the training recordings without what belongs to one of them: exclusions, and times of periods."""
+    """Log format for further recordings: the given one without exclusions, start and period.
+
+    The period `none` (no repetition) is retained.
+    """
     period = "none" if log_format.period == "none" else None
     return replace(log_format, exclude=(), start=None, period=period)
 
@@ -294,7 +300,10 @@ def _changed_study(
     arm: tuple[Any, ...],
     terms: str | None,
 ) -> Study:
-    """Study of a file, changed by the command line; recordings of --validate are read like its first recording."""
+    """Study in a file, with the changes that the command line requests.
+
+    Recordings of --validate get the log format of the first training recording of the study.
+    """
     from armid.errors import StudyError
     from armid.study.config import RecordingChoice, default_estimation, load_study
 

@@ -138,7 +138,7 @@ def payload(
 
 
 def _estimated(found: Payload, to: Sequence[str], flange: str | None, out: Path | None, *, json: bool) -> None:
-    """Write and print an estimated payload, and write it for controllers."""
+    """Write an estimated payload to `payload.json` and to files for controllers, if requested, and print it."""
     from armid.atomic_file import replace_file
     from armid.cli.console import print_findings
     from armid.errors import OutputError
@@ -173,7 +173,7 @@ def _estimated(found: Payload, to: Sequence[str], flange: str | None, out: Path 
 
 
 def _refuse_estimation(*, given: bool) -> None:
-    """Refuse options of an estimate where a stored payload.json is converted."""
+    """Raise an error if options of an estimate are given although a stored payload.json is only converted."""
     from armid.errors import OutputError
 
     if given:
@@ -185,7 +185,7 @@ def _refuse_estimation(*, given: bool) -> None:
 
 
 def _refuse_options(recordings: Sequence[str] | None, to: Sequence[str] | None, flange: str | None) -> None:
-    """Refuse a command without recordings that converts nothing, unknown controllers, and --flange without --to."""
+    """Raise an error without recordings and --to, for unknown controllers, and for --flange without --to."""
     from armid.errors import OutputError
     from armid.export.load.write import controller_names
 
@@ -206,7 +206,7 @@ def _not_written() -> Finding:
 
 
 def _converted(stored: str, to: Sequence[str], flange: str | None, out: Path | None, *, json: bool) -> None:
-    """Write a stored payload for controllers."""
+    """Write the payload of a stored `payload.json` to files for controllers, and print the names of the files."""
     from armid.cli.console import print_findings
     from armid.export.load.flange_load import read_load
     from armid.export.load.write import write_load, written_record
@@ -221,7 +221,7 @@ def _converted(stored: str, to: Sequence[str], flange: str | None, out: Path | N
 
 
 def _report_written(written: Sequence[WrittenLoad], *, json: bool) -> None:
-    """Print the names of the files for controllers."""
+    """Print the names of the files written for controllers; nothing is printed if `json` is true."""
     if json or not written:
         return
     lines = [f"{path} written" for each in written for path in each.files]
@@ -302,7 +302,10 @@ def _body(payload: Payload) -> Table:
 
 
 def _parameters(record: dict[str, Any]) -> Table:
-    """Table of the ten parameters of the load about the origin of the frame; one interval assumes exact gains."""
+    """Table of the ten inertial parameters of the load about the origin of its frame, with 95 % intervals.
+
+    A further column contains the intervals for exact drive gains, if these differ from the other intervals.
+    """
     import numpy as np
     from rich.table import Table
 

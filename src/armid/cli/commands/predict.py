@@ -73,7 +73,7 @@ def predict(
 
 
 def _summary(run: Run, path: Path, torque: Array, width: Array | None, *, json: bool) -> str:
-    """Text or JSON object about a written torque (N, n) and half widths of its intervals, if any."""
+    """Text, or JSON object if `json`, about a written torque (N, n) and the half widths (N, n) of its intervals."""
     import numpy as np
 
     from armid.notebook_display import plural

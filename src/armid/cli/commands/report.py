@@ -100,7 +100,7 @@ def write_page(
 
 
 def attempt(page: str, write: Callable[[], object]) -> bool:
-    """Write a page beside the results; if this fails or is interrupted, print the reason and return false."""
+    """Call `write` to write a page; if this fails or is interrupted, print the reason and return false."""
     try:
         return try_page(page, write)
     except KeyboardInterrupt:
@@ -109,7 +109,7 @@ def attempt(page: str, write: Callable[[], object]) -> bool:
 
 
 def try_page(page: str, write: Callable[[], object]) -> bool:
-    """Write a page beside the results; if this fails, print the reason and return false.
+    """Call `write` to write a page; if this fails, print the reason and return false.
 
     Raises:
         KeyboardInterrupt: The user has stopped the writing of the page.

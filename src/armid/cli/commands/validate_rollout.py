@@ -25,7 +25,7 @@ def roll_out(
     tolerance: float,
     controller: Path | None,
 ) -> RunRollout:
-    """Simulate the model of a run over recordings, and print the findings on standard error."""
+    """Simulate the model of a run in the windows of recordings, and print the findings on standard error."""
     from armid.cli.console import print_findings
     from armid.runs.rollout import ROLL_OUT_CODES, load_feedback, roll_out_run
 
@@ -36,7 +36,7 @@ def roll_out(
 
 
 def write_files(run: Run, rollout: RunRollout, out: Path | None, page: Path | None) -> list[Path]:
-    """Write simulated and recorded motion to a file and a page, where they are asked for."""
+    """Write simulated and recorded motion to the file `out` and the page `page`, if given; return their paths."""
     from armid.runs.rollout import write_rollout
 
     written = [] if out is None else [write_rollout(out, rollout, run.robot.joint_names)]

@@ -1,4 +1,4 @@
-"""`armid monitor`: alarms where the external torque of a recording exceeds thresholds of a promised rate."""
+"""`armid monitor`: alarms when the external torque of a recording exceeds thresholds for a rate of false alarms."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from armid.runs.monitoring.monitor import Alarm, Monitor, Watched
 
 MAX_ALARMS = 30
-"""Largest number of alarms of the printed table."""
+"""Largest number of alarms in the printed table."""
 
 OBSERVER_KINDS = ("momentum", "residual")
 
@@ -136,7 +136,7 @@ def monitor(
 
 
 def _written(made: Monitor, path: str, watched: Watched, out: Path | None, code: Path | None) -> list[Path]:
-    """Write the files that are asked for; their paths."""
+    """Write the files of --out and --code, if given; return the paths of the written files."""
     from armid.atomic_file import replace_file
     from armid.export.monitor import export_monitor
     from armid.runs.monitoring.monitor_record import monitor_record, monitor_table
@@ -153,7 +153,7 @@ def _written(made: Monitor, path: str, watched: Watched, out: Path | None, code:
 
 
 def _written_page(made: Monitor, path: str, watched: Watched, page: Path | None) -> list[Path]:
-    """Write the page if it is asked for; its path."""
+    """Write the page `page` with plots, if it is given; return a list with its path, or an empty list."""
     if page is None:
         return []
     from armid.report.monitor_page import write_monitor_page
@@ -162,7 +162,7 @@ def _written_page(made: Monitor, path: str, watched: Watched, page: Path | None)
 
 
 def _show(made: Monitor, path: str, watched: Watched, written: list[Path], *, json: bool) -> None:
-    """Print thresholds and alarms, or the record of them."""
+    """Print thresholds, alarms and written files; if `json`, print one JSON object with thresholds and alarms."""
     from armid.cli.console import output_console
     from armid.runs.monitoring.monitor_record import monitor_record
     from armid.study.storage.records import to_json

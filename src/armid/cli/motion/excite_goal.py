@@ -26,7 +26,7 @@ from armid.runs.run import MARKER, Run, load_run
 from armid.study.config import build_model
 
 NO_EFFECT = 1e-9
-"""Singular value of columns of unit length below which a direction of parameters has no effect on the torque."""
+"""Largest singular value, for columns of unit length, of a direction of parameters that counts as without effect."""
 
 
 def design_model(robot: Robot, options: Mapping[str, Any]) -> DynamicsModel:
@@ -50,7 +50,10 @@ def _runs_of(robot: Robot, options: Mapping[str, Any]) -> Iterator[tuple[Run, Dy
 
 
 def _noise(options: Mapping[str, Any], robot: Robot) -> Array:
-    """Deviation of the torque noise (n,) [N·m or N]: --noise, or else that of the last run of this arm, or else 1."""
+    """Standard deviation of the torque noise, shape (n,) [N·m or N].
+
+    It is the value of --noise, or else that of the last run of this arm in --after, or else 1.
+    """
     text, n = options["noise"], robot.n
     if text is None:
         run, _ = next(_runs_of(robot, options), (None, None))
@@ -101,7 +104,7 @@ def _estimates(path: str, base: BaseParameters) -> tuple[Array, Array]:
 
 
 def torque_of_runs(paths: Sequence[str], robot: Robot) -> EstimatedTorque | None:
-    """Torque model for the torque limits, from the last run that has one for this arm; `None` if no run has one."""
+    """Torque model for checks of torque limits, from the last run that has one for this arm; `None` without one."""
     return next(filter(None, (estimated_torque(run, robot) for run in _last_runs(paths))), None)
 
 
@@ -146,7 +149,7 @@ def prior_of_run(folder: str, goal: CriterionGoal) -> Array:
 
 
 def _rows(information: Information, j: int) -> Array:
-    """Rows of the triangular factors of joint `j` without the torque; one column for each parameter, shape (N, b)."""
+    """Rows of the triangular factors of joint `j` without the column of the torque, shape (N, b) for b parameters."""
     joint = information.joints[j]
     factors = joint.R[:, :, :-1].reshape(-1, len(joint.parameters))
     rows = np.zeros((len(factors), information.count))

@@ -17,7 +17,7 @@ from armid.study.recordings.reading import read_choice
 
 
 def series_of_file(path: str) -> Excitation | None:
-    """Fourier series of a plan, with the period that `@SECONDS` after the path gives; `None` for a recording."""
+    """Fourier series of a plan, with the period [s] of an ending `@SECONDS` of the path; `None` if it is no plan."""
     name, at, seconds = path.partition("@")
     if not is_plan(name):
         return None

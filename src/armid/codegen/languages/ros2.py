@@ -43,7 +43,7 @@ def write(source: FunctionSource) -> dict[str, str]:
 
 
 def _values(source: FunctionSource) -> dict[str, str]:
-    """Text for each placeholder of the files."""
+    """Text that replaces each placeholder of the files; the keys are the names of the placeholders."""
     about = [line for line in source.about() if line]
     dependent = _not_of_velocity(source)
     return {
@@ -90,7 +90,7 @@ def _state_texts(source: FunctionSource) -> dict[str, str]:
 
 
 def _calls(source: FunctionSource) -> dict[str, str]:
-    """Arguments of the calls of the C functions with the whole torque and with the friction."""
+    """Arguments with which the solver calls the C functions `inverse_dynamics` and `friction`, by placeholder."""
     texts = {"parameters": "parameters_.data()", "state": "&state_"}
     return {
         f"{name}_arguments": ", ".join(texts.get(a.name, a.name) for a in source.programs[name].arguments)

@@ -7,7 +7,7 @@ import re
 from armid.codegen.language_input import FunctionSource
 
 BLOCKS = {"inverse_dynamics": "inverse_dynamics_block", "forward_dynamics": "forward_dynamics_block"}
-"""Names of the functions for which there is the text of a Simulink block, and of the files."""
+"""Functions for which the text of a Simulink block is generated, each with the name of the file without suffix."""
 
 
 def matlab_examples(source: FunctionSource) -> dict[str, str]:
@@ -50,7 +50,7 @@ def _block(source: FunctionSource, name: str) -> str:
 
 
 def _closed_loop(source: FunctionSource) -> str:
-    """Text of the closed-loop simulation."""
+    """Text of `closed_loop.m`, an example that simulates the arm under computed torque."""
     state = "state" if source.widths else ""
     load = "ddq" if any(a.name == "ddq" for a in source.programs["forward_dynamics"].arguments) else ""
     values = {

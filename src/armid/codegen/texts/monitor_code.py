@@ -1,6 +1,6 @@
-"""Generation of a monitor of external torque in C99, beside the functions of a model.
+"""Generation of a monitor of external torque in C99, which calls the generated functions of a model.
 
-The state is a structure of the caller; nothing is allocated, and the time of a call is bounded.
+The caller stores the state in a structure; nothing is allocated, and the time of a call is bounded.
 """
 
 from __future__ import annotations
@@ -15,19 +15,23 @@ from armid.checked_array import Array
 
 @dataclass(frozen=True, eq=False, slots=True)
 class MonitorNumbers:
-    """Numbers of a monitor; filters are y_k = decay · y_(k-1) + old · u_(k-1) + new · u_k.
+    """Constants of the generated code of a monitor.
+
+    The filters compute y_k = decay · y_(k-1) + old · u_(k-1) + new · u_k from inputs u. The scale of the threshold of
+    a joint is the root of c₀ + c₁ Δ² + c₂ q̇², where Δ is the predicted torque after a high-pass.
 
     Attributes:
         momentum: True for the momentum observer, false for the direct residual.
         velocity: True if measured velocities are an input.
         stage: Corner [1/s], decay, old and new of the two stages of the filter of motion and torque.
         decays: Decay in one sample of the observer's filter, of the high-pass and of the allowance after a rest.
-        rest: Speed below which a joint rests [rad/s or m/s], and number of samples below it.
+        rest: Speed below which a joint rests [rad/s or m/s], and number of samples below this speed after which it
+            counts as resting.
         rate: Samples per second [Hz].
         settled: Number of samples in which the observer settles.
-        scale: Coefficients of the scale of the thresholds, shape (n, 3).
-        factor: Factor of the scale, shape (n,).
-        friction: Allowance at rest, shape (n,) [N·m or N].
+        scale: Coefficients c₀, c₁ and c₂ of the scale of each joint, shape (n, 3).
+        factor: Ratio of the threshold to the scale, for a joint that moves, shape (n,).
+        friction: Torque that is added to the threshold of a joint at rest, shape (n,) [N·m or N].
     """
 
     momentum: bool
@@ -69,7 +73,7 @@ def write_monitor(name: str, numbers: MonitorNumbers, *, memory: bool, heading: 
 
 
 def _filled(text: str, values: dict[str, str]) -> str:
-    """Text in which each `@KEY@` is replaced; replaced twice, because values contain keys."""
+    """Text in which each `@KEY@` is replaced by its value, in two passes, because values contain keys, too."""
     for _ in range(2):
         for key, value in values.items():
             text = text.replace(f"@{key}@", value)
@@ -77,7 +81,7 @@ def _filled(text: str, values: dict[str, str]) -> str:
 
 
 def _constants(numbers: MonitorNumbers) -> list[str]:
-    """Definitions of the numbers as C constants."""
+    """Lines of C code that define the numbers of a monitor as constants."""
     scalars = {
         "CORNER": numbers.stage[0],
         "DECAY": numbers.stage[1],

@@ -23,7 +23,7 @@ PACKAGE = """<?xml version="1.0"?>
   </export>
 </package>
 """
-"""package.xml."""
+"""Text of the file `package.xml`."""
 
 PLUGIN = """<library path="@package@">
   <class name="@package@/Solver" type="@package@::Solver"
@@ -32,7 +32,7 @@ PLUGIN = """<library path="@package@">
   </class>
 </library>
 """
-"""Description of the plugin for pluginlib."""
+"""Text of the XML file that describes the plugin for pluginlib."""
 
 CMAKE = """cmake_minimum_required(VERSION 3.14)
 project(@package@ LANGUAGES C CXX)
@@ -83,7 +83,7 @@ ament_export_targets(export_${PROJECT_NAME} HAS_LIBRARY_TARGET)
 ament_export_dependencies(Eigen3 inverse_dynamics_solver rclcpp)
 ament_package()
 """
-"""CMakeLists.txt."""
+"""Text of the file `CMakeLists.txt`."""
 
 YAML = """@about_yaml@
 #
@@ -97,7 +97,7 @@ YAML = """@about_yaml@
       base_parameters:
 @values@
 """
-"""Parameter values."""
+"""Text of the file `config/parameters.yaml` with the parameter values."""
 
 HEADER = """@about_cpp@
 //
@@ -149,7 +149,7 @@ class Solver : public inverse_dynamics_solver::InverseDynamicsSolver {
 
 }  // namespace @package@
 """
-"""Header of the solver."""
+"""Text of the C++ header of the solver, `solver.hpp`."""
 
 SOLVER = """#include "@package@/solver.hpp"
 
@@ -296,7 +296,7 @@ void Solver::computeTorques(const double* q, const double* dq, const double* ddq
 
 PLUGINLIB_EXPORT_CLASS(@package@::Solver, inverse_dynamics_solver::InverseDynamicsSolver)
 """
-"""Source of the solver."""
+"""Text of the C++ source of the solver, `solver.cpp`."""
 
 README = """# @package@
 
@@ -334,7 +334,7 @@ Export it into another folder, and start the node with its `config/parameters.ya
 itself changed (description, gravity, terms, or shapes of the friction), its `model_digest` differs, and `initialize`
 throws an exception; then build its package.
 """
-"""README.md."""
+"""Text of the file `README.md`."""
 
 LICENSE = """BSD 3-Clause License
 
@@ -365,4 +365,4 @@ CAUSED AND ON ANY THEORY OF LIABILITY, WHETHER IN CONTRACT, STRICT LIABILITY,
 OR TORT (INCLUDING NEGLIGENCE OR OTHERWISE) ARISING IN ANY WAY OUT OF THE USE
 OF THIS SOFTWARE, EVEN IF ADVISED OF THE POSSIBILITY OF SUCH DAMAGE.
 """
-"""Licence of armid, from which the texts of the package come."""
+"""Text of the file `LICENSE`: the licence of armid, from which the texts of the package are taken."""

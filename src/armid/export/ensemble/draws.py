@@ -4,9 +4,9 @@ Base parameters are drawn from the normal distribution of the estimate on anothe
 of real bodies is replaced by the nearest point of the cone, in the metric of the covariance, so that the torque
 changes as little as possible. Where many draws lie outside, the replacements are closer together than the estimate
 says. Therefore the draws come from a wider distribution, such that the covariance of the replacements is that of the
-estimate: if S is the covariance of the replacements of a pilot sample, in coordinates in which the one asked for is
-the identity, the draws are multiplied by a power of S⁻¹, and the next pass begins. The mean of the replacements moves
-into the cone.
+estimate. Let S be the covariance of the replacements of a pilot sample, in coordinates in which the covariance of the
+estimate is the identity. The pilot sample is multiplied by a power of S⁻¹ and replaced again, in several passes. The
+mean of the replacements moves into the cone.
 
 Of all bodies with these base parameters, those near the exported ones are taken: the bodies θ of a draw β minimise
 
@@ -40,27 +40,29 @@ NEARNESS = 1e-3
 parameter."""
 
 SMALLEST_VARIANCE = 1e-9
-"""Smallest eigenvalue of the correlation matrix of the base parameters, relative to 1, for its inverse."""
+"""Bound to which smaller eigenvalues of the correlation matrix of the base parameters are raised for its inverse."""
 
 PILOT = 4
-"""Draws of the pilot sample for each base parameter."""
+"""Number of draws of the pilot sample, divided by the number of base parameters."""
 
 FIRST_POWER, POWER = 0.7, 0.5
-"""Power of the inverse covariance of the pilot sample in the first pass and in those after it. At 0.5, a direction
-that is not restricted is corrected exactly; one that is cut on one side needs more at first. With powers of 0.8 and 1
-the passes do not converge (Panda and Med 7)."""
+"""Exponent of the inverse covariance of the pilot sample in the first pass, and in every later pass. With 0.5, a
+direction that the cone does not restrict is corrected exactly; a direction that it cuts on one side needs a larger
+exponent at first. With exponents of 0.8 and 1 the passes do not converge (Panda and Med 7)."""
 
 MOST_PASSES = 6
 """Largest number of pilot samples."""
 
 CLOSE = 0.05
-"""Relative deviation from the standard deviations asked for, of every base parameter, at which the passes end."""
+"""Largest absolute logarithm of the ratio of the standard deviation of a base parameter in the pilot sample to that
+of the estimate, at which the passes end."""
 
 SMALLEST_SPREAD = 0.05
-"""Smallest eigenvalue of the pilot sample's covariance, relative to the one asked for, that is corrected in full."""
+"""Bound to which smaller eigenvalues of the covariance of the pilot sample, relative to that of the estimate, are
+raised before a power of it is computed."""
 
 MOVED = 0.01
-"""Distance from which a draw counts as replaced, in standard deviations."""
+"""Distance of a draw from its replacement, in standard deviations, above which the draw counts as replaced."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -70,7 +72,8 @@ class Draws:
     Attributes:
         base: Base parameters of each draw after the replacement, shape (N, b).
         standard: Standard parameters of real bodies with these base parameters, and friction, shape (N, p).
-        distance: Distance of each draw from the base parameters that it replaces, in standard deviations, shape (N,).
+        distance: Distance between the base parameters of each draw before and after the replacement, in standard
+            deviations, shape (N,).
         spread: Smallest and largest standard deviation of a base parameter in the pilot sample, relative to that of
             the estimate, shape (2,).
     """
@@ -95,11 +98,11 @@ def draw_bodies(run: Run, centre: Array, count: int, seed: int = 0, *, progress:
         centre: Standard parameters that a single export writes, shape (p,).
         count: Number of draws.
         seed: Seed of the random numbers.
-        progress: Function that is called with the share of the draws that are done.
+        progress: Function that is called with the text `ensemble` and the share of the draws that are done.
 
     Raises:
         OutputError: The number of draws is not positive.
-        EstimationError: A program could not be solved accurately enough.
+        EstimationError: A cone program could not be solved accurately enough.
     """
     if count < 1:
         raise OutputError(f"An ensemble needs at least one draw; found {count}.", remedy="give a positive number.")
@@ -122,13 +125,15 @@ def draw_bodies(run: Run, centre: Array, count: int, seed: int = 0, *, progress:
 def _widened_root(
     program: _Program, values: Array, covariance: Array, pilot: Array, done: Callable[[int], None]
 ) -> tuple[Array, Array]:
-    """Root (b, b) of the covariance of draws whose replacements have a covariance, and their spread (2,).
+    """Root (b, b) of the covariance of draws whose replacements have a required covariance, and their spread (2,).
+
+    The spread is that of `Draws`, for the replacements of the pilot sample.
 
     Args:
         program: Program that replaces draws.
         values: Mean of the draws, shape (b,).
-        covariance: Covariance asked for, shape (b, b).
-        pilot: Normal random numbers of the pilot sample, shape (M, b).
+        covariance: Required covariance of the replacements, shape (b, b).
+        pilot: Standard normal random numbers of the pilot sample, shape (M, b).
         done: Function that is called with the number of draws that are done.
     """
     whitening, colouring = program.whitening, np.linalg.inv(program.whitening)
@@ -152,10 +157,11 @@ def _widened_root(
 
 
 class _Program:
-    """Bodies near drawn base parameters and near the exported bodies, inside the cone of real bodies.
+    """Search for real bodies near drawn base parameters and near the exported bodies.
 
-    The variables are z = R (θ - θ₀), where Q R is the matrix of the squares to be minimised, stacked. So they all
-    have the same scale, and the minimum is the point of the cone that is nearest to Qᵀ times the drawn values.
+    The variables are z = R (θ - θ₀), where Q R is the QR factorisation of the stacked matrices of the squares to be
+    minimised. All variables thus have the same scale, and the minimum is the point of the cone of real bodies that is
+    nearest to Qᵀ times the drawn values.
     """
 
     def __init__(self, standard: StandardParameters, centre: Array, whitening: Array) -> None:
@@ -173,7 +179,7 @@ class _Program:
         self.norm = np.roll(np.eye(p + 1), 1, axis=0)
 
     def all_nearest(self, base: Array, done: Callable[[int], None]) -> Array:
-        """Standard parameters (N, p) of the bodies for drawn base parameters (N, b)."""
+        """Standard parameters (N, p) of the real bodies that are nearest to drawn base parameters (N, b)."""
         bodies = np.empty((len(base), len(self.centre)))
         for k, each in enumerate(base):
             done(k)
@@ -181,7 +187,7 @@ class _Program:
         return bodies
 
     def nearest(self, base: Array) -> Array:
-        """Standard parameters (p,) of the bodies for drawn base parameters (b,)."""
+        """Standard parameters (p,) of the real bodies that are nearest to drawn base parameters (b,)."""
         aim = self.aim @ (base - self.standard.regrouping @ self.centre)
         free = self.centre + self.steps @ aim
         if self._is_possible(free):
@@ -194,7 +200,7 @@ class _Program:
         return found
 
     def _is_possible(self, values: Array) -> bool:
-        """True if standard parameters are those of real bodies, with friction that is not negative."""
+        """True if standard parameters (p,) are those of real bodies, and no friction parameter is negative."""
         if (values[np.flatnonzero(self.standard.nonnegative)] < 0.0).any():
             return False
         return bool((smallest_eigenvalues(self.standard, values) >= EPSILON).all())
@@ -208,7 +214,7 @@ def _standardised(random: np.random.Generator, count: int, size: int) -> Array:
 
 
 def _power(covariance: Array, power: float) -> Array:
-    """Power of a symmetric matrix, whose very small eigenvalues are raised."""
+    """Power of a symmetric matrix (b, b), after eigenvalues below `SMALLEST_SPREAD` are raised to this bound."""
     sizes, vectors = np.linalg.eigh(np.atleast_2d(covariance))
     return (vectors * np.maximum(sizes, SMALLEST_SPREAD) ** power) @ vectors.T
 
@@ -220,7 +226,10 @@ def _root(covariance: Array) -> Array:
 
 
 def _whitening(covariance: Array) -> Array:
-    """Matrix C (b, b) with Cᵀ C the inverse of a covariance; very small eigenvalues of the correlation are raised."""
+    """Matrix C (b, b) for which Cᵀ C is the inverse of a covariance.
+
+    Eigenvalues of the correlation matrix below `SMALLEST_VARIANCE` are raised to this bound before.
+    """
     scale = np.sqrt(np.maximum(np.diag(covariance), np.finfo(float).tiny))
     sizes, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
     return (vectors / np.sqrt(np.maximum(sizes, SMALLEST_VARIANCE))).T / scale

@@ -21,10 +21,10 @@ from armid.study.storage.atomic_folder import refuse, whole_folder
 from armid.study.storage.records import finding_record, to_json
 
 RECORD, PARAMETERS = "ensemble.json", "parameters.npz"
-"""Names of the files beside the descriptions: record of the ensemble, and parameters of all draws."""
+"""Names of the files next to the descriptions: record of the ensemble, and parameters of all draws."""
 
 KIND = "set of drawn arms"
-"""Name of the folder in messages."""
+"""Name of the kind of folder, for messages."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -71,7 +71,7 @@ def export_ensemble(
         out: Folder; `None` for the folder `ensemble` in that of the run. An earlier ensemble there is replaced.
         seed: Seed of the random numbers.
         description: Path of the description of the run, if it was moved after the identification.
-        progress: Function that is called with the share of the draws that are done.
+        progress: Function that is called with the text `ensemble` and the share of the draws that are done.
         choices: Choices of the content.
 
     Raises:

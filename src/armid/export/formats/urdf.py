@@ -206,7 +206,7 @@ def _edit_inertial(document: Document, link: XmlNode, body: InertialParameters) 
 
 
 def _edit_dynamics(document: Document, joint: XmlNode, friction: Mapping[str, str]) -> None:
-    """Replaces damping and friction of a joint in the text."""
+    """Replaces damping and friction of a joint in the text, or inserts them if the joint has none."""
     dynamics = joint.find("dynamics")
     if dynamics is None:
         document.last(joint, [element_text("dynamics", friction)])

@@ -31,7 +31,7 @@ from armid.runs.payload import Payload, payload_record
 from armid.runs.run import Run, load_run
 
 MIXED = 1e-12
-"""Smallest coefficient with which a parameter in one frame counts as depending on a parameter in another frame."""
+"""Absolute coefficient above which a parameter in the flange frame counts as dependent on one in another frame."""
 
 
 WRONG = ("payload-misfit", "load-not-real", "load-missing", "description-does-not-match")
@@ -47,8 +47,8 @@ class FlangeLoad:
     Attributes:
         robot: Name of the arm.
         run: Folder of the run of the arm without the payload.
-        flange: Frame of the parameters, in words.
-        values: The ten parameters about the origin of the flange frame, shape (10,).
+        flange: Text that names the frame of the parameters.
+        values: The ten parameters about the origin of the flange frame, shape (10,) [kg, kg·m, kg·m²].
         unconstrained: Estimate without the constraint of consistency, shape (10,).
         covariance: Covariance of `unconstrained`, shape (10, 10).
         quantile: Quantile of Student's t distribution for 95 % intervals.
@@ -90,7 +90,7 @@ class FlangeLoad:
 
     @property
     def inertia_intervals(self) -> Array:
-        """95 % intervals of the elements of `inertia`, shape (3, 3, 2) [kg·m²]; NaN where it is not determined."""
+        """95 % intervals of the elements of `inertia`, shape (3, 3, 2) [kg·m²]; NaN for undetermined elements."""
         six = inertia_intervals(self.values, self.unconstrained, self.covariance, self.quantile, self.undetermined)
         return np.stack([inertia_matrix(six[:, 0]), inertia_matrix(six[:, 1])], axis=2)
 
@@ -133,7 +133,7 @@ def read_load(path: Path | str, flange: str | None = None) -> FlangeLoad:
         flange: Frame of the flange, as for `load_at_flange`.
 
     Raises:
-        OutputError: The file cannot be read, or as for `load_at_flange`.
+        OutputError: The file cannot be read, or the payload cannot be moved, for the reasons of `load_at_flange`.
     """
     path = Path(path)
     path = path / "payload.json" if path.is_dir() else path
@@ -148,7 +148,7 @@ def read_load(path: Path | str, flange: str | None = None) -> FlangeLoad:
 
 
 def _moved(record: Mapping[str, Any], run: Run | None, flange: str | None) -> FlangeLoad:
-    """The payload of the record of `payload.json`, moved to the flange."""
+    """Payload in the axes of the flange, from the content of `payload.json`."""
     tip = record["tip"]
     if record["verdict"] == "fail":
         raise OutputError(
@@ -203,7 +203,7 @@ def _inverse(pose: Array) -> Array:
 
 
 def _require_body(values: Array) -> None:
-    """Refuses parameters that no real body has."""
+    """Raises an error if no real body has the inertial parameters (10,)."""
     eigenvalues = np.linalg.eigvalsh(pseudo_inertia(values))
     if not (values[0] > 0.0 and eigenvalues[0] >= -CONSISTENCY_TOLERANCE * abs(eigenvalues[-1])):
         raise OutputError(
@@ -213,7 +213,7 @@ def _require_body(values: Array) -> None:
 
 
 def _to_flange(record: Mapping[str, Any], run: Run | None, flange: str | None) -> tuple[Array, str]:
-    """Pose (4, 4) of the flange in the tip frame, and the frame in words."""
+    """Pose (4, 4) of the flange in the tip frame, and a text that names the flange frame."""
     tip = record["tip"]
     if flange is None or flange == tip["name"]:
         return np.eye(4), f"frame {tip['name']} of the description (the tip frame)"
@@ -226,7 +226,7 @@ def _to_flange(record: Mapping[str, Any], run: Run | None, flange: str | None) -
 
 
 def _pose(text: str) -> Array:
-    """Pose (4, 4) of the text `x,y,z,roll,pitch,yaw`."""
+    """Pose (4, 4) that the text `x,y,z,roll,pitch,yaw` gives [m and rad]."""
     try:
         numbers = [float(word) for word in text.split(",")]
     except ValueError:

@@ -24,7 +24,7 @@ class LoadNumber:
     """Number of the load data of a controller, in its unit.
 
     Attributes:
-        name: Name of the number at the controller.
+        name: Name that the vendor gives to the number.
         value: Value.
         unit: Unit; empty if the number has none.
         interval: 95 % interval, shape (2,); NaN if the recording does not determine it.
@@ -45,7 +45,7 @@ class LoadText:
     Attributes:
         files: Content of each file; the keys are the names of the files.
         numbers: Numbers of the files with their intervals.
-        findings: Findings about what the controller does not take, and what could not be confirmed.
+        findings: Findings about numbers that the controller does not accept, and about facts that are not confirmed.
     """
 
     files: Mapping[str, str]
@@ -70,13 +70,13 @@ def single(value: float) -> str:
 
 
 def three(names: Sequence[str], values: Array, unit: str, intervals: Array, factor: float = 1.0) -> list[LoadNumber]:
-    """Numbers with the same unit, multiplied by a factor.
+    """Load numbers with a common unit, from values and intervals in SI units.
 
     Args:
         names: Names of the m numbers.
-        values: Values, shape (m,).
+        values: Values in SI units, shape (m,).
         unit: Unit after multiplication.
-        intervals: Intervals, shape (m, 2).
+        intervals: 95 % intervals in SI units, shape (m, 2).
         factor: Factor from SI units to the unit.
     """
     return [
@@ -90,13 +90,13 @@ TENSOR = {"xx": (0, 0), "yy": (1, 1), "zz": (2, 2), "xy": (0, 1), "xz": (0, 2), 
 
 
 def tensor(load: FlangeLoad, names: str = "I{}") -> list[LoadNumber]:
-    """Six elements of the inertia about the centre of mass in the axes of the flange [kg·m²]."""
+    """Six elements of the inertia about the centre of mass in the axes of the flange [kg·m²], as load numbers."""
     at = tuple(np.array(list(TENSOR.values())).T)
     return three([names.format(pair) for pair in TENSOR], load.inertia[at], "kg·m²", load.inertia_intervals[at])
 
 
 def mass_number(load: FlangeLoad, name: str) -> LoadNumber:
-    """Mass [kg]."""
+    """Mass of a load [kg], as a load number with the vendor's name of the mass."""
     return LoadNumber(name, load.mass, "kg", load.mass_interval)
 
 

@@ -19,8 +19,8 @@ STEP = 1e-6
 """Angle for difference quotients of angles and quaternions [rad]."""
 
 LARGEST_DEVIATION = 0.5
-"""Largest half of a 95 % interval of a rotation that is stated [rad]; beyond, the linearisation is wrong and the axes
-count as not determined."""
+"""Largest half width of the 95 % interval of a rotation of the axes [rad]. If it is larger, the linearisation is
+wrong, and the axes count as not determined."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -58,7 +58,7 @@ def principal_axes(inertia: Array) -> PrincipalAxes:
 
 
 def _with_free_plane(axes: Array, single: int) -> Array:
-    """Axes (3, 3) with one given axis, in the column `single`, and two that are near axes of the frame."""
+    """Orthonormal axes, columns (3, 3): two axes near those of the frame, and column `single` of the given axes."""
     normal = axes[:, single]
     nearest = int(np.argmin(np.abs(normal)))
     first: Array = np.eye(3)[nearest] - normal[nearest] * normal
@@ -77,7 +77,7 @@ def rotation_spread(found: PrincipalAxes, tensor_slope: Array, covariance: Array
         found: Principal axes.
         tensor_slope: Derivative of the inertia matrix by the ten parameters, shape (3, 3, 10).
         covariance: Covariance of the parameters, shape (10, 10).
-        t: Quantile.
+        t: Quantile of Student's t distribution.
 
     Returns:
         The matrix, or `None` if moments are so nearly equal that the axes are not determined.
@@ -115,7 +115,7 @@ def numbers_of_rotation(read: Callable[[Array], Array], axes: Array, spread: Arr
 
 
 def _turn(axis: int, angle: float) -> Array:
-    """Rotation matrix about one of the axes."""
+    """Rotation matrix (3, 3) about the axis 0, 1 or 2 by an angle [rad]."""
     c, s = math.cos(angle), math.sin(angle)
     result = np.eye(3)
     i, j = (axis + 1) % 3, (axis + 2) % 3

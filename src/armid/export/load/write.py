@@ -15,7 +15,7 @@ from armid.export.load.load_text import LoadNumber, LoadText
 from armid.study.storage.records import finding_record
 
 OWN = ("armid payload", '"armid-load"')
-"""Words of which each file of armid contains one, by which it is recognised."""
+"""Texts by which files of armid are recognised; each of its files contains one of them."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -25,9 +25,9 @@ class WrittenLoad:
     Attributes:
         controller: Name of the controller, one of `armid.export.load.catalogue.CONTROLLERS`.
         files: Paths of the written files.
-        flange: Frame of the load, in words.
+        flange: Text that names the frame of the load.
         numbers: Numbers of the files in the units of the controller, with 95 % intervals.
-        findings: Findings about what the controller does not take, and what could not be confirmed.
+        findings: Findings about numbers that the controller does not accept, and about facts that are not confirmed.
     """
 
     controller: str

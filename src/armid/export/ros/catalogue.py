@@ -32,7 +32,7 @@ class RosFiles(Protocol):
 
     @staticmethod
     def expanded(files: Mapping[str, str], urdf: bytes) -> bytes:
-        """Makes the URDF that the macros of the package make of the files, with all else as in a given URDF."""
+        """Makes the URDF to which the macros of the package expand the files, with all other contents of `urdf`."""
         ...
 
 

@@ -18,7 +18,7 @@ TENSOR = {"xx": (0, 0), "xy": (0, 1), "xz": (0, 2), "yy": (1, 1), "yz": (1, 2), 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class LinkNumbers:
-    """Inertia of a link as a URDF has it.
+    """Mass, centre of mass and inertia of a link, read from a URDF.
 
     Attributes:
         mass: Mass [kg].
@@ -56,7 +56,7 @@ def find_prefix(root: ET.Element, names: Sequence[str], package: str) -> str:
 
 
 def link_numbers(root: ET.Element, name: str) -> LinkNumbers | None:
-    """Inertia of a link; `None` if the URDF contains none."""
+    """Mass, centre of mass and inertia of a link; `None` if the link has no `<inertial>` in the URDF."""
     inertial = next((link.find("inertial") for link in root.findall("link") if link.get("name") == name), None)
     if inertial is None:
         return None
@@ -71,10 +71,10 @@ def link_numbers(root: ET.Element, name: str) -> LinkNumbers | None:
 
 
 def numbers_of_links(root: ET.Element, names: Sequence[str], package: str) -> list[LinkNumbers]:
-    """Inertias of links that a package needs.
+    """Mass, centre of mass and inertia of each link that a package needs.
 
     Raises:
-        OutputError: The URDF has no inertia of some of them.
+        OutputError: The URDF has no inertia of at least one of the links.
     """
     found = {name: link_numbers(root, name) for name in names}
     missing = [name for name, numbers in found.items() if numbers is None]
@@ -92,7 +92,7 @@ def _three(origin: ET.Element | None, key: str) -> Array:
 
 
 def friction_of(root: ET.Element, joint: str) -> dict[str, float]:
-    """Damping and friction of a joint, zero if the URDF contains none."""
+    """Values `damping` [N·m·s/rad or N·s/m] and `friction` [N·m or N] of a joint; zero if the URDF has none."""
     dynamics = next((each.find("dynamics") for each in root.findall("joint") if each.get("name") == joint), None)
     return {key: float(dynamics.get(key, "0")) if dynamics is not None else 0.0 for key in ("damping", "friction")}
 

@@ -15,7 +15,7 @@ NOT_ABOUT_MODEL = (
     "shape-unknown",
     "visual-missing",
 )
-"""Codes of findings that do not concern the model. Only the section about provenance lists these findings, too."""
+"""Codes of findings that do not concern the model. Only the section about provenance lists these findings."""
 
 
 def serious(findings: Sequence[Finding], *severities: str) -> list[Finding]:
@@ -29,7 +29,7 @@ def evidence_words(finding: Finding) -> str:
 
 
 def remedy_words(finding: Finding) -> str:
-    """Remedy of a finding as a sentence; lines of a study are in backticks, and their note is in the sentence.
+    """Remedy of a finding as a sentence, with lines of a study in backticks and their note in parentheses.
 
     The lines are at the end, because the page shows long code as a separate block, after which a sentence cannot
     continue.

@@ -73,7 +73,10 @@ def since_reversal(time: Array, dq: Array) -> Array:
 
 
 def _crossings(time: Array, dq: Array, least: float) -> list[tuple[float, float]]:
-    """Time of each reversal, and sign of the velocity after it; the speed reaches `least` before and after it."""
+    """Time [s] of each reversal of a joint, and sign of the velocity after it.
+
+    A reversal counts only if the speed reaches `least` [rad/s or m/s] before and after it, within `HALF_WINDOW`.
+    """
     crossings: list[tuple[float, float]] = []
     rows = np.flatnonzero(np.sign(dq[:-1]) * np.sign(dq[1:]) < 0.0)
     for k in rows:

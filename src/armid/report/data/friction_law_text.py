@@ -72,7 +72,7 @@ def law_text(laws: Sequence[Law]) -> str:
 
 
 def _without_hysteresis(law: Law) -> str:
-    """Formula of a law without hysteresis; the joints are added if the law acts on several joints."""
+    """Formula of a law without hysteresis; if it acts on several joints, their weighted sum follows after `of`."""
     formula = f"{law.symbol} · {text(law.expression)}".removesuffix(" · 1")
     if len(law.coordinate) == 1:
         return formula

@@ -31,7 +31,7 @@ def residual_title(heading: str) -> str:
 
 
 def by_joint(parameters: Iterable[ParameterName], joints: Sequence[Joint]) -> str:
-    """Text that lists the first parameters, grouped by joint, and the number of the remaining parameters."""
+    """Text that lists the first `MAX_NAMES` parameters, grouped by joint, and states the number of the others."""
     all_names = list(parameters)
     shown = all_names[:MAX_NAMES] if len(all_names) > MAX_NAMES + 1 else all_names
     parts: list[str] = []
@@ -42,7 +42,10 @@ def by_joint(parameters: Iterable[ParameterName], joints: Sequence[Joint]) -> st
 
 
 def groups_of(parameters: Sequence[ParameterName], joints: Sequence[Joint]) -> tuple[list[int], dict[int, str]]:
-    """Order of the parameters by joint, and the heading of each joint by the index of the joint's first parameter."""
+    """Indices that sort the parameters by joint, and the headings of the joints.
+
+    The key of a heading is the place of the first parameter of the joint in the sorted order.
+    """
     order = sorted(range(len(parameters)), key=lambda k: parameters[k].number or 0)
     groups: dict[int, str] = {}
     for place, k in enumerate(order):

@@ -25,7 +25,7 @@ def fixed(value: float, decimals: int) -> str:
 
 
 def decimals_of(uncertainty: float, digits: int = 2) -> int:
-    """Number of decimals that show the given number of digits of an uncertainty."""
+    """Number of decimals with which an uncertainty has the given number of significant digits."""
     if not 0.0 < uncertainty < math.inf:
         return 3
     return min(max(0, digits - 1 - math.floor(math.log10(uncertainty))), MOST_DECIMALS)

@@ -49,7 +49,7 @@ class PageData:
 
     @property
     def validation(self) -> Validation:
-        """Torque error on the validation recordings."""
+        """Result of the validation of the run: torque errors, checks and verdict."""
         return self.records.validation
 
     @property
@@ -134,7 +134,7 @@ def with_recordings(
 
 
 def stored(run: Run) -> PageData:
-    """Records of a run, without recordings and certificate.
+    """Page data of a run from its stored records, without recordings and certificate.
 
     Raises:
         ArmidError: A record is damaged.

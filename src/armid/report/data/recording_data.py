@@ -21,7 +21,7 @@ from armid.study.recordings.processed import ProcessedRecording
 from armid.validation.torque_validation import PredictedRecording, predict_recording
 
 SPECTRUM_SAMPLES = 1 << 17
-"""Largest number of samples of a spectrum: 16 s of a log at 8 kHz, two minutes of a log at 1 kHz."""
+"""Largest number of samples from which a spectrum is computed: 16 s of a log at 8 kHz, two minutes at 1 kHz."""
 
 SEGMENT_SECONDS = 8.0
 """Length of the segments of a spectrum [s]; the resolution, 1/8 Hz, is finer than most base frequencies of
@@ -30,7 +30,7 @@ motions."""
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Spectrum:
-    """Amplitude density at K frequencies.
+    """Amplitude density of the torque of n joints at K frequencies.
 
     Attributes:
         frequency: The frequencies, shape (K,) [Hz].
@@ -51,12 +51,12 @@ class RecordingData:
         choice: Path and role of the recording, and the part of it that is used.
         time: Time since the first row, shape (M,) [s]; the number of the row if rows are not consecutive.
         q: Positions, shape (M, n) [rad or m].
-        dq: Velocities, shape (M, n).
+        dq: Velocities, shape (M, n) [rad/s or m/s].
         measured: Measured torque, shape (M, n) [N·m or N]; NaN in masked rows.
         predicted: Torque predicted by the estimate, shape (M, n) [N·m or N]; NaN in masked rows.
         friction: Torque of all laws of the model that do not depend on the acceleration, that is, friction and
             offset, shape (M, n) [N·m or N].
-        half_band: Half width of the 95 % prediction interval, shape (M, n).
+        half_band: Half width of the 95 % prediction interval, shape (M, n) [N·m or N].
         starts: First row of each contiguous run, followed by M.
         spectrum: Spectrum of the longest run; `None` if rows are not consecutive.
     """
@@ -96,7 +96,7 @@ class RecordingData:
 def concatenated(
     recordings: Sequence[RecordingData], what: Literal["q", "dq", "measured", "friction", "residual"], j: int
 ) -> Array:
-    """Values of one quantity of joint `j`, concatenated over several recordings."""
+    """Values of one quantity of joint `j`, concatenated over the rows of several recordings, shape (M,)."""
     return np.concatenate([np.zeros(0), *(getattr(each, what)[:, j] for each in recordings)])
 
 
@@ -177,5 +177,5 @@ def amplitude_density(signals: Array, rate: float) -> tuple[Array, Array]:
 
 
 def _segments(total: int, samples: int) -> Sequence[int]:
-    """First sample of each segment of a spectrum; consecutive segments overlap by half."""
+    """Index of the first sample of each segment of a spectrum; consecutive segments overlap by half."""
     return range(0, total - samples + 1, max(1, samples // 2))

@@ -24,10 +24,10 @@ LARGE_SHARE = 0.2
 
 
 REPEATED_SHARE = 0.03
-"""Share of the variance of each half of a residual, predicted from the other half, above which the residual counts as
-dependent on the velocity. On simulated logs of a UR5e with the right friction model the share is below 0.02. With a
-Stribeck peak of 35 % and load-dependent friction of 2 % that the model lacks, the share is 0.04 to 0.1 on five of six
-joints."""
+"""Share of the variance of a residual above which the residual counts as dependent on the velocity. It is the share
+in each half of the rows that the class means of the other half predict. On simulated logs of a UR5e with the right
+friction model the share is below 0.02. With a Stribeck peak of 35 % and load-dependent friction of 2 % that the
+model lacks, the share is 0.04 to 0.1 on five of six joints."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,7 +37,7 @@ class ResidualShares:
     Attributes:
         velocity: Share of the variance that depends on the velocity.
         position: Share of the variance that depends on position and direction of motion.
-        reversal: Share of the variance of the residual, with the sign of the direction of motion, that depends on the
+        reversal: Share of the variance of the residual, multiplied by the sign of the velocity, that depends on the
             time since the last reversal.
     """
 
@@ -128,7 +128,7 @@ def explained(values: Array, label: NDArray[np.intp], independent: float) -> flo
 
 
 def classes(x: Array) -> NDArray[np.intp]:
-    """Class of each value: classes of equal width over the range, and one class for values that are not finite."""
+    """Class of each value (M,): one of `BINS` classes of equal width, or a further class for values not finite."""
     known = x[np.isfinite(x)]
     if not len(known) or np.ptp(known) == 0.0:
         return np.zeros(len(x), dtype=np.intp)

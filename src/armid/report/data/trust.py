@@ -193,9 +193,10 @@ def _intervals(page_data: PageData) -> Sentences:
 
 
 def intervals_hold(page_data: PageData) -> bool:
-    """False if held-out data contradict the intervals: the verdict fails, or prediction intervals hold too few rows.
+    """False if the verdict is `fail`, or if the prediction intervals of a joint contain too few held-out rows.
 
-    Intervals of parameters assume the same noise and model as the prediction intervals, so they are not praised then.
+    The intervals of the parameters are then not presented as reliable, because they assume the same noise and model
+    as the prediction intervals.
     """
     coverage = page_data.validation_column(lambda score: score.coverage95)
     with np.errstate(invalid="ignore"):
@@ -248,7 +249,11 @@ def outside_intervals(page_data: PageData) -> bool:
 
 
 def forbids_simulation(page_data: PageData) -> bool:
-    """True if the parameters must not be used in a simulation or an export: no real body can have them."""
+    """True if the parameters must not be used in a simulation or an export, because no real body can have them.
+
+    The mass matrix is then not positive definite in some pose, or the nearest consistent parameters lie outside the
+    95 % intervals.
+    """
     verdict = page_data.verdict
     return verdict is not None and (verdict.pose.min_eigenvalue <= 0.0 or outside_intervals(page_data))
 
@@ -295,7 +300,7 @@ def _findings_of(page_data: PageData, severity: str) -> Sentences:
 
 
 def _motion(page_data: PageData) -> Sentences:
-    """Request for faster motion of joints that were too slow to identify their viscous friction."""
+    """Advice to record faster motion of joints that were too slow to identify their viscous friction."""
     train, fit = page_data.of_role("train"), page_data.run.estimate.fit
     relative: dict[str, bool] = dict(zip(fit.names, fit.poorly_identified, strict=True))
     slow: list[str] = []
@@ -310,7 +315,7 @@ def _motion(page_data: PageData) -> Sentences:
 
 
 def _laws(page_data: PageData) -> Sentences:
-    """Request for friction laws that could explain a dependence of the residual on position or reversals."""
+    """Advice to use other friction laws for joints whose residual depends on position or reversals."""
     if any(finding.code == ONE_SIDED for finding in page_data.run.estimate.findings):
         return [], [], []  # the filter makes residuals that depend on reversals, which friction would only hide
     dependent: dict[str, list[int]] = {"position": [], "reversals": []}
@@ -332,7 +337,7 @@ def _laws(page_data: PageData) -> Sentences:
 
 
 def _sticks(page_data: PageData, j: int) -> bool:
-    """True if a joint mostly rests, or if its rows at standstill are masked and rows of other joints are not."""
+    """True if joint `j` mostly stands still, or if rows at standstill are masked for `j`, but not for all joints."""
     channels = {each.channel for each in page_data.run.estimate.findings if each.code == "sticking"}
     if page_data.joints[j].name in channels:
         return True
@@ -347,7 +352,7 @@ def _joints(page_data: PageData, which: Sequence[int]) -> str:
 
 
 def _listed(names: Iterable[str]) -> str:
-    """List of the first names as text, and the count of the others."""
+    """Text that lists the first `MAX_NAMES` names and states the number of the others."""
     all_names = list(names)
     rest = f" and {len(all_names) - MAX_NAMES} more" if len(all_names) > MAX_NAMES + 1 else ""
     return ", ".join(all_names[:MAX_NAMES] if rest else all_names) + rest

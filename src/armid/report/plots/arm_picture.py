@@ -122,7 +122,10 @@ def _view(robot: Robot) -> Array:
 
 
 def _middle(robot: Robot) -> Array:
-    """Middle of the range of each joint (n,), changed if the arm would be stretched; 0 for a joint without limits."""
+    """Pose near the middle of the range of each joint, shape (n,) [rad or m]; the middle is 0 without limits.
+
+    The pose is 30 % of half the range away from the middle, but at most 0.6, so that the arm is not stretched.
+    """
     limits = np.array([joint.position_limits for joint in robot.joints])
     known = np.isfinite(limits).all(axis=1)
     half = np.where(known, 0.5 * np.ptp(np.where(np.isfinite(limits), limits, 0.0), axis=1), np.pi)

@@ -58,24 +58,24 @@ Rows = Sequence[tuple[str, Sequence[Plot]]]
 def plot_torque(
     run: Run, *, joint: str | None = None, data: Path | str | None = None, theme: Theme = "light"
 ) -> Figure:
-    """Measured and predicted torque over time, with the 95 % prediction interval."""
+    """Figure of measured and predicted torque over time, with the 95 % prediction interval."""
     return _of_run(run, show_torque, joint, data, theme)
 
 
 def plot_residuals(
     run: Run, *, joint: str | None = None, data: Path | str | None = None, theme: Theme = "light"
 ) -> Figure:
-    """Residuals over time, over velocity and in frequency."""
+    """Figure of the residuals of the torque over time, over velocity and in frequency."""
     return _of_run(run, show_residuals, joint, data, theme)
 
 
 def plot_friction(
     run: Run, *, joint: str | None = None, data: Path | str | None = None, theme: Theme = "light"
 ) -> Figure:
-    """Measured friction and fitted law: over velocity, over position and around reversals.
+    """Figure of measured friction and fitted law over velocity, over position and around reversals.
 
     Raises:
-        ArmidError: The model has no friction, or another error of this module.
+        ArmidError: The model has no friction; the docstring of this module lists further causes.
     """
     return _of_run(run, show_friction, joint, data, theme)
 
@@ -88,17 +88,19 @@ def plot_plan(
     joint: str | None = None,
     theme: Theme = "light",
 ) -> Figure:
-    """Position, velocity, acceleration and torque along a plan, and limits; torque as the description gives it.
+    """Figure of position, velocity, acceleration and torque along a plan, with limits.
+
+    The torque is computed from the description.
 
     Args:
-        plan: The plan, or the motion that it repeats.
+        plan: The plan, or only its excitation.
         robot: The arm that moves; torque is shown if its description has inertias.
         limits: Limits of the joints; by default the limits of the description.
         joint: Name of a joint, to plot only this one.
         theme: `light` or `dark`.
 
     Raises:
-        ArmidError: The plan is for another arm, or another error of this module.
+        ArmidError: The plan is for another arm; the docstring of this module lists further causes.
     """
     require_extra("plotly")
     _require(plan, (Plan, Excitation), "A plan", 'load_plan("plan.json") of armid.excitation.fourier')

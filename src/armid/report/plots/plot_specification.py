@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from armid.checked_array import Array
 
 LINE_INTERVALS = 700
-"""Number of intervals of a line, sufficient for the width of a plot. A line contains the extremes of each
-interval."""
+"""Number of intervals into which the samples of a line are divided, sufficient for the width of a plot. The drawn
+line contains the smallest and the largest value of each interval."""
 
 MAX_POINTS = 800
 """Largest number of separate points in a plot; more points would cover each other."""
@@ -42,17 +42,17 @@ class PlotTrace:
 
 
 VISIBLE_SHARE = 0.995
-"""Share of the values that is inside the range of a residual plot, so that a few spikes do not flatten the curves."""
+"""Share of the residuals that are inside the range of their plot; a few larger ones would flatten the curves."""
 
 BULK_SHARE, BULK_FACTOR = 0.95, 4.0
-"""Share of the values, and factor. The range is at most the factor times the quantile of the absolute values at this
-share. This limits the range of a plot with spikes in each period, for which `VISIBLE_SHARE` alone is too large."""
+"""Probability of a quantile of the absolute values, and factor by which the range of a plot may exceed this quantile.
+The factor limits the range of a plot with spikes in each period, for which `VISIBLE_SHARE` alone is too large."""
 
 RANGE_MARGIN = 1.1
 """Ratio of the end of the axis to the largest visible value."""
 
 MAX_CLIPPED = 60
-"""Largest number of marks for values outside a plot."""
+"""Largest number of marks at one edge of a plot for values outside it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,7 +150,7 @@ class PlotRange:
 
 
 def line(role: str, x: Array, y: Array, name: str) -> PlotTrace:
-    """Line with no more points than a plot can show, among them the extremes."""
+    """Line reduced to about as many points as a plot can show; the extremes are retained."""
     indices = envelope(y, LINE_INTERVALS)
     return PlotTrace(role, x[indices], y[indices], name)
 
@@ -163,7 +163,7 @@ def points(role: str, x: Array, y: Array, name: str, most: int = MAX_POINTS) -> 
 
 
 def spread(x: Array, low: Array, high: Array, name: str) -> PlotTrace:
-    """Area between two lines: a polygon for each segment without gaps, with few points, among them the extremes."""
+    """Area between two lines: a polygon for each segment without gaps, reduced to few points with the extremes."""
     known = np.isfinite(x) & np.isfinite(low) & np.isfinite(high)
     ends = np.flatnonzero(np.diff(known, prepend=False, append=False)).reshape(-1, 2)
     sides: list[tuple[Array, Array]] = []
@@ -208,7 +208,10 @@ def every(count: int, most: int) -> NDArray[np.intp]:
 
 
 def binned(x: Array, y: Array, edges: Array, fewest: int) -> tuple[Array, Array, NDArray[np.intp]]:
-    """Mean of x, mean of y and number of points in each bin of x; means of fewer than `fewest` points are NaN."""
+    """Mean of x, mean of y and number of points in each of B bins of x, shape (B,); the bins have B + 1 edges.
+
+    Means of fewer than `fewest` points are NaN.
+    """
     known = np.isfinite(x) & np.isfinite(y)
     x, y = x[known], y[known]
     index = np.clip(np.digitize(x, edges) - 1, 0, len(edges) - 2)

@@ -70,10 +70,10 @@ def clip_of_recording(recording: Recording, title: str) -> Clip:
 
 
 def still(q: Array, title: str) -> Clip:
-    """Clip of an arm at rest in a pose (n,)."""
+    """Clip of an arm at rest in a pose q (n,) [rad or m]."""
     return Clip(title, np.zeros(1), np.asarray(q)[None], np.zeros((1, len(q))))
 
 
 def _times(duration: float) -> Array:
-    """Evenly spaced times from 0 to the end, at the frame rate or slower."""
+    """Evenly spaced times from 0 to `duration` [s], at the rate `FRAMES`, or slower if there are `MAX_FRAMES`."""
     return np.linspace(0.0, duration, min(MAX_FRAMES, max(1, round(duration * FRAMES))) + 1)

@@ -82,7 +82,7 @@ def preview_of_design(designed: Designed | DesignedMoves) -> Preview:
 
 
 def _collision_options(robot: Robot, around: tuple[Shape, ...]) -> tuple[CollisionOptions | None, str]:
-    """Bodies to check for collisions, or the reason why they are not checked."""
+    """Bodies and pairs to check for collisions; `None` and the reason if collisions are not checked."""
     try:
         collision = bodies_to_watch(robot, around)
     except ArmidError as error:

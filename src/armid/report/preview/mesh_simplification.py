@@ -14,7 +14,7 @@ MAX_TRIANGLES = 80_000
 """Largest number of triangles of all meshes of a page: about one megabyte, which a phone can draw."""
 
 CELLS = (512, 384, 256, 192, 128, 96, 64, 48, 32, 24, 16, 8, 4)
-"""Numbers of cells along the longest edge of a mesh, tried one after the other."""
+"""Numbers of cells along the longest edge of a mesh, tried in this order until the mesh is small enough."""
 
 STEPS = 65535
 """Number of quantisation steps of a coordinate along each edge of the bounding box of a mesh."""
@@ -54,7 +54,7 @@ def _merged(corners: Array, triangles: NDArray[np.intp], label: NDArray[np.intp]
 
 
 def mesh_record(corners: Array, triangles: NDArray[np.intp]) -> dict[str, Any]:
-    """JSON object of a mesh for the script of the page; coordinates of two bytes (15 µm for a mesh of 1 m)."""
+    """JSON object of a mesh for the script of the page, with two bytes per coordinate (15 µm for a mesh of 1 m)."""
     low = corners.min(axis=0)
     step = np.maximum(np.ptp(corners, axis=0), 1e-9) / STEPS
     kind = "u2" if len(corners) <= STEPS else "u4"

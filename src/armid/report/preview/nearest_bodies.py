@@ -51,7 +51,7 @@ class NearestBodies:
 
 
 def bodies_to_watch(robot: Robot, surroundings: tuple[Shape, ...] = ()) -> CollisionOptions | None:
-    """Bodies and pairs to check for a motion without a design; `None` if the description has no bodies.
+    """Bodies and pairs to check for collisions along a motion that was not designed; `None` without bodies.
 
     Raises:
         ArmidError: Meshes are missing or cannot be read.

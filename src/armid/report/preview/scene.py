@@ -24,8 +24,8 @@ MIN_TRIANGLES = 300
 """Number of triangles that every mesh may have, regardless of the sizes of other meshes."""
 
 BESIDE_BODY = 0.1
-"""Horizontal distance of the first joint from the centre of the fixed bodies, as a share of the length of the arm,
-above which the arm is beside a body that can hide the arm."""
+"""Ratio of the horizontal distance between the first joint and the centre of the fixed bodies to the length of the
+arm, above which the arm is beside a body that can hide it."""
 
 Bodies = tuple[list[dict[str, Any]], list[dict[str, Any]], tuple[Finding, ...]]
 """JSON objects of bodies and of their meshes for the script of the page, and findings about missing bodies."""
@@ -50,7 +50,7 @@ def joint_records(robot: Robot, limits: Limits) -> list[dict[str, Any]]:
 
 
 def bodies_of(robot: Robot) -> Bodies:
-    """Visual shapes of the links; collision shapes for links without visual shapes."""
+    """JSON objects of the visual shapes of the links, and of collision shapes for links without visual shapes."""
     with_visuals = {link_of(shape.name) for shape in robot.visuals}
     shapes = (*robot.visuals, *(shape for shape in robot.shapes if link_of(shape.name) not in with_visuals))
     drawn: list[dict[str, Any]] = []
@@ -72,7 +72,7 @@ def bodies_of(robot: Robot) -> Bodies:
 
 
 def _within_budget(meshes: Sequence[tuple[Array, Any]]) -> list[dict[str, Any]]:
-    """Simplified meshes, which keep the same share of their triangles: together at most about `MAX_TRIANGLES`."""
+    """JSON objects of meshes simplified to about `MAX_TRIANGLES` in all, each to the same share of its triangles."""
     total = sum(len(triangles) for _, triangles in meshes)
     share = min(1.0, MAX_TRIANGLES / total) if total else 1.0
     return [

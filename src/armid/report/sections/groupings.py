@@ -9,7 +9,7 @@ from armid.report.tables import Column, Table, TableCell
 
 
 def show_groupings(page_data: PageData) -> Section | None:
-    """Section of the columns that were removed from the regressor, and of their dependence on the kept columns."""
+    """Section of the columns removed from the regressor, and of their dependence on the remaining columns."""
     base = page_data.run.estimate.base
     if not len(base.removed):
         return None

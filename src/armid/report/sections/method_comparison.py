@@ -123,7 +123,7 @@ def _plots(page_data: PageData, methods: MethodTable) -> tuple[tuple[str, tuple[
 
 
 def _half(page_data: PageData, methods: MethodTable) -> Array:
-    """Half widths of the 95 % intervals of the run for the base parameters of the comparison; NaN if unknown."""
+    """Half width (b,) of the run's 95 % interval for each base parameter of the comparison; NaN if unknown."""
     estimate = page_data.run.estimate
     fit = averaged(estimate.base.names, estimate.fit)
     half = dict(zip(estimate.base.names, 0.5 * np.ptp(fit.intervals, axis=1), strict=True))

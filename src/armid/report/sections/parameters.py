@@ -104,7 +104,7 @@ def _values(decimals: int, *values: float) -> list[TableCell]:
 
 
 def _prior(value: float, inertial: bool, decimals: int) -> list[TableCell]:
-    """Cell of the value of the description; a dash for friction, offsets and rotor inertia."""
+    """Cell with the value that the description gives; a dash for friction, offsets and rotor inertia."""
     if not inertial:
         return [TableCell("–", "")]
     return [TableCell(fixed(value, decimals), value)]

@@ -58,7 +58,7 @@ def _kernel(made_by: FactorOrigin) -> str:
 
 
 def _with_paths(page_data: PageData, digests: Sequence[InputDigest]) -> list[tuple[str, str]]:
-    """Digest of each input, with the path of the input."""
+    """Role and path of each input as text, and the sha256 of the input."""
     paths = iter(each.path for each in page_data.study.recordings)
     named: list[tuple[str, str]] = []
     for each in digests:

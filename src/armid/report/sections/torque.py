@@ -98,7 +98,7 @@ def _table(page_data: PageData) -> Table:
 
 
 def _expected(left_out: LeftOutError | None, j: int) -> TableCell:
-    """90 % interval of the RMS error that is expected on another recording; a dash if it is not known."""
+    """Cell with the 90 % interval of the RMS error expected on another recording; a dash if it is not known."""
     if left_out is None:
         return TableCell("–")
     low, high = float(left_out.expected.low[j]), float(left_out.expected.high[j])

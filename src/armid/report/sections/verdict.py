@@ -56,7 +56,10 @@ def show_verdict(page_data: PageData) -> Section:
 
 
 def _badge(page_data: PageData) -> dict[str, str]:
-    """Colour, badge and sentence for the verdict, or for an error or impossible bodies of a run that did not fail."""
+    """Colour, badge and sentence for the verdict of a run.
+
+    If the verdict is not `fail`, but the run has an error or impossible bodies, they replace the verdict.
+    """
     verdict = page_data.validation.verdict
     sentence = SENTENCES.get(verdict, "")
     if verdict != "not judged" and not page_data.validation.recordings:

@@ -45,6 +45,9 @@ def described_bodies(robot: Robot, *, packages: Mapping[str, str] | None = None)
 
 
 def _links(robot: Robot) -> tuple[DescribedBody, ...]:
-    """Links of an arm whose description has no other bodies, as a DH table; its capsules surround links loosely."""
+    """Links with a mass, for an arm whose description has no separate bodies, such as a DH table.
+
+    They have no shapes, because the capsules of a table surround the links only loosely.
+    """
     masses = [(link.name, link.inertial.vector) for link in robot.links if link.inertial and link.inertial.mass]
     return tuple(DescribedBody(name, *vector_to_com_inertia(vector), ()) for name, vector in masses)

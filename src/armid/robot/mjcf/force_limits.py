@@ -15,7 +15,7 @@ LIMITED = {
     "forcerange": "forcelimited",
     "ctrlrange": "ctrllimited",
 }
-"""Attributes that switch ranges on and off."""
+"""Attribute that switches a range on or off, by the name of the attribute with the range."""
 
 
 def range_in_effect(

@@ -51,7 +51,7 @@ def heavy_geoms(body: ET.Element, childclass: str, settings: Settings) -> list[E
 
 
 def is_solid(geom: ET.Element) -> bool:
-    """Tests whether a geom is a solid primitive."""
+    """Tests whether a geom is a solid primitive, that is, neither a mesh nor a shell."""
     return geom.get("type", "sphere") in SIZES and "mesh" not in geom.attrib and geom.get("shellinertia") != "true"
 
 

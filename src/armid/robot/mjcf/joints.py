@@ -15,7 +15,7 @@ from armid.robot.xml import numbers
 COUPLINGS = ("flex", "flexvert", "flexstrain")
 LOOPS = ("connect", "weld")
 IDENTITY = (0.0, 1.0, 0.0, 0.0, 0.0)
-"""Default coefficients of the polynomial of an equality of joints."""
+"""Default coefficients of the polynomial of an equality of joints, lowest power first."""
 
 
 def joints_of(body: ET.Element) -> list[ET.Element]:

@@ -21,14 +21,14 @@ MODES = ("convex", "exact", "legacy", "shell")
 """Values of the attribute `inertia` of a mesh."""
 
 USUAL_MODE = "legacy"
-"""Mode of a mesh without that attribute."""
+"""Mode of a mesh without the attribute `inertia`."""
 
 SMALLEST = 1e-15
 """Volume or area below which MuJoCo refuses a mesh [m³ or m²]."""
 
 
 SQUARE = 1e-9
-"""Rounding error of a rotation by right angles."""
+"""Largest element outside the diagonal of a matrix of scale factors that counts as a rounding error."""
 
 
 @dataclass(frozen=True, slots=True)

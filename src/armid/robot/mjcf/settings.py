@@ -140,7 +140,7 @@ def settings_of(root: ET.Element, source: str) -> Settings:
 
 
 def _add_inner(settings: Settings, section: ET.Element, own: dict[str, dict[str, str]], around: str) -> None:
-    """Adds the classes inside a default class `own`; unnamed classes get the name of the class around them."""
+    """Adds the classes inside a default class with the attributes `own`; unnamed ones get the name of that class."""
     for inner in section.findall("default"):
         name = inner.get("class", around)
         if name in settings.defaults and "class" in inner.attrib:
@@ -163,7 +163,7 @@ def _with_own(inherited: Mapping[str, dict[str, str]], section: ET.Element) -> d
 
 
 def _merged(inherited: Mapping[str, str], own: Mapping[str, str]) -> dict[str, str]:
-    """Inherited attributes with own ones in place of them.
+    """Inherited attributes, with an element's own attributes in place of inherited ones of the same name.
 
     An own orientation replaces each form of orientation. An own size with fewer numbers replaces the first ones.
     """

@@ -94,7 +94,7 @@ def shapes_of_mjcf(
 
 
 def _in_words(geom: ET.Element, lost: Mapping[str, str]) -> str:
-    """Kind of a geom that is not read, in words, with the reason."""
+    """Text with the kind of a geom that is not read, and for a mesh with the reason."""
     kind, mesh = _kind_of(geom), geom.get("mesh", "")
     if kind == "mesh":
         return f"the mesh {mesh!r}, {lost[mesh]},"

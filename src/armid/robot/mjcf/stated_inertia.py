@@ -28,7 +28,7 @@ def plain_inertial(body: ET.Element, settings: Settings, name: str) -> ET.Elemen
         name: Name of the body, for messages.
 
     Raises:
-        RobotError: The body has several of them, or the element contradicts itself or has no mass.
+        RobotError: The body has several elements <inertial>, or the element contradicts itself or has no mass.
     """
     given, where = body.findall("inertial"), f"the inertial of {name!r}"
     if not given:

@@ -13,7 +13,7 @@ SWITCHED = {"boundmass": 0.0, "boundinertia": 0.0, "settotalmass": 0.0}
 """Compiler settings that change masses and inertias if they exceed these values."""
 
 LISTED = 5
-"""Number of bodies or joints that one finding names."""
+"""Largest number of bodies or joints that one finding names."""
 
 
 def changing_settings(compiler: Mapping[str, str], source: str) -> list[str]:
@@ -35,7 +35,7 @@ def changing_settings(compiler: Mapping[str, str], source: str) -> list[str]:
 
 
 def ignored_settings(settings: Settings) -> list[Finding]:
-    """Finding about compiler settings in effect that change masses and inertias; there is none without them."""
+    """Finding about compiler settings in effect that change masses and inertias; empty without such settings."""
     ignored = changing_settings(settings.compiler, settings.source)
     if not ignored:
         return []

@@ -266,7 +266,7 @@ def _inertial(row: _Table, to_end: Array, findings: list[Finding]) -> InertialPa
 
 
 def _pose(document: dict[str, Any], key: str, source: str, degrees: bool) -> Array:
-    """Homogeneous transform that is given by the table [base] or [tip]."""
+    """Homogeneous transform (4, 4) that is given by the table [base] or [tip]."""
     table = _Table(document.get(key, {}), f"{source}, [{key}]", degrees)
     table.only(("name", "xyz", "rpy") if key == "tip" else ("xyz", "rpy"))
     rpy = table.vector("rpy", 3, (0.0, 0.0, 0.0), angle=True)

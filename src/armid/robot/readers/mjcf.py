@@ -1,4 +1,4 @@
-"""Reader of MJCF by way of its plain form; meshes are opened if inertia depends on them.
+"""Reader of MJCF, which first converts it to its plain form; meshes are opened if inertia depends on them.
 
 Bodies with several hinges or slides become a chain of massless links. If a joint has no effort limit, the effort
 limit of its actuator is used. The acceleration of gravity is read from the file.

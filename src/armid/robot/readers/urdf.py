@@ -163,7 +163,10 @@ def _joints(root: ET.Element) -> list[ET.Element]:
 def _prepare(
     joint: ET.Element, locked: Mapping[str, float], source: str
 ) -> tuple[DescribedLimits, tuple[Finding, ...]]:
-    """Checks a joint and returns its limits and findings; a locked joint of another kind is made fixed."""
+    """Checks a joint and returns its limits and findings.
+
+    A locked joint with several degrees of freedom becomes a fixed joint.
+    """
     name, kind = joint.get("name", ""), joint.get("type", "")
     if kind in REFUSED and name in locked:
         identity_only(name, kind, locked[name])

@@ -96,7 +96,7 @@ def expand(text: str, source: str) -> str:
 
 
 LACKING = re.compile(r"Package not found: (\S+)")
-"""Message of xacrodoc about a package that it does not find."""
+"""Pattern of the message of xacrodoc about a package that it does not find."""
 
 
 def _unexpanded(source: str, error: Exception, package: str) -> RobotError:

@@ -205,7 +205,7 @@ def _name(element: ET.Element, kind: str, source: str) -> str:
     """Name of a link or joint.
 
     Raises:
-        RobotError: It has no name.
+        RobotError: The element has no name.
     """
     name = element.get("name", "")
     if not name:

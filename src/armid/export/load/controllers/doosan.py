@@ -15,7 +15,7 @@ from armid.export.load.load_text import LoadText, commented, heading, mass_numbe
 
 
 def write(load: FlangeLoad) -> LoadText:
-    """Makes the request of the service as YAML."""
+    """Makes the request of the service `tool/config_create_tool` with the load, as YAML."""
     centre = three(["cog x", "cog y", "cog z"], load.com, "m", load.com_intervals)
     numbers = [mass_number(load, "weight"), *centre, *(replace(each, in_file=False) for each in tensor(load))]
     weight, *cog = (single(number.value) for number in numbers if number.in_file)

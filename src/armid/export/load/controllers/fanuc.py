@@ -22,11 +22,11 @@ INERTIA_UNIT = 100.0 / STANDARD_GRAVITY
 """Inertia of 1 kg·m² in kgf·cm·s²: 1 kg·m² = 1 N·m·s²."""
 
 LARGE = 0.1
-"""Ratio of the largest product of inertia to the largest moment above which leaving it out is reported."""
+"""Ratio of the largest product of inertia to the largest moment above which a finding reports omitted products."""
 
 
 def write(load: FlangeLoad) -> LoadText:
-    """Makes a text with the numbers of the screen."""
+    """Makes a text with the numbers to enter on the screen MOTION/PAYLOAD SET."""
     centre = three([f"PAYLOAD CENTER {axis}" for axis in "XYZ"], load.com, "cm", load.com_intervals, CENTIMETRES)
     six = tensor(load)
     inertia = three(

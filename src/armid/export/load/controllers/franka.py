@@ -12,7 +12,7 @@ from armid.export.load.flange_load import FlangeLoad
 from armid.export.load.load_text import LoadText, commented, heading, mass_number, number_text, tensor, three
 
 IDENTITY = [1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0]
-"""Pose of the end effector in the flange, by columns; the load says nothing about it."""
+"""Pose of the end effector in the flange frame (4 × 4, by columns), which a load does not determine."""
 
 
 def write(load: FlangeLoad) -> LoadText:

@@ -11,12 +11,12 @@ from armid.export.load.flange_load import FlangeLoad
 from armid.export.load.load_text import LoadText, commented, heading, mass_number, number_text, tensor, three
 
 LARGEST = 133.0
-"""Largest absolute value of an element of the inertia matrix [kg·m²]; beyond, the controller raises an exception,
-says the vendor's script manual."""
+"""Largest absolute value of an element of the inertia matrix [kg·m²]. According to the vendor's script manual, the
+controller raises an exception for larger values."""
 
 
 def write(load: FlangeLoad) -> LoadText:
-    """Makes a URScript program."""
+    """Makes a URScript program that sets the payload."""
     centre = three(["CoGx", "CoGy", "CoGz"], load.com, "m", load.com_intervals)
     inertia = tensor(load)
     largest = max(inertia, key=lambda each: abs(each.value))

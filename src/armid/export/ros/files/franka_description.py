@@ -54,7 +54,7 @@ def write(urdf: bytes, about: str) -> dict[str, str]:
 
 
 def expanded(files: Mapping[str, str], urdf: bytes) -> bytes:
-    """Makes the URDF with the values of the files."""
+    """Makes the URDF in which inertias and friction are replaced by the values of the files."""
     prefix = _prefix(ET.fromstring(urdf))
     inertials = cast("dict[str, Any]", read_yaml(files[INERTIALS]))
     dynamics = cast("dict[str, Any]", read_yaml(files[DYNAMICS]))

@@ -60,7 +60,7 @@ def write(urdf: bytes, about: str) -> dict[str, str]:
 
 
 def expanded(files: Mapping[str, str], urdf: bytes) -> bytes:
-    """Makes the URDF with the values of the files."""
+    """Makes the URDF in which inertias and friction are replaced by the values of the files."""
     prefix = _prefix(ET.fromstring(urdf))
     inertia = cast("dict[str, Any]", read_yaml(files[PHYSICAL])["inertia_parameters"])
     dynamics = cast("dict[str, Any]", read_yaml(files[DYNAMICS])["joint_dynamics"])
@@ -81,7 +81,7 @@ def _prefix(root: ET.Element) -> str:
 
 
 def _base(root: ET.Element, prefix: str) -> tuple[float, float, float]:
-    """Mass, radius and length of the cylinder of the base; zero if the URDF has no inertia of the base."""
+    """Mass [kg], radius [m] and length [m] of the cylinder with the inertia of the base; zeros without inertia."""
     base = link_numbers(root, f"{prefix}base_link_inertia")
     if base is None or base.mass <= 0.0:
         return 0.0, 0.0, 0.0
@@ -90,7 +90,7 @@ def _base(root: ET.Element, prefix: str) -> tuple[float, float, float]:
 
 
 def _mesh_offset(root: ET.Element, link: str) -> float:
-    """Offset in z of the mesh of a link, in which the package has its offset; zero if the URDF has no mesh."""
+    """Offset of the mesh of a link in z [m], which is a value of the package; zero if the URDF has no mesh."""
     for each in root.findall("link"):
         if each.get("name") == link:
             origin = each.find("visual/origin")

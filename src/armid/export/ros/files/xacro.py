@@ -46,6 +46,6 @@ def expanded(files: Mapping[str, str], urdf: bytes) -> bytes:
 
 
 def macro_name(robot: str) -> str:
-    """Name of an arm as the name of a macro."""
+    """Name of the macro of an arm: its name with underscores for characters that a macro name cannot have."""
     name = re.sub(r"\W+", "_", robot).strip("_")
     return name if name[:1].isalpha() else f"arm_{name}"
