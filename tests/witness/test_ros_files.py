@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,7 @@ import pytest
 import yaml
 
 from armid.errors import OutputError
-from armid.export.ros.files import ur_description
+from armid.export.ros.files import franka_description, ur_description
 from armid.export.ros.write import export_for_ros
 from armid.export.write import export_run
 from armid.model.motion import Motion
@@ -129,6 +130,47 @@ def test_a_xacro_macro_of_any_arm(tmp_path: Path):
     path = export_for_ros(run, "xacro").path
     used = path.read_text().replace("</robot>", f'<xacro:{path.name.split(".")[0]} prefix=""/></robot>')
     agrees(expand(used, str(path)), run)
+
+
+def test_a_xacro_macro_is_used_twice_in_one_file(tmp_path: Path):
+    """Two arms in one cell: names of materials, transmissions and controllers must not be repeated."""
+    more = (
+        '<material name="Black"><color rgba="0 0 0 1"/></material>'
+        '<transmission name="drive"><joint name="elbow_joint"/><actuator name="motor"/></transmission><ros2_control name="control" type="system"/></robot>'
+    )
+    text = ur_arm(described(), frictionless, head=">").replace("</robot>", more)
+    text = text.replace("</geometry></visual>", '</geometry><material name="Black"/></visual>')
+    assert text.count('name="Black"') > 1
+    exported = export_for_ros(run_from(text, tmp_path), "xacro", tmp_path / "out")
+    mounts = "".join(
+        f'<xacro:ur5e prefix="{side}"/><joint name="{side}mount" type="fixed"><parent link="world"/>'
+        f'<child link="{side}base_link"/></joint>'
+        for side in ("l_", "r_")
+    )
+    cell = f"""<robot name="cell" xmlns:xacro="http://www.ros.org/wiki/xacro"><link name="world"/>
+<xacro:include filename="{exported.path}"/>{mounts}</robot>"""
+    used = expand(cell, str(tmp_path / "cell.xacro"))
+    assert pin.buildModelFromXML(used).nq == 12
+    for tag in ("material", "transmission", "ros2_control"):
+        names = [each.get("name") for each in ElementTree.fromstring(used).findall(tag)]
+        assert len(names) == len(set(names)) == 2
+
+
+def test_arms_with_the_names_of_a_package_and_other_frames(tmp_path: Path):
+    """Descriptions of UR arms for ROS 1 have the same names of links; the numbers would be in the wrong frames."""
+    urdf = ur_arm(described(), frictionless, head=">")
+    turned = urdf.replace('rpy="1.570796327 0 0"', 'rpy="0 1.570796327 0"', 1)
+    assert turned != urdf
+    with pytest.raises(OutputError, match=r"other frames.*shoulder_lift_joint"):
+        ur_description.write(turned.encode(), "an arm")
+    about_y = urdf.replace('<axis xyz="0 0 1"/>', '<axis xyz="0 1 0"/>')
+    with pytest.raises(OutputError, match="shoulder_pan_joint, shoulder_lift_joint"):
+        ur_description.write(about_y.encode(), "an arm")
+    with pytest.raises(OutputError, match="needs the mass of the base"):
+        ur_description.write(urdf.replace("base_link_inertia", "base_link_body").encode(), "an arm")
+    other = franka_arm(described(), frictionless).replace('rpy="-1.570796326794897 0 0"', 'rpy="0 0 0"')
+    with pytest.raises(OutputError, match=r"other frames.*fr3_joint2"):
+        franka_description.write(other.encode(), "an arm")
 
 
 def test_arms_that_are_not_of_the_package(tmp_path: Path):

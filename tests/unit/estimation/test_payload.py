@@ -239,7 +239,7 @@ def test_parameters_that_nothing_shows_leave_rounding_for_a_covariance():
 
 
 def test_intervals_of_a_load_below_zero_are_cut_off():
-    """Another arm's log gives a negative mass: the interval then holds what real bodies near it have, from zero on."""
+    """Another arm's log gives a negative mass: the interval then holds masses of real bodies near it."""
     free, none = np.ones(10, dtype=np.bool_), np.zeros(10, dtype=np.bool_)
     estimate = np.zeros(10)
     estimate[0] = -2.0

@@ -13,6 +13,9 @@ from armid.errors import OutputError
 from armid.export.types import plain_number
 from armid.maths.rotations import rpy_rotation
 
+MOST_TURNED = 0.05
+"""Largest angle [rad] between the axes of a joint and those of the package; those of a calibrated arm are nearer."""
+
 TENSOR = {"xx": (0, 0), "xy": (0, 1), "xz": (0, 2), "yy": (1, 1), "yz": (1, 2), "zz": (2, 2)}
 
 
@@ -53,6 +56,37 @@ def find_prefix(root: ET.Element, names: Sequence[str], package: str) -> str:
         possible="the formats urdf and xacro",
         remedy=f"identify with the URDF or xacro of one arm of {package}, or choose another format with --to.",
     )
+
+
+def require_axes(root: ET.Element, axes: Mapping[str, tuple[float, float, float]], package: str) -> None:
+    """Requires that the axes of joints are those of a package, since its numbers are in the frames of its links.
+
+    Args:
+        root: Root of the URDF.
+        axes: Roll, pitch and yaw [rad] of the frame of each joint in the frame of its parent link, by the joint's
+            name. Every joint of a package turns about z.
+        package: Name of the package.
+
+    Raises:
+        OutputError: A joint is missing, does not turn about z, or has other axes.
+    """
+    joints = {joint.get("name", ""): joint for joint in root.findall("joint")}
+    others = [name for name, rpy in axes.items() if name not in joints or not _has_axes(joints[name], rpy)]
+    if others:
+        raise OutputError(
+            f"The links have the names of the package {package}, but other frames: joints with other axes, or "
+            f"missing ones, are {', '.join(others)}. The numbers would be in the wrong frames.",
+            possible="the formats urdf and xacro",
+            remedy=f"identify with a description of the present {package}, or choose another format with --to.",
+        )
+
+
+def _has_axes(joint: ET.Element, rpy: tuple[float, float, float]) -> bool:
+    """True if a joint turns about z, and its frame is turned against the parent's by given angles, about."""
+    axis = _three(joint.find("axis"), "xyz")
+    turned = rpy_rotation(np.array(rpy)).T @ rpy_rotation(_three(joint.find("origin"), "rpy"))
+    angle = float(np.arccos(np.clip(0.5 * (np.trace(turned) - 1.0), -1.0, 1.0)))
+    return bool(axis[2] > 0.0 and np.abs(axis[:2]).max() == 0.0 and angle < MOST_TURNED)
 
 
 def link_numbers(root: ET.Element, name: str) -> LinkNumbers | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 from typing import Any, cast
@@ -13,6 +14,7 @@ from armid.export.ros.package_yaml import (
     link_numbers,
     numbers_of_links,
     read_yaml,
+    require_axes,
     with_values,
     yaml_lines,
 )
@@ -24,6 +26,10 @@ PACKAGE = "franka_description"
 LINKS = tuple(f"link{i}" for i in range(8))
 INERTIALS, DYNAMICS = "inertials.yaml", "dynamics.yaml"
 
+RIGHT = math.pi / 2.0
+AXES = {f"joint{i}": (turn * RIGHT, 0.0, 0.0) for i, turn in enumerate((0.0, -1.0, 1.0, 1.0, -1.0, 1.0, 1.0), 1)}
+"""Roll, pitch and yaw of each joint [rad], the same for all arms of the package."""
+
 OTHER_DYNAMICS = {"D": "1", "K": "7000", "mu_coulomb": "0", "mu_viscous": "16"}
 """Values that the macro of the package also needs, and that are not identified; from `robots/fr3/dynamics.yaml`."""
 
@@ -32,6 +38,7 @@ def write(urdf: bytes, about: str) -> dict[str, str]:
     """Makes `inertials.yaml` and `dynamics.yaml`; the base, link0, has the inertia of the description."""
     root = ET.fromstring(urdf)
     prefix = _prefix(root)
+    require_axes(root, {prefix + joint: rpy for joint, rpy in AXES.items()}, PACKAGE)
     inertials: dict[str, Any] = {}
     base = link_numbers(root, prefix + LINKS[0])
     moving = numbers_of_links(root, [prefix + link for link in LINKS[1:]], PACKAGE)
@@ -70,4 +77,4 @@ def expanded(files: Mapping[str, str], urdf: bytes) -> bytes:
 
 
 def _prefix(root: ET.Element) -> str:
-    return find_prefix(root, LINKS[1:], PACKAGE)
+    return find_prefix(root, LINKS, PACKAGE)

@@ -12,6 +12,7 @@ import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 from typing import Any, cast
 
+from armid.errors import OutputError
 from armid.export.ros.package_yaml import (
     TENSOR,
     find_prefix,
@@ -19,6 +20,7 @@ from armid.export.ros.package_yaml import (
     link_numbers,
     numbers_of_links,
     read_yaml,
+    require_axes,
     with_values,
     yaml_lines,
 )
@@ -28,6 +30,16 @@ NEEDS_DESCRIPTION: bool = True
 PACKAGE = "ur_description"
 LINKS = ("shoulder", "upper_arm", "forearm", "wrist_1", "wrist_2", "wrist_3")
 JOINTS = ("shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3")
+RIGHT = math.pi / 2.0
+AXES = dict(
+    zip(
+        JOINTS,
+        [(0.0, 0.0, 0.0), (RIGHT, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (RIGHT, 0.0, 0.0), (-RIGHT, 0.0, 0.0)],
+        strict=True,
+    )
+)
+"""Roll, pitch and yaw of each joint [rad] in the package; its descriptions for ROS 1 had other frames."""
+
 PHYSICAL, DYNAMICS = "physical_parameters.yaml", "joint_dynamics.yaml"
 
 
@@ -36,6 +48,7 @@ def write(urdf: bytes, about: str) -> dict[str, str]:
     root = ET.fromstring(urdf)
     prefix = _prefix(root)
     names = [f"{prefix}{link}_link" for link in LINKS]
+    require_axes(root, {f"{prefix}{joint}_joint": rpy for joint, rpy in AXES.items()}, PACKAGE)
     numbers = dict(zip(LINKS, numbers_of_links(root, names, PACKAGE), strict=True))
     base, radius, length = _base(root, prefix)
     inertia: dict[str, Any] = {"base_mass": base, **{f"{link}_mass": each.mass for link, each in numbers.items()}}
@@ -81,10 +94,13 @@ def _prefix(root: ET.Element) -> str:
 
 
 def _base(root: ET.Element, prefix: str) -> tuple[float, float, float]:
-    """Mass [kg], radius [m] and length [m] of the cylinder with the inertia of the base; zeros without inertia."""
+    """Mass [kg], radius [m] and length [m] of the cylinder with the inertia of the base."""
     base = link_numbers(root, f"{prefix}base_link_inertia")
     if base is None or base.mass <= 0.0:
-        return 0.0, 0.0, 0.0
+        raise OutputError(
+            f"{PACKAGE} needs the mass of the base, and the URDF has no link {prefix}base_link_inertia with a mass.",
+            remedy=f"identify with a description of {PACKAGE}, or choose another format with --to.",
+        )
     radius = math.sqrt(max(2.0 * float(base.inertia[2, 2]) / base.mass, 0.0))
     return base.mass, radius, math.sqrt(max(12.0 * float(base.inertia[0, 0]) / base.mass - 3.0 * radius**2, 0.0))
 

@@ -14,8 +14,19 @@ from armid.robot.readers.xacro import expand
 NEEDS_DESCRIPTION: bool = False
 
 NAMESPACE = "http://www.ros.org/wiki/xacro"
-NAMED = {"link": "name", "joint": "name", "parent": "link", "child": "link", "gazebo": "reference", "mimic": "joint"}
-"""Attributes with names of links and joints, by tag."""
+NAMED = {
+    "link": "name",
+    "joint": "name",
+    "parent": "link",
+    "child": "link",
+    "gazebo": "reference",
+    "mimic": "joint",
+    "material": "name",
+    "transmission": "name",
+    "actuator": "name",
+    "ros2_control": "name",
+}
+"""Attributes with names that must differ where a file uses the macro twice, by tag."""
 
 
 def write(urdf: bytes, about: str) -> dict[str, str]:
@@ -24,7 +35,7 @@ def write(urdf: bytes, about: str) -> dict[str, str]:
     name = macro_name(document.root.values.get("name", ""))
     for node in document.root.walk():
         key = NAMED.get(node.tag)
-        if node is not document.root and key is not None and key in node.values:
+        if node is not document.root and key is not None and node.values.get(key):
             document.set(node, key, "${prefix}" + node.values[key])
     root = document.root
     newline = document.newline
