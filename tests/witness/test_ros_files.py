@@ -136,7 +136,8 @@ def test_a_xacro_macro_is_used_twice_in_one_file(tmp_path: Path):
     """Two arms in one cell: names of materials, transmissions and controllers must not be repeated."""
     more = (
         '<material name="Black"><color rgba="0 0 0 1"/></material>'
-        '<transmission name="drive"><joint name="elbow_joint"/><actuator name="motor"/></transmission><ros2_control name="control" type="system"/></robot>'
+        '<transmission name="drive"><joint name="elbow_joint"/><actuator name="motor"/></transmission>'
+        '<ros2_control name="control" type="system"/></robot>'
     )
     text = ur_arm(described(), frictionless, head=">").replace("</robot>", more)
     text = text.replace("</geometry></visual>", '</geometry><material name="Black"/></visual>')
