@@ -142,7 +142,7 @@ def test_a_folder_of_something_else_is_kept(run: Run, tmp_path: Path):
 
 
 @pytest.mark.parametrize(
-    ("more", "words"), [(("--ensemble", 0), "at least one draw"), (("--to", "c"), "Unknown format")]
+    ("more", "words"), [(("--ensemble", 0), "at least one draw"), (("--to", "c"), "'c' is not a format of one")]
 )
 def test_wrong_requests_are_refused(
     run: Run, tmp_path: Path, capsys: pytest.CaptureFixture[str], more: tuple[object, ...], words: str

@@ -86,7 +86,7 @@ def print_result(result: Result, *, verbose: bool = False) -> None:
 
 
 def _expected_line(validation: Validation, units: Sequence[str]) -> str:
-    """Line with the RMS error expected on another recording, and the joints whose error exceeds its 90 % interval."""
+    """Line with the RMS error expected on another recording, and the joints whose error is outside its interval."""
     assert validation.left_out is not None
     expected = validation.left_out.expected
     low, rms, high = (float(np.linalg.norm(each)) for each in (expected.low, expected.rms, expected.high))
@@ -101,9 +101,11 @@ def _expected_line(validation: Validation, units: Sequence[str]) -> str:
     errors = np.array([each.rms for each in validation.recordings])
     joints = np.array(validation.joints)
     with np.errstate(invalid="ignore"):
-        above = joints[(errors > expected.high).any(axis=0)]
-    kept = f"above it on {', '.join(above)}" if len(above) else "kept on every joint"
-    return f"{line}; validation: {escape(kept)}"
+        above, below = joints[(errors > expected.high).any(axis=0)], joints[(errors < expected.low).all(axis=0)]
+    parts = [f"above it on {', '.join(above)}"] if len(above) else []
+    if len(below):
+        parts.append(f"below it on {', '.join(below)}, where less has changed than between usual recordings")
+    return f"{line}; validation: {escape('; '.join(parts) or 'inside it on every joint')}"
 
 
 def _assumption(result: Result) -> str:

@@ -107,19 +107,20 @@ def main(arguments: list[str] | None = None) -> None:
 def _repeat_option(option: str, arguments: list[str]) -> list[str]:
     """Rewrites `--validate a b` as `--validate a --validate b`, the only form that the parser accepts."""
     result: list[str] = []
-    follows_option = False
+    follows_option = needs_value = False
     for argument in arguments:
         if argument.startswith("-"):
-            follows_option = argument == option
+            if needs_value:  # left to the parser, which refuses an option without a value
+                result.append(option)
+            follows_option = needs_value = argument == option
             if not follows_option:
                 result.append(argument)
         elif follows_option:
             result += [option, argument]
+            needs_value = False
         else:
             result.append(argument)
-    if follows_option and (not result or option not in result):
-        result.append(option)
-    return result
+    return [*result, option] if needs_value else result
 
 
 NUMBER_LISTS = ("--start", "--begin", "--end", "--noise", "--tip", "--tip-box")

@@ -10,7 +10,7 @@ import numpy as np
 from armid.checked_array import Array
 from armid.notebook_display import plural
 from armid.report.data.joint_names import heading_of, label_of
-from armid.report.data.number_format import fixed, short
+from armid.report.data.number_format import fixed, short, with_half_width
 from armid.report.page import assemble
 from armid.report.page_file import write_html
 from armid.report.plots.plot_specification import Axes, Plot, PlotTrace, line
@@ -102,6 +102,7 @@ def _alarms(monitor: Monitor, alarms: tuple[Alarm, ...]) -> Table:
         Column("external torque", unit),
         Column("threshold", unit),
         *(Column(f"force {axis} at the tip", "N") for axis in "xyz"),
+        *(Column(f"moment {axis} at the tip", "N·m") for axis in "xyz"),
         Column("other joints", words=True),
     )
     rows = [
@@ -111,28 +112,28 @@ def _alarms(monitor: Monitor, alarms: tuple[Alarm, ...]) -> Table:
             TableCell(alarm.joint, kind="name"),
             TableCell(short(alarm.size), alarm.size),
             TableCell(short(alarm.threshold), alarm.threshold),
-            *_force(alarm),
+            *_wrench(alarm),
             TableCell(", ".join(name for name in alarm.joints if name != alarm.joint)),
         )
         for alarm in alarms
     ]
     note = (
-        "Values at the largest excess. Force in the axes of the base, as if the contact were at the tip, ± half of "
-        "the 95 % interval; ?: not determined in the pose of the arm."
+        "Values at the largest excess. Force and moment in the axes of the base, as if the contact were at the tip, "
+        "± half of the 95 % interval; ?: not determined in the pose of the arm. A contact can exceed the thresholds "
+        "of several joints; its alarm is that of the joint with the largest excess."
     )
     return Table("alarms", "Alarms", columns, rows, note, folded=len(rows) > MAX_OPEN)
 
 
-def _force(alarm: Alarm) -> list[TableCell]:
-    """Cells of the force at the tip in x, y and z."""
+def _wrench(alarm: Alarm) -> list[TableCell]:
+    """Cells of the force and the moment at the tip in x, y and z."""
     if alarm.wrench is None:
-        return [TableCell("–", "")] * 3
-    pairs = zip(alarm.wrench.value[:3], alarm.wrench.deviation[:3], strict=True)
+        return [TableCell("–", "")] * 6
     return [
-        TableCell(f"{fixed(float(value), 0)} ± {fixed(QUANTILE * float(spread), 0)}", float(value))
+        TableCell(with_half_width(float(value), QUANTILE * float(spread)), float(value))
         if np.isfinite(spread)
         else TableCell("?", "")
-        for value, spread in pairs
+        for value, spread in zip(alarm.wrench.value, alarm.wrench.deviation, strict=True)
     ]
 
 

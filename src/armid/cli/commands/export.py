@@ -115,6 +115,7 @@ def export(
         armid export runs/today --to mjcf --ensemble 100 --out arms
     """
     from armid.cli.motion.number_options import parse_limits
+    from armid.errors import OutputError
     from armid.export.ros.write import export_for_ros
     from armid.export.write import export_record, export_run
     from armid.runs.run import load_run
@@ -128,6 +129,12 @@ def export(
         "allow_unidentified": allow_unidentified,
     }
     if ensemble is not None:
+        if to not in EXPORTERS:
+            raise OutputError(
+                f"--ensemble writes robot descriptions; {to!r} is not a format of one.",
+                possible=", ".join(EXPORTERS),
+                remedy="name one of these formats with --to.",
+            )
         return _ensemble(run, to, ensemble, out, seed, description, choices, json=json)
     if to in LANGUAGES:
         return _code(run, to, out, json=json)

@@ -208,26 +208,37 @@ def _report(console: Console, made: Monitor, watched: Watched) -> None:
 
 
 def _alarm_table(made: Monitor, alarms: tuple[Alarm, ...]) -> object:
-    """Table of alarms: time, duration, joint, size, threshold and force at the tip."""
+    """Table of alarms: time, duration, joint, size, threshold, and force and moment at the tip."""
     from rich.markup import escape
     from rich.table import Table
 
     units = {joint.name: "N" if joint.is_prismatic else "N·m" for joint in made.run.robot.joints}
     table = Table(title="Alarms")
-    for name in ("t [s]", "duration [s]", "joint", "external torque", "threshold", "force at the tip [N]"):
+    for name in ("t [s]", "duration [s]", "joint", "external torque", "threshold", *WRENCH):
         table.add_column(name, justify="left" if name == "joint" else "right")
     for alarm in alarms[:MAX_ALARMS]:
-        force = "–"
-        if alarm.wrench is not None:
-            pairs = zip(alarm.wrench.value[:3], alarm.wrench.deviation[:3], strict=True)
-            force = ", ".join("?" if spread == float("inf") else f"{value:.0f} ± {1.96 * spread:.0f}"
-                              for value, spread in pairs)  # fmt: skip
         table.add_row(
             f"{alarm.start:.3f}",
             f"{alarm.duration:.3f}",
             escape(alarm.joint),
             f"{alarm.size:.3g} {units[alarm.joint]}",
             f"{alarm.threshold:.3g}",
-            force,
+            *_wrench_texts(alarm),
         )
     return table
+
+
+WRENCH = ("force at the tip [N]", "moment at the tip [N·m]")
+
+
+def _wrench_texts(alarm: Alarm) -> list[str]:
+    """Force and moment at the tip in x, y and z, each with the half width of its 95 % interval."""
+    from armid.report.data.number_format import with_half_width
+
+    if alarm.wrench is None:
+        return ["–", "–"]
+    texts = [
+        "?" if spread == float("inf") else with_half_width(float(value), 1.96 * float(spread))
+        for value, spread in zip(alarm.wrench.value, alarm.wrench.deviation, strict=True)
+    ]
+    return [", ".join(texts[:3]), ", ".join(texts[3:])]

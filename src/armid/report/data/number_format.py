@@ -31,6 +31,12 @@ def decimals_of(uncertainty: float, digits: int = 2) -> int:
     return min(max(0, digits - 1 - math.floor(math.log10(uncertainty))), MOST_DECIMALS)
 
 
+def with_half_width(value: float, half: float) -> str:
+    """Number with the half width of its interval, both with as many decimals as the half width deserves."""
+    decimals = decimals_of(half)
+    return f"{fixed(value, decimals)} ± {fixed(half, decimals)}"
+
+
 def short(value: float, digits: int = 3) -> str:
     """Text of a number with the given significant digits, for instance 0.0839 or 2.4 · 10⁻⁶."""
     if not math.isfinite(value):
