@@ -85,7 +85,7 @@ def alternatives_of(state: LogState) -> list[Alternative]:
     scales = _scales(state, theta)
     found += [Alternative("scale", (j,), np.stack([slopes[j], scales[j]])) for j in every]
     found.append(Alternative("payload", every, _payload(state)))
-    found.append(Alternative("gravity", every, _weights(state)))
+    found.append(Alternative("gravity", every, weights_by_axis(state)))
     found += _exchanges(rows.torque)
     return found
 
@@ -127,7 +127,7 @@ def _payload(state: LogState) -> Array:
     return np.stack([to_base[parameters].T @ x for parameters, x in each], axis=-1)
 
 
-def _weights(state: LogState) -> Array:
+def weights_by_axis(state: LogState) -> Array:
     """Torque of the fitted links for a unit of gravity along each axis of the base, shape (3, M, n)."""
     bodies = state.standard(state.fit.values)[state.model.inertial_columns].reshape(-1, 10)
     trees = [DynamicsModel(state.model.robot.with_gravity(tuple(axis)), state.model.terms).tree for axis in np.eye(3)]

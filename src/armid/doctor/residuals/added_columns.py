@@ -1,4 +1,4 @@
-"""Test of many additional columns of one joint, by the decrease of the residual that each column alone gives.
+"""Test of many additional columns, of one joint or of all, by the decrease of the residual that they give.
 
 The regressor columns of the model are projected out of all additional columns at once, so that some hundred columns
 are tested in a few milliseconds.
@@ -19,7 +19,7 @@ from armid.doctor.quick_fit import RIDGE
 
 @dataclass(frozen=True, eq=False)
 class AddedColumns:
-    """Tests of additional columns of the torque of one joint beside the fitted model.
+    """Tests of additional columns of the torque beside the fitted model, of one joint or of all joints.
 
     Attributes:
         state: The log with the model.
@@ -51,6 +51,28 @@ class AddedColumns:
         along = added @ (fit.residual[:, j] / fit.sigma[j])
         inverse = np.linalg.pinv(left + RIDGE * np.diag(whole.diagonal()), hermitian=True)
         return float(along @ inverse @ along) / max(int(rows.mask[:, j].sum()), 1)
+
+    def decrease_of_all(self, columns: Array) -> tuple[float, Array]:
+        """Decrease of the squared residual, as `decreases` states it, by columns that act on all joints together.
+
+        Args:
+            columns: Columns, shape (e, M, n) [N·m or N for a unit of the coefficient].
+
+        Returns:
+            The decrease, divided by the mean number of rows of a joint, and the coefficients, shape (e,).
+        """
+        rows, fit = self.state.rows, self.state.fit
+        e = len(columns)
+        beside, whole, along = np.zeros((rows.count, e)), np.zeros((e, e)), np.zeros(e)
+        for j in range(rows.n):
+            mask = rows.mask[:, j] / fit.sigma[j]
+            added = columns[:, :, j] * mask
+            beside[rows.parameters[j]] += (rows.columns[j] * mask) @ added.T
+            whole += added @ added.T
+            along += added @ (fit.residual[:, j] / fit.sigma[j])
+        left = whole - beside.T @ self._inverse @ beside
+        values = np.linalg.pinv(left + RIDGE * np.diag(whole.diagonal()), hermitian=True) @ along
+        return float(along @ values) / max(float(rows.mask.sum()) / rows.n, 1.0), np.asarray(values)
 
     def decreases(self, j: int, columns: Sequence[Array] | Array) -> tuple[Array, Array]:
         """Decrease of the squared residual by each column alone, and the coefficient of the column.
