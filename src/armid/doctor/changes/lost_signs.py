@@ -23,8 +23,8 @@ LEAST = 0.25
 ALIKE = 0.25
 """Largest difference of the amounts before and after, relative to the step."""
 
-STEEP = 5.0
-"""Smallest ratio of the step to the usual steps next to it."""
+STEEP, USUAL = 5.0, 0.9
+"""Smallest ratio of the step to the usual steps next to it, and to this quantile of all steps, which noise has."""
 
 AROUND = 0.25
 """Time before and after a change of the sign in which the joint must move on [s]: friction changes its sign, too."""
@@ -72,6 +72,7 @@ def _changes(torque: Array, used: NDArray[np.bool_], j: int) -> LostSigns | None
     """
     size = float(np.sqrt(np.mean(torque**2)))
     step, sums = np.abs(np.diff(torque)), np.abs(torque[1:] + torque[:-1])
+    used = used & (step > STEEP * np.quantile(step, USUAL))
     hit = used & (step > 2.0 * LEAST * size) & (sums < ALIKE * step)
     rows = [int(k) for k in np.flatnonzero(hit) if NEAR <= k < len(step) - NEAR and _goes_on(torque, step, int(k))]
     if len(rows) < SEVERAL:
