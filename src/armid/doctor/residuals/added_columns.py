@@ -16,6 +16,9 @@ from armid.checked_array import Array
 from armid.doctor.fitted_log import LogState
 from armid.doctor.quick_fit import RIDGE
 
+LEFT = 1e-3
+"""Smallest share of the power of a column that counts as left beside the columns of the model."""
+
 
 @dataclass(frozen=True, eq=False)
 class AddedColumns:
@@ -73,6 +76,33 @@ class AddedColumns:
         left = whole - beside.T @ self._inverse @ beside
         values = np.linalg.pinv(left + RIDGE * np.diag(whole.diagonal()), hermitian=True) @ along
         return float(along @ values) / max(float(rows.mask.sum()) / rows.n, 1.0), np.asarray(values)
+
+    def decreases_of_two(self, joints: tuple[int, int], columns: Array) -> Array:
+        """Decreases of the squared residual, as `decrease_of_all` states them, by columns that act on two joints.
+
+        Each column acts on either joint with a coefficient of its own.
+
+        Args:
+            joints: Indices of the two joints.
+            columns: Columns, shape (f, M).
+
+        Returns:
+            Decreases, shape (f,).
+        """
+        rows, fit = self.state.rows, self.state.fit
+        masks = [rows.mask[:, k] / fit.sigma[k] for k in joints]
+        added = [columns * mask for mask in masks]
+        beside = [(rows.columns[k] * m) @ x.T for k, m, x in zip(joints, masks, added, strict=True)]
+        along = [x @ (fit.residual[:, k] / fit.sigma[k]) for k, x in zip(joints, added, strict=True)]
+        (a, b), (p, q) = beside, (rows.parameters[k] for k in joints)
+        power = [np.sum(x * x, axis=1) for x in added]
+        first = np.maximum(power[0] - np.sum(a * (self._inverse[np.ix_(p, p)] @ a), axis=0), LEFT * power[0])
+        second = np.maximum(power[1] - np.sum(b * (self._inverse[np.ix_(q, q)] @ b), axis=0), LEFT * power[1])
+        mixed = -np.sum(a * (self._inverse[np.ix_(p, q)] @ b), axis=0)
+        determinant = first * second - mixed**2
+        determinant = np.where(determinant > RIDGE * first * second, determinant, np.inf)
+        gained = along[0] ** 2 * second - 2.0 * along[0] * along[1] * mixed + along[1] ** 2 * first
+        return np.asarray(gained / determinant / max(float(rows.mask.sum()) / rows.n, 1.0))
 
     def decreases(self, j: int, columns: Sequence[Array] | Array) -> tuple[Array, Array]:
         """Decrease of the squared residual by each column alone, and the coefficient of the column.
