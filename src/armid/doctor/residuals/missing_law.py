@@ -8,8 +8,11 @@ from typing import Any
 
 from armid.checked_array import Array
 
-FRICTION, ANGLE = "friction-missing", "residual-by-angle"
-"""Codes of the findings on such laws."""
+FRICTION = "friction-missing"
+"""Code of the findings on laws of the velocity, or of the path since a reversal."""
+
+ANGLE = "residual-by-angle"
+"""Code of the findings on laws of the position."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
