@@ -83,7 +83,7 @@ CROSSED = ("cross-talk",)
 UNIT = ("torque-unit", "motor-side", "current-without-gain", "description-does-not-match")
 CLOCK = ("clock-jitter", "clock-gap", "rows-repeated", "rows-not-consecutive", "clock-rate", "time-scale")
 ZERO = ("position-offset",)
-LAW = ("friction-missing", "residual-by-angle")
+LAW = ("friction-missing", "residual-by-angle", "friction-negative")
 GAIN, SIGN = ("torque-gain",), ("torque-sign",)
 
 KINDS: tuple[Kind, ...] = (

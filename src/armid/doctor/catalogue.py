@@ -33,6 +33,7 @@ CHECKS: Catalogue[LogCheck] = Catalogue(
         "rotor-inertia-missing": "armid.doctor.checks.dynamics.rotor_inertia_missing:CHECK",
         "excitation-weak": "armid.doctor.checks.dynamics.excitation_weak:CHECK",
         "temperature-drift": "armid.doctor.checks.dynamics.temperature_drift:CHECK",
+        "friction-negative": "armid.doctor.checks.residuals.friction_negative:CHECK",
         "unmodelled-torque": "armid.doctor.checks.residuals.unmodelled_torque:CHECK",
         "contact": "armid.doctor.checks.dynamics.contact:CHECK",
         "changes-midway": "armid.doctor.checks.dynamics.changes_midway:CHECK",

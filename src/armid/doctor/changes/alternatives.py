@@ -19,11 +19,17 @@ from armid.doctor.fitted_log import LogState
 from armid.measurement.observations import ObservedRun
 from armid.model.dynamics_model import DynamicsModel
 
-Kind = Literal["gain", "offset", "friction", "order", "zero", "scale", "payload", "gravity", "delay", "talk"]
+Kind = Literal[
+    "gain", "offset", "friction", "order", "zero", "scale", "payload", "gravity", "delay", "talk", "balance"
+]
 
 STEP = 1e-4
 """Displacement with which the derivative of the torque by a position is computed [rad or m]; the error of the
 difference is then below 1e-8 of the torque."""
+
+
+OF_ONE_TORQUE: tuple[Kind, ...] = ("gain", "offset", "friction", "delay", "balance")
+"""Kinds that concern the torque of a joint alone if they concern one joint."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -33,7 +39,8 @@ class Alternative:
     Attributes:
         kind: What may differ: the gain, the offset, or the delay of torques; dry friction; the order of two torques;
             the share of another torque in a torque (`talk`); the zero of a position, or its zero and its scale; a
-            payload; the direction of gravity.
+            payload; the direction of gravity; a torque that balances the weight at a joint (`balance`), which may
+            change gradually only.
         joints: Indices of the joints concerned; all joints where the arm as a whole is concerned. For `talk`, the
             joint and the other one whose torque is added.
         columns: Torque of each joint for a unit of each coefficient, shape (e, M, n).
@@ -53,19 +60,20 @@ class Alternative:
     @property
     def of_torque(self) -> int | None:
         """Index of the joint whose torque alone is concerned; `None` if others are, too."""
-        if self.kind == "talk" or (len(self.joints) == 1 and self.kind in ("gain", "offset", "friction", "delay")):
+        if self.kind == "talk" or (len(self.joints) == 1 and self.kind in OF_ONE_TORQUE):
             return self.joints[0]
         return None
 
 
 def alternatives_of(state: LogState) -> list[Alternative]:
     """Everything that may change within a log."""
-    rows, n = state.rows, state.rows.n
+    rows, n, joints = state.rows, state.rows.n, state.model.robot.joints
     every = tuple(range(n))
     found = [Alternative("offset", (j,), _alone(n, j, np.ones(len(rows.torque)))) for j in every]
     dry = [(j, column) for j in every for column in _dry_friction(state, j)]
     found += [Alternative("friction", (j,), _alone(n, j, column), (j,)) for j, column in dry]
     found += [Alternative("gain", (j,), _alone(n, j, rows.torque[:, j])) for j in every]
+    found += [Alternative("balance", (j,), _balance(state, j)) for j in every if not joints[j].is_prismatic]
     if n > 1:
         found += [Alternative("gain", every, rows.torque[None].copy())]
         offsets = np.concatenate([_alone(n, j, np.ones(len(rows.torque))) for j in every])
@@ -85,7 +93,7 @@ def alternatives_of(state: LogState) -> list[Alternative]:
     scales = _scales(state, theta)
     found += [Alternative("scale", (j,), np.stack([slopes[j], scales[j]])) for j in every]
     found.append(Alternative("payload", every, _payload(state)))
-    found.append(Alternative("gravity", every, _weights(state)))
+    found.append(Alternative("gravity", every, weights_by_axis(state)))
     found += _exchanges(rows.torque)
     return found
 
@@ -95,6 +103,12 @@ def _alone(n: int, j: int, column: Array) -> Array:
     result = np.zeros((1, len(column), n))
     result[0, :, j] = column
     return result
+
+
+def _balance(state: LogState, j: int) -> Array:
+    """Torques of joint j that follow its angle as a weight does, or a balancer against it, shape (2, M, n)."""
+    q = state.rows.motion.q[:, j]
+    return np.concatenate([_alone(state.rows.n, j, np.sin(q)), _alone(state.rows.n, j, np.cos(q))])
 
 
 def _dry_friction(state: LogState, j: int) -> Iterator[Array]:
@@ -127,7 +141,7 @@ def _payload(state: LogState) -> Array:
     return np.stack([to_base[parameters].T @ x for parameters, x in each], axis=-1)
 
 
-def _weights(state: LogState) -> Array:
+def weights_by_axis(state: LogState) -> Array:
     """Torque of the fitted links for a unit of gravity along each axis of the base, shape (3, M, n)."""
     bodies = state.standard(state.fit.values)[state.model.inertial_columns].reshape(-1, 10)
     trees = [DynamicsModel(state.model.robot.with_gravity(tuple(axis)), state.model.terms).tree for axis in np.eye(3)]

@@ -68,6 +68,10 @@ CONSTANT = 0.88
 """Share of a change's decrease of the squared residuals that a constant fault of the same kind gives, from which the
 fault is constant. A change of half a log gives 0.5."""
 
+FADING = 0.8
+"""`CONSTANT` for a torque that balances a weight: where a joint moves little, a constant spring that the model lacks
+looks like one that fades."""
+
 
 @dataclass(frozen=True, slots=True)
 class Threshold:
@@ -93,9 +97,11 @@ OF_ONE: Mapping[str, Threshold] = {
     "scale": Threshold(0.3, 0.6, 0.15),
     "delay": Threshold(0.1, 0.6, 0.05),
     "talk": Threshold(0.2, 0.85, 0.2),
+    "balance": Threshold(0.11, 0.75, 0.1),
 }
 """Thresholds of changes of one joint, or of two joints. Largest values on sound recordings: gain 0.06, offset 0.11
-with a share of 0.15, friction 0.04, zero 0.05, scale 0.10, delay 0.08, talk 0.15. In halves of them, some of ten
+with a share of 0.15, friction 0.04, zero 0.05, scale 0.10, delay 0.08, talk 0.15,
+balance 0.09 within `FADING`. In halves of them, some of ten
 seconds, scale is up to 0.30 and talk up to 0.19."""
 
 GRADUAL: Mapping[str, Threshold] = {"offset": Threshold(0.07, 0.6, 0.45)}
@@ -221,5 +227,6 @@ POSSIBLE: Mapping[str, Callable[[FittedChange], bool]] = {
     "delay": lambda each: DELAY[0] < abs(float(each.values[0])) < DELAY[1],
     "payload": _payload,
     "gravity": _gravity,
+    "balance": lambda each: each.candidate.constant < FADING,
 }
 """Conditions on the values of a change, by its kind."""

@@ -170,7 +170,8 @@ def _best(each: Alternative, sums: BlockSums, total: float) -> ChangeCandidate:
     """Finds the best shape of an alternative; a step may have a second part if that explains far more."""
     every, size = shapes()
     gained, values = _gains(each, sums, [shape.form == "step" for shape in every], size)
-    s = int(np.argmax(gained[:-1]))
+    gradual = np.array([shape.form != "step" for shape in every[:-1]])
+    s = int(np.argmax(np.where(gradual | (each.kind != "balance"), gained[:-1], -np.inf)))
     best, whole, shape, value = float(gained[s]), float(gained[-1]), every[s], values[:, s]
     if shape.form == "step" and best > WORTH * total:
         more, size = inverted_in_part(shape)

@@ -63,18 +63,23 @@ def torque_jumps(recording: Recording) -> list[TorqueJump]:
         return []
     excess = step_excess(torque)
     excess[~regular_steps(recording)] = 0.0
-    moving = _moving_on(recording)
+    moving = moving_on(recording)
     each = (_jumps_of(torque[:, j], np.where(moving[:, j], excess[:, j], 0.0), j) for j in range(torque.shape[1]))
     return [found for found in each if found is not None]
 
 
-def _moving_on(recording: Recording) -> NDArray[np.bool_]:
-    """Mask of the steps around which a joint neither rests nor reverses, shape (N - 1, n)."""
+def moving_on(recording: Recording, around: float = AROUND) -> NDArray[np.bool_]:
+    """Mask of the steps around which a joint neither rests nor reverses, shape (N - 1, n).
+
+    Args:
+        recording: Recording.
+        around: Time before and after a step in which the joint moves on [s].
+    """
     steps = np.diff(recording.q, axis=0)
     speed = np.sqrt(np.mean(steps**2, axis=0))
     rows = len(steps)
     rate = recording.rate if recording.time is None else 1.0 / float(median(np.diff(recording.time)))
-    far = max(NEAR, round(AROUND * (rate or 0.0)))
+    far = max(NEAR, round(around * (rate or 0.0)))
     moving = np.ones_like(steps, dtype=np.bool_)
     for shift in (-far, -far // 2, -NEAR, NEAR, far // 2, far):
         other = steps[np.clip(np.arange(rows) + shift, 0, rows - 1)]

@@ -107,6 +107,15 @@ def _zero(each: FittedChange, names: Sequence[str], units: Sequence[str]) -> str
     )
 
 
+def _balance(each: FittedChange, names: Sequence[str], units: Sequence[str]) -> str:
+    (j,) = each.candidate.alternative.joints
+    largest = float(np.abs(each.torque[:, j]).max(initial=0.0))
+    return (
+        f"{_torques(each, names)} changed by a part that follows its angle as a weight does, up to {largest:.3g} "
+        f"{units[j]}: a balancer or a spring loses its force, or gains it"
+    )
+
+
 def _payload(each: FittedChange, names: Sequence[str], units: Sequence[str]) -> str:
     del names, units
     mass = float(each.values[0])
@@ -136,6 +145,7 @@ SENTENCES: Mapping[str, Callable[[FittedChange, Sequence[str], Sequence[str]], s
     "zero": _zero,
     "scale": _scale,
     "talk": _talk,
+    "balance": _balance,
     "payload": _payload,
     "gravity": _gravity,
     "delay": _delay,

@@ -1,4 +1,7 @@
-"""Check for gravity in another direction than in the study, as for a hanging, wall-mounted or tilted arm."""
+"""Check for gravity in another direction than in the study, as for a hanging, wall-mounted or tilted arm.
+
+On a base that sways, the direction swings.
+"""
 
 from __future__ import annotations
 
@@ -14,6 +17,7 @@ from armid.doctor.check_input import Explanation, LogEvidence
 from armid.doctor.fitted_log import LogState
 from armid.doctor.quick_fit import QuickRows, cost_of, make_rows, products, solve
 from armid.doctor.remedy_trial import try_remedy
+from armid.doctor.residuals import swaying_base
 from armid.doctor.rows_away_from_reversals import is_significant, judged_away_from_reversals
 from armid.errors import Finding
 from armid.information.base_regressor_layout import column_source
@@ -82,7 +86,16 @@ def check(evidence: LogEvidence) -> list[Finding]:
 
 
 def explain(state: LogState) -> Explanation | None:
-    """Explains the misfit of the model by another direction of gravity.
+    """Explains the misfit of the model by another direction of gravity, or by one that swings with the base.
+
+    The result is `None` if the gravity of the study is right.
+    """
+    found = [each for each in (_by_direction(state), swaying_base.explain(CODE, state)) if each is not None]
+    return max(found, key=lambda each: each.gain, default=None)
+
+
+def _by_direction(state: LogState) -> Explanation | None:
+    """Explains the misfit of the model by another constant direction of gravity.
 
     The result is `None` if the gravity of the study is right.
     """

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armid.checked_array import Array
+from armid.doctor.changes.lost_signs import LostSigns, lost_signs
 from armid.doctor.check_definition import LogCheck
 from armid.doctor.check_input import Explanation, LogEvidence
 from armid.doctor.fitted_log import LogState
@@ -57,13 +58,40 @@ of the largest torque."""
 MOSTLY = 0.5
 """Share of the samples near zero from which a torque shows no sign. It is at most 0.02 for these five torques."""
 
+LISTED = 6
+"""Largest number of times that are listed."""
+
 SMOOTHED = 0.1
 """Time over which such a torque is averaged, against noise [s]."""
 
 
 def check(evidence: LogEvidence) -> list[Finding]:
-    """Reports joints with a wrong sign of the torque, or whose torque has no sign."""
-    return evidence.explained(CODE) + _without_sign(evidence)
+    """Reports joints with a wrong sign of the torque, or whose torque has no sign, or lacks it in some rows."""
+    lost = [] if evidence.recording is None else lost_signs(evidence.recording)
+    explained = [] if lost else evidence.explained(CODE)  # a sign that is missing in some rows looks like wrong ones
+    return [*explained, *_without_sign(evidence), *(_lost(evidence, each) for each in lost)]
+
+
+def _lost(evidence: LogEvidence, each: LostSigns) -> Finding:
+    """Finding on a torque that lacks its sign in some rows."""
+    recording, joint = evidence.recording, evidence.robot.joints[each.joint]
+    assert recording is not None
+    time = np.arange(recording.samples) / evidence.rate if recording.time is None else recording.time
+    times = ", ".join(f"{float(time[row]):.2f}" for row in each.rows[:LISTED])
+    more = "" if len(each.rows) <= LISTED else f" and {len(each.rows) - LISTED} more"
+    text = (
+        f"The torque of {joint.name} changes its sign from one row to the next, while its amount goes on and the "
+        f"joint moves on, at t = {times}{more} s; its amount there is {each.smallest:.3g} {joint.effort_unit} or "
+        "more. The sign is missing in some rows."
+    )
+    return Finding(
+        CODE,
+        "error",
+        joint.name,
+        text,
+        "find out where the minus sign is lost (a field that is too narrow, an amount, a number without a sign) and "
+        "log the torque with its sign",
+    )
 
 
 def _without_sign(evidence: LogEvidence) -> list[Finding]:
