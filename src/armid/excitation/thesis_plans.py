@@ -1,4 +1,4 @@
-"""Built-in plans: the two trajectories of the thesis."""
+"""Built-in plans: the two excitations that the thesis publishes."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ PLANS = {
 
 
 def builtin_plan(name: str) -> Excitation:
-    """Loads the built-in plan with a given name, as the thesis publishes it, with a period of 20 s.
+    """Loads the built-in plan with a given name, with the period of 20 s that the thesis gives.
 
     Raises:
         ArmidError: The name is unknown.
