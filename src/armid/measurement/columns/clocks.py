@@ -18,8 +18,7 @@ Values = Callable[[str], NDArray[np.generic]]
 
 FORWARD = 0.95
 """Smallest share of the steps of a clock, from row to row, that must not be negative; single faulty steps are
-tolerated.
-"""
+tolerated."""
 
 EVEN = 0.9
 """Smallest share of the steps of a uniform clock, from row to row, that must be between 0.5 and 1.5 median steps."""

@@ -117,8 +117,7 @@ CLOCKS: Mapping[str, int] = {
     **{"stamp": 0, "rosbag": 2},
 }
 """Rank of each word that indicates a clock; the lower the rank, the closer the time of the clock is to the instant of
-measurement.
-"""
+measurement."""
 
 BESIDE_CLOCK = frozenset(
     "ros header field joint states since start robot controller system unix relative s sec secs".split()
@@ -133,8 +132,7 @@ TAIL = re.compile(
     re.IGNORECASE,
 )
 """Pattern of a name with a unit after the last separator. Most single letters are not accepted as units, because they
-would be ambiguous.
-"""
+would be ambiguous."""
 
 QUOTIENT = re.compile(r"(.*\d.*?|.+\s)/\s*((?:m?rad|deg|°)(?:/s(?:\^?2|²)?)?|[mck]?N[·.]?m|[cm]?m|rpm|m?A)")
 """Pattern of a name with a unit after a slash, as in tables of physics: `i1/A`, `tau 1 / N·m`. In the name of a ROS

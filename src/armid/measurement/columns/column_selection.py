@@ -34,8 +34,7 @@ DEFAULTS: Mapping[str, tuple[str, ...]] = {
     "effort": ("tau{}", "effort{}", "torque{}", "tau", "effort", "torque", "i{}"),
 }
 """Column names that are tried, in this order, for a quantity without names in the log format; `{}` is replaced by the
-numbers 1, 2, ….
-"""
+numbers 1, 2, …."""
 
 
 @dataclass(frozen=True, slots=True)

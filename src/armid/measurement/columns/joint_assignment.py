@@ -20,8 +20,7 @@ a brake cause less."""
 
 ELSEWHERE = {"rad": 0.05, "m": 5e-3}
 """Distance of a locked joint from its stated position above which gravity torques change noticeably, by unit [rad or
-m].
-"""
+m]."""
 
 LISTED = 20
 """Largest number of channel names in a finding, because a humanoid robot can have fifty channels."""

@@ -178,7 +178,7 @@ def comparison(in_log: Sequence[str], labels: Sequence[str], robot: str, *, what
 
 
 def same_joint(label: str, name: str) -> bool:
-    """Checks whether a name in a log contains the words of a joint name; other words, such as prefixes, are ignored."""
+    """Checks whether a name in a log contains all words of a joint name; a prefix, for instance, is ignored."""
     parts, form = words(name), words(label)
     return any(parts[k : k + len(form)] == form for k in range(len(parts) - len(form) + 1))
 

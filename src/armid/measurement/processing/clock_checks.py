@@ -15,8 +15,7 @@ from armid.remedy import Remedy, setting
 
 RATE_TOLERANCE = 0.1
 """Largest tolerated relative difference between two values of the sample rate; a wrong rate differs by a large
-factor.
-"""
+factor."""
 
 CLOCK_TIES = 0.01
 """Largest share of rows with the time stamp of the row before at which a coarse clock can be the cause."""

@@ -20,8 +20,7 @@ longer than this, they are the limit."""
 
 USUAL = 2.5
 """Longest time step, in median steps, over which torque is always interpolated: it allows for one lost sample and
-some jitter.
-"""
+some jitter."""
 
 FEWEST = 4
 """Smallest number of samples for a cubic spline; rows in shorter segments between gaps are masked."""

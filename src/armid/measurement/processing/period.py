@@ -29,8 +29,7 @@ RATE = 100.0
 
 FEWEST_COMPARED = 6
 """Smallest number of repetitions with which confidence intervals are computed from the differences between
-repetitions.
-"""
+repetitions."""
 
 SHORTEST = 2.0
 """Shortest period that is searched [s]. A faster motion also repeats with a multiple of its period; blocks that are
@@ -56,13 +55,11 @@ deviation of the positions."""
 
 CLOSE = 0.1
 """Largest share of a period by which the repetitions may differ at each end, because the motion starts and stops
-there.
-"""
+there."""
 
 FAR = 4.0
 """Squared difference between repetitions at an instant, divided by its median over time, above which the instant is
-ignored in the alignment of the repetitions.
-"""
+ignored in the alignment of the repetitions."""
 
 MOST = 0.75
 """Smallest share of the recording, and of all motion in the recording, that whole repetitions must contain."""
@@ -76,8 +73,7 @@ CLEAR = 30.0
 
 SNAP = 0.05
 """Largest difference between a period and a whole number of samples at which the period is rounded to this number
-[samples].
-"""
+[samples]."""
 
 LACKS = 1.5
 """Number of samples by which the last repetition may be too short. A log of K periods of m samples may end with

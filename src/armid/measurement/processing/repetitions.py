@@ -29,8 +29,7 @@ LATE = 0.05
 
 JUMP = 2.0
 """Largest allowed step of a position from the end of a run to its beginning, divided by the largest step inside the
-run.
-"""
+run."""
 
 
 def windows(segment: Segment, period: float, start: float) -> list[int]:

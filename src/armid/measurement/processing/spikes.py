@@ -310,7 +310,7 @@ def _finding(
 
 
 def _largest(recording: Recording, quantity: str, flags: Flags, time: Array, channels: Channels) -> str:
-    """Text about the largest spike of a quantity, relative to the range of its channel; empty without good samples."""
+    """Text about the largest spike of a quantity, relative to the range of its channel; may be empty."""
     values = getattr(recording, quantity)
     good = np.flatnonzero(~flags.any(axis=1))
     if not len(good):

@@ -51,13 +51,11 @@ At 1 rad/s² a joint passes through this range in some milliseconds."""
 
 BLIND = 0.1
 """Largest ratio of the speed limit of slow samples to the RMS speed of a joint at which standstill can be
-distinguished from noise.
-"""
+distinguished from noise."""
 
 SHORTEST = 0.04
 """Duration of the shortest standstill that is detected [s]; a shorter one moves an estimate by less than its standard
-deviation.
-"""
+deviation."""
 
 LEAST = 3
 """Smallest number of samples of a standstill, for low sample rates."""
@@ -73,7 +71,8 @@ LINGERS = 6.0
 acceleration."""
 
 RESTING = 0.5
-"""Smallest share of a slow segment in which all joints must be slow, so that the whole arm counts as resting there."""
+"""Smallest share of a slow segment in which all joints must be slow, so that the whole arm counts as resting in this
+segment."""
 
 LONG = 1.0
 """Length from which a slow segment is a long rest [s]; in a long rest, joints that creep also count as resting. In
@@ -82,13 +81,11 @@ again."""
 
 MOMENT = 0.02
 """Ratio of the speed to the RMS speed of each joint below which all joints count as resting for a moment between
-motions.
-"""
+motions."""
 
 SLIDING = 0.1
 """Ratio of the speed to the RMS speed of a joint above which the joint certainly slides before or after such a
-moment.
-"""
+moment."""
 
 PASSES, HURRIES = 5.0, 3.5
 """Factor between two speed limits, and largest ratio of the durations below the larger and the smaller limit at which
@@ -103,8 +100,7 @@ noise of 0.4 mrad (4096 counts per turn) at 250 Hz then gives a speed noise of 0
 
 AT_REST = 0.03
 """Ratio of the speed to the RMS speed of a joint below which the joint counts as resting in long rests, in which
-joints may creep.
-"""
+joints may creep."""
 
 STILL = 1e-3
 """Speed below which a joint always counts as resting in long rests [rad/s or m/s]; it is needed for joints that never
