@@ -44,8 +44,7 @@ columns are used in place of QR. Their relative error, ε times the square of th
 
 GRAM_RESIDUAL = 1e-5
 """Smallest ratio of the norm of a joint's residual to the norm of its torque for which Cholesky factors of the
-products of columns are used in place of QR. It is √ε with a margin.
-"""
+products of columns are used in place of QR. It is √ε with a margin."""
 
 
 @one_blas_thread

@@ -19,8 +19,8 @@ from armid.measurement.observations import Observations, ObservedRun
 from armid.model.dynamics_model import DynamicsModel
 
 NOTABLE = 0.2
-"""Share of the rows of a joint with unknown hysteresis states, above which a finding is reported: one second of five.
-"""
+"""Share of the rows of a joint with unknown hysteresis states, above which a finding is reported: one second of
+five."""
 
 
 def with_hysteresis_states(model: DynamicsModel, run: ObservedRun, band: Band) -> ObservedRun:
