@@ -49,8 +49,8 @@ With them, gravity, centrifugal and inertial torques have a similar size."""
 
 RANDOM_SPEEDS = (1e-4, 10.0)
 """Range of the speeds [rad/s or m/s] of further random states, distributed uniformly in the logarithm. These states
-are used for laws that are nonlinear in the velocity. The range includes Stribeck velocities of 0.001 and knots of 10.
-"""
+are used for laws that are nonlinear in the velocity. The range includes Stribeck velocities of 0.001 and knots of
+10."""
 
 LINEAR = frozenset({"add", "mul", "sign", "abs"})
 """Functions in expressions that have no characteristic velocity, in contrast to tanh or exp."""

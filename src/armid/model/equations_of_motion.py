@@ -25,8 +25,7 @@ of a linear system of a few joints."""
 
 DIVERGED = 1e6
 """Ratio of the change of the acceleration in an iteration to the change in the first one, above which the iteration
-has diverged.
-"""
+has diverged."""
 
 MOST_ITERATIONS = 100
 """Largest number of iterations for load-dependent friction. Each one reduces the error by the ratio of friction to
