@@ -26,8 +26,7 @@ no longer decreases. Gradients from finite differences are not more accurate."""
 
 SETTLED = 1e-14
 """Decrease of the function value in one step, divided by the value or by 1, whichever is larger, up to which a search
-has converged.
-"""
+has converged."""
 
 ARMIJO = 1e-4
 """Smallest accepted ratio of the decrease of the function value to the decrease that the gradient predicts for a

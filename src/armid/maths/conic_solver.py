@@ -23,8 +23,8 @@ from armid.checked_array import Array
 from armid.errors import UnsolvedError
 
 SOLVER_TOLERANCE = 1e-9
-"""Relative gap and infeasibility that are requested from the solver: a tenth of the values that a certificate states.
-"""
+"""Relative gap and infeasibility that are requested from the solver: a tenth of the values that a certificate
+states."""
 
 ACCEPTED = 1e-6
 """Largest gap and violation of an accepted solution, relative to the size of the objective and of the rows of the

@@ -31,8 +31,7 @@ def _of_units() -> Array:
 
 PSEUDO_INERTIA_OF: Array = _of_units()
 """Pseudo-inertias (10, 4, 4) of the ten unit vectors of parameters. The pseudo-inertia of a body is the sum of these
-matrices, each multiplied by a parameter of the body.
-"""
+matrices, each multiplied by a parameter of the body."""
 
 
 def inertia_matrix(six: Array) -> Array:

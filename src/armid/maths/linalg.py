@@ -14,13 +14,11 @@ unit diagonal."""
 
 FAR_FROM_LEAST = 1e5
 """Largest absolute entry of the inverse Cholesky factor of a matrix with unit diagonal for which all its eigenvalues
-are certainly above `LEAST`.
-"""
+are certainly above `LEAST`."""
 
 CLEAR = 1e6
 """Largest absolute entry of the inverse of a triangular factor, whose columns have unit length, for which the rank is
-certainly full.
-"""
+certainly full."""
 
 RANK_TOLERANCE = 1e-10
 """Ratio of the smallest to the largest singular value of a matrix with columns of unit length below which its rank

@@ -34,16 +34,14 @@ squares of model errors have a positive shape. Few peaks determine the shape bad
 
 MISFIT = 0.17
 """Largest Cramér-von Mises statistic at which peaks fit the distribution; 5 % of samples that follow the distribution
-exceed about 0.15 [Choulakian2001].
-"""
+exceed about 0.15 [Choulakian2001]."""
 
 PIECES = 10
 """Smallest number of pieces into which the observed time is divided to compare their numbers of clusters."""
 
 SHAPE_LIMITS = (0.0, 0.5)
 """Smallest and largest shape ξ. With a negative shape, the rate above some level would be exactly zero, which data
-cannot prove.
-"""
+cannot prove."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,8 +17,7 @@ from armid.checked_array import Array
 
 CHUNK = 256
 """Number of triangles of one body that are compared at a time with the triangles of the other body at about the same
-height.
-"""
+height."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)

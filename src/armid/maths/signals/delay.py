@@ -12,8 +12,7 @@ from armid.maths.signals.fourier_transform import frequencies, inverse, spectrum
 
 NEWTON_STEPS = 20
 """Largest number of Newton steps for a delay; three are usual, because a correlation is nearly a parabola at its
-maximum.
-"""
+maximum."""
 
 DELAY_PRECISION = 1e-9
 """Change of the delay [samples] below which the iteration ends; it is far below the effect of noise."""

@@ -41,8 +41,7 @@ would otherwise be the height of the outliers themselves."""
 
 BENT_QUANTILE = 1.0 - 3.0 * (1.0 - QUANTILE)
 """Probability of the quantile of the second differences that replaces the quantile of the heights if that is zero; an
-isolated sample changes three second differences.
-"""
+isolated sample changes three second differences."""
 
 BRIEF = 2.5e-3
 """Duration of a run above which the required height increases in proportion to the duration [s]. If an arm stops

@@ -12,8 +12,7 @@ MOTION_ENERGY = 0.99
 
 NOISE_RATIO = 10.0
 """Smallest ratio of the power at a frequency to the power of the noise with which the frequency belongs to the
-motion.
-"""
+motion."""
 
 MOTION_FACTOR = 10.0
 """Ratio of the automatic cut-off to the highest frequency of the band of the motion. Inertial torques contain

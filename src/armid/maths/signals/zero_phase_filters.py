@@ -23,8 +23,7 @@ from armid.maths.signals.fourier_transform import fast_length, frequencies, inve
 
 BLOCK = 40_000
 """Number of values that are filtered at a time; with this number, the intermediate arrays fit into the cache of a
-core.
-"""
+core."""
 
 SETTLED = 1e-9
 """Ratio to which the slowest mode of a filter has decayed when the filter counts as settled. The effect of the
