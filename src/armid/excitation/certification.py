@@ -53,8 +53,8 @@ class Margin:
         time: Time of this value [s], from the start of the series; NaN for limits that do not depend on time.
         share: Utilisation of the limit on the grid: the value divided by the limit. For a distance it is 1 at the
             required distance, and decreases linearly to 0 at a distance that is larger by `SCALE`.
-        certified: Utilisation on the grid plus the upper bound of its rise between the points of the grid; at most 1
-            if the limit is proved to be kept.
+        certified: Utilisation on the grid plus the upper bound of its rise between the points of the grid; the limit
+            counts as kept if this is at most 1.
     """
 
     limit: str

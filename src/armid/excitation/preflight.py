@@ -123,7 +123,7 @@ class Preflight:
 
     @property
     def reduced_clearance(self) -> Finding | None:
-        """Finding about pairs that are closer than the clearance, as is allowed for them; `None` without such pairs."""
+        """Finding about pairs that are, and may be, closer than the clearance; `None` if there are none."""
         if not self.reduced:
             return None
         pairs = "; ".join(

@@ -17,7 +17,7 @@ PLANS = {
 
 
 def builtin_plan(name: str) -> Excitation:
-    """Loads the built-in plan with a given name, with the period of 20 s that the thesis gives.
+    """Loads the built-in plan with a given name, as the thesis publishes it, with a period of 20 s.
 
     Raises:
         ArmidError: The name is unknown.

@@ -29,7 +29,7 @@ with the square root of the number of repetitions, so a plan with the value 3 wo
 times to reach 0.3."""
 
 GROWN = 1.5
-"""Factor by which amplitudes are enlarged to find the limits that keep a plan small."""
+"""Factor by which the amplitudes of a plan are enlarged to find the limits that keep them small."""
 
 TESTED = 10.0
 """Rate of the poses at which collisions are tested along the enlarged motion [Hz]."""

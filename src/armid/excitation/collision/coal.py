@@ -34,7 +34,7 @@ _tell: ContextVar[Tell] = ContextVar("_tell", default=lambda path: None)
 
 @contextmanager
 def telling_of_meshes(tell: Tell) -> Generator[None]:
-    """Context in which a function is called with the path of each mesh before the mesh is read."""
+    """Context manager in which the function `tell` is called with the path of each mesh before the mesh is read."""
     token = _tell.set(tell)
     try:
         yield

@@ -5,8 +5,8 @@ every pose although the bodies never touch. An arm has only a few such pairs. Fo
 bodies: capsules, spheres, boxes and half-spaces are exact, a cylinder is enclosed in a prism, an ellipsoid in a
 polyhedron, and a mesh in the convex hulls of its slices (`armid.excitation.collision.mesh_hulls`). For these bodies
 Coal computes distance, direction and nearest points exactly except for rounding, also if the bodies overlap, so the
-gradients are exact. For curved bodies, such as cylinders and ellipsoids, the results of Coal have only about four
-correct digits.
+gradients are exact. A cylinder is not used itself, because Coal's results for it have only four correct digits, and
+neither is an ellipsoid, because it is curved, too.
 """
 
 from __future__ import annotations

@@ -55,9 +55,9 @@ OFTEN = 0.25
 the triangles exclude less than half of this share, the distance of the pair is computed with the triangles."""
 
 FREE = 0.75
-"""Probability of the quantile of the distance of a pair in random poses: the pair exceeds this distance in a quarter
-of the poses. For links with more than `NEIGHBOURS` joints between them, the probability `FAR` is used, because such
-links can move away from each other."""
+"""Share of random poses that defines the distance that a pair can reach: in this share of the poses the pair is
+closer, in the others (a quarter) it is further apart. For links with more than `NEIGHBOURS` joints between them, the
+share `FAR` is used instead, because such links can move away from each other."""
 
 LEVELS = (0.02, 0.05, 0.1)
 """Distances [m] of which a pair must keep the largest one that is below the quantile `FREE` of its distance, even if

@@ -96,7 +96,7 @@ def _inverse(G: Array) -> tuple[float, Array]:
 
 
 def d_optimal(G: Array) -> tuple[float, Array]:
-    """D-optimality: minus the mean logarithm of the eigenvalues of G, a measure of the confidence ellipsoid."""
+    """D-optimality: negative mean logarithm of G's eigenvalues, a measure of the confidence ellipsoid's volume."""
     logarithm, inverse = _inverse(G)
     return -logarithm / len(G), -inverse / len(G)
 

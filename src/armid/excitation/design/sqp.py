@@ -35,8 +35,8 @@ DIVERGED = 2.0
 further steps increase the overlap."""
 
 HALVINGS, FURTHER = 14, 11
-"""Number of bisections that determine the factor by which amplitudes are reduced, to 6e-5; and number of additional
-bisections with all points of the grid, if the first ones used only a part of the points."""
+"""Number of bisections that determine the factor by which amplitudes are reduced, with an error of 6e-5; and number
+of additional bisections with all points of the grid, if the first ones used only a part of the points."""
 
 SPARSE = 8
 """Stride of the grid points that are tested first if distances of bodies are limited."""
