@@ -48,6 +48,6 @@ def resting_rows(run: ObservedRun, band: Band) -> NDArray[np.bool_]:
 
 
 def filter_reach(run: ObservedRun, band: Band) -> int:
-    """Number of samples, before and after a wrong sample, that the filter of the columns changes because of it."""
+    """Number of samples on each side of a wrong sample to which the filter of the columns spreads its error."""
     filter = low_pass(band.family, band.order, band.cutoff, run.rate) if band.columns else None
     return 0 if filter is None else edge_samples(filter)
