@@ -18,9 +18,9 @@ from armid.model.terms.term import Law, listed, single_joint_laws
 from armid.robot.robot import Robot
 
 WIDTHS = (0.001, 0.003, 0.01, 0.03, 0.1)
-"""Deflections at which an element slips that the automatic selection tries [rad or m], half a decade apart. They
-extend from the resolution of encoders to a few degrees, where the law begins to resemble a spring. A sum of such
-elements approximates any hysteresis curve."""
+"""Deflections [rad or m] at which the elements slip in the laws that the automatic selection tries, half a decade
+apart. They extend from the resolution of encoders to a few degrees, where the law begins to resemble a spring. A sum
+of such elements approximates any hysteresis curve."""
 
 BETWEEN = (0.002, 0.005, 0.02, 0.05)
 """Deflections between those of `WIDTHS` [rad or m], for recordings with enough information to distinguish them."""
