@@ -221,7 +221,7 @@ def _worst(cones: Sequence[Cone], x: Array, z: Array) -> float:
 
 
 def _for_solver(cone: Cone, clarabel: Any) -> tuple[Array, Array, Any]:
-    """Converts a cone for the solver: matrix A and offset b of A x + s = b, and the object for the cone of s.
+    """Converts a cone for the solver: A and b of A x + s = b, and the solver's object for the cone of s.
 
     The solver expects the off-diagonal entries of a semidefinite cone multiplied by √2.
     """
