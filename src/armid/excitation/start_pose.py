@@ -91,7 +91,7 @@ class TorqueHolds:
 
 
 def any_pose(q: Array) -> NDArray[np.bool_]:
-    """Mask (N,) that accepts every pose (N, n), for arms whose torques are unknown."""
+    """Accepts every pose (N, n), for arms whose torques are unknown: returns a mask (N,) that is true everywhere."""
     return np.ones(len(q), dtype=np.bool_)
 
 
