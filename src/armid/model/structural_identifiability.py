@@ -132,7 +132,11 @@ def clean(matrix: Array, floor: float = COEFFICIENT_FLOOR) -> Array:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Joint:
-    """Transforms of a joint, as coefficients of polynomials in cos q and sin q, or in q; the constant comes first."""
+    """Transforms of velocities and inertial parameters by a joint, as coefficients of polynomials in its position q.
+
+    They are polynomials in cos q and sin q for a revolute joint, in q for a prismatic joint. The constant comes
+    first.
+    """
 
     subspace: Array  # (6,)
     velocities: Array  # X, (h, 6, 6), parent to link
@@ -170,7 +174,10 @@ def _span(rows: Array) -> Array:
 
 
 def _joint(tree: Tree, i: int, length: float) -> _Joint:
-    """Transforms of joint i; lengths are divided by the arm size `length`."""
+    """Computes the transforms of velocities and inertial parameters by joint i, with lengths divided by `length`.
+
+    `length` is the arm size [m].
+    """
     R, p, a = tree.rotation[i], tree.translation[i] / length, tree.axis[i]
     placed = homogeneous(R, p)
     if tree.prismatic[i]:

@@ -23,10 +23,12 @@ apart. They extend from the resolution of encoders to a few degrees, where the l
 of such elements approximates any hysteresis curve."""
 
 BETWEEN = (0.002, 0.005, 0.02, 0.05)
-"""Deflections between those of `WIDTHS` [rad or m], for recordings with enough information to distinguish them."""
+"""Further deflections at which an element slips, between those of `WIDTHS` [rad or m]. The automatic selection adds
+them only for recordings with enough information to distinguish them."""
 
 FINEST = (0.0014, 0.007, 0.014, 0.035, 0.07)
-"""Deflections between those of `WIDTHS` and `BETWEEN` [rad or m], which are tried one at a time."""
+"""Further deflections at which an element slips, between those of `WIDTHS` and `BETWEEN` [rad or m]. The automatic
+selection tries them one at a time."""
 
 FAMILY = CandidateFamily("hysteresis", order=10, shared=True, margin=2.5)
 FINER_FAMILY = CandidateFamily("finer hysteresis", order=60, min_gain=0.02)
