@@ -25,7 +25,7 @@ SLOT_SHARE = 0.1
 level there are only few clusters; above a low level, the peaks do not follow the distribution."""
 
 MOST_CLUSTERS, LEAST_CLUSTERS = 400, 10
-"""Largest number of clusters from which a tail is estimated, and smallest number."""
+"""Largest and smallest number of clusters from which a tail is estimated."""
 
 SHAPE_PRIOR = 40.0
 """Number of clusters to which the prior knowledge ξ = 0 is equivalent. The prior holds for squares of Gaussian noise;
