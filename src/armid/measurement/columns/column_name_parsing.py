@@ -131,8 +131,8 @@ TAIL = re.compile(
     r"|[mµμun]s(?:ec)?|nanosec|nsecs?)",
     re.IGNORECASE,
 )
-"""Pattern of a name with a unit after the last separator. Most single letters are not accepted as units, because they
-would be ambiguous."""
+"""Pattern of a name with a unit after the last separator. Single letters are not accepted as units there, because
+they would be ambiguous. `BRACKET` is the pattern of a name with a unit in brackets."""
 
 QUOTIENT = re.compile(r"(.*\d.*?|.+\s)/\s*((?:m?rad|deg|°)(?:/s(?:\^?2|²)?)?|[mck]?N[·.]?m|[cm]?m|rpm|m?A)")
 """Pattern of a name with a unit after a slash, as in tables of physics: `i1/A`, `tau 1 / N·m`. In the name of a ROS
