@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from armid.checked_array import Array
 
 SIDE = 3
-"""Number of samples on each side of a run whose median is computed; one of them may be an outlier itself."""
+"""Number of samples on each side of a run from which a median is computed; one of them may be an outlier itself."""
 
 FEWEST = 30
 """Smallest number of samples that a signal must have for the search for isolated samples."""
